@@ -1,10 +1,15 @@
+#include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 
+#include "attachment.h"
 #include "inputs.h"
+#include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/volume_io/dicom_export.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
 #include "verb.h"
@@ -13,30 +18,69 @@ namespace palpate::app {
 namespace {
 
 struct ExportOptions {
-  std::filesystem::path recording;
+  std::filesystem::path source;
   std::string target;
   std::optional<int> volume;
   std::filesystem::path output;
+  bool keep_identifiers = false;
 };
 
-int export_labels(const ExportOptions& options, Console& console) {
+bool ends_in(const std::filesystem::path& file, std::string_view ending) {
+  return file.extension() == ending;
+}
+
+Result<void> write_exported(const ExportOptions& options, const LabelMap& labels,
+                            const std::optional<DicomAttachment>& attached, const Progress& progress) {
+  if (ends_in(options.output, ".dcm"))
+    return write_dicom_segmentation(options.output, labels, attached, progress);
+  return write_labels(options.output, labels);
+}
+
+// ---- labels, as they are ------------------------------------------------------------------------
+
+int export_label_map(const ExportOptions& options, Console& console) {
   const Progress progress = console.progress();
-  const auto recording = RecordingSource::open(options.recording, progress);
-  if (!recording) return console.fail(recording.error());
-  auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
-  inputs.push_back(options.recording);
-  const auto claimed = claim_output(options.output, inputs);
-  if (!claimed) return console.fail(claimed.error());
-  const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
+  std::optional<std::filesystem::path> scan;
+  if (!options.target.empty()) scan = options.target;
+  std::optional<DicomAttachment> attached;
+  if (options.keep_identifiers) {
+    if (!scan)
+      return console.fail({ErrorKind::kUsage, "which study it is to be attached to is not said",
+                           "--keep-identifiers",
+                           "name the study after the labels: palpate export LABELS STUDY"});
+    attached = DicomAttachment{*scan, options.volume};
+  }
+  std::optional<ScanFile> read;
+  if (scan) {
+    auto found = read_scan(*scan, progress, console.warn(), Unpacked::kAnew, options.volume);
+    if (!found) return console.fail(found.error());
+    read = *std::move(found);
+  }
+  const auto labels = read_labels(options.source, {}, progress, console.warn(), Doubtful::kRefused,
+                                  Unpacked::kAnew, read ? &read->scan.geometry() : nullptr);
+  if (!labels) return console.fail(labels.error());
+  if (auto written = write_exported(options, labels->labels, attached, progress); !written)
+    return console.fail(written.error());
+  console.note("labels: " + options.output.string());
+  return kExitOk;
+}
+
+// ---- of a recording -----------------------------------------------------------------------------
+
+int export_labels(const ExportOptions& options, const RecordingSource& recording, Console& console) {
+  const Progress progress = console.progress();
+  const auto loaded = load_scene_of_recording(recording.head().header, options.target, progress,
                                               console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
-  const auto left = labels_left(*recording, *loaded->model, progress);
+  const auto attached = attachment_of(*loaded, options.keep_identifiers);
+  if (!attached) return console.fail(attached.error());
+  const auto left = labels_left(recording, *loaded->model, progress);
   if (!left) {
     Error error = left.error();
-    if (error.where.empty()) error.where = options.recording.string();
+    if (error.where.empty()) error.where = options.source.string();
     return console.fail(error);
   }
-  if (auto written = write_labels(options.output, left->labels); !written)
+  if (auto written = write_exported(options, left->labels, *attached, progress); !written)
     return console.fail(written.error());
   print_removed(left->removed);
   if (left->removed.empty()) console.note("nothing was taken away in this recording");
@@ -44,26 +88,103 @@ int export_labels(const ExportOptions& options, Console& console) {
   return kExitOk;
 }
 
+void print_path_row(std::FILE* out, const TickRecord& tick, int device) {
+  const DeviceTick& at = tick.device[static_cast<std::size_t>(device)];
+  const auto& [fx, fy, fz] = at.force_N;
+  std::fprintf(out, "%llu,%.6f,%d", static_cast<unsigned long long>(tick.tick), tick.time_s, device + 1);
+  for (const auto* place : {&at.tip_patient_mm, &at.proxy_patient_mm})
+    for (const double value : *place) std::fprintf(out, ",%.5f", value);
+  std::fprintf(out, ",%.5f,%d\n", std::sqrt(fx * fx + fy * fy + fz * fz), at.label);
+}
+
+int export_paths(const ExportOptions& options, const RecordingSource& recording, Console& console) {
+  if (options.keep_identifiers)
+    return console.fail(
+        {ErrorKind::kUsage, "a path carries no identifier", "--keep-identifiers", "leave it out"});
+  auto pending = PendingFile::create(options.output);
+  if (!pending) return console.fail(pending.error());
+  const auto failed = [&](int number) { return console.fail(output_error(options.output, number)); };
+  std::FILE* out = std::fopen(pending->path().c_str(), "w");
+  if (!out) return failed(errno);
+  std::fputs("tick,time_s,device,tip_x_mm,tip_y_mm,tip_z_mm,proxy_x_mm,proxy_y_mm,proxy_z_mm,force_N,label\n",
+             out);
+  const auto read = recording.read(
+      [&](const RecordingPart& part) {
+        for (const TickRecord& tick : part.ticks)
+          for (int device = 0; device < tick.devices; ++device) print_path_row(out, tick, device);
+        return std::ferror(out) ? Result<void>(output_error(options.output, errno)) : Result<void>();
+      },
+      console.progress());
+  const bool closed = std::fclose(out) == 0;
+  if (!read) return console.fail(read.error());
+  if (!closed) return failed(errno);
+  if (auto committed = pending->commit(); !committed) return console.fail(committed.error());
+  console.note("path: " + options.output.string() + ", LPS mm of the volume");
+  return kExitOk;
+}
+
+int run_export(const ExportOptions& options, Console& console) {
+  if (options.keep_identifiers && !ends_in(options.output, ".dcm"))
+    return console.fail({ErrorKind::kUsage, "identifiers are kept in DICOM alone", "--keep-identifiers",
+                         "write a file that ends in .dcm, or leave it out"});
+  const bool labels = is_volume(options.source);
+  std::vector<std::filesystem::path> inputs;
+  std::optional<RecordingSource> recording;
+  if (!labels) {
+    auto opened = RecordingSource::open(options.source, console.progress());
+    if (!opened) return console.fail(opened.error());
+    recording = *std::move(opened);
+  }
+  inputs = input_files(!options.target.empty() ? options.target
+                       : labels                ? std::string()
+                                               : recording->head().header.data_set);
+  add_input(options.source, inputs);
+  const auto claimed = claim_output(options.output, inputs);
+  if (!claimed) return console.fail(claimed.error());
+  if (labels && ends_in(options.output, ".csv"))
+    return console.fail({ErrorKind::kUsage, "labels have no path", options.output.string(),
+                         "name a recording, or write .dcm, .seg.nrrd, .nrrd, .nii or .nii.gz"});
+  if (labels) return export_label_map(options, console);
+  return ends_in(options.output, ".csv") ? export_paths(options, *recording, console)
+                                         : export_labels(options, *recording, console);
+}
+
 }  // namespace
 
 void add_export(CLI::App& app, Run& run) {
   auto options = std::make_shared<ExportOptions>();
-  CLI::App* verb = app.add_subcommand("export", "Write the labels that a recorded burr has left");
-  verb->add_option("recording", options->recording, "Recording made by palpate simulate or explore")
+  CLI::App* verb = app.add_subcommand(
+      "export",
+      "Write labels for other programs, after cutting too: DICOM SEG, .seg.nrrd; a recording's path as CSV");
+  verb->add_option("source", options->source,
+                   "Recording made by palpate simulate or explore; or labels of any kind that is read")
       ->required();
-  verb->add_option("target", options->target,
-                   "Scene file or volume it was made with; not needed for data sets");
+  verb->add_option(
+      "target", options->target,
+      "Of a recording the scene file or volume it was made with, not needed for data sets; of labels "
+      "the scan that they were made on");
   add_volume_option(*verb, options->volume);
-  verb->add_option("-o,--output", options->output, "Label map to write: .seg.nrrd, .nrrd, .nii or .nii.gz")
+  verb->add_option("-o,--output", options->output,
+                   "Labels to write: .dcm (DICOM SEG), .seg.nrrd, .nrrd, .nii or .nii.gz; or a path: .csv")
       ->required();
+  verb->add_flag(
+      "--keep-identifiers", options->keep_identifiers,
+      "Attach a DICOM SEG to the study of the scan: its patient, study and frame of reference; without, "
+      "all are new and the patient has no name");
   verb->footer(
       "Examples:\n"
-      "  palpate export run.h5 scene.toml -o left.seg.nrrd\n\n"
+      "  palpate export run.h5 scene.toml -o left.seg.nrrd\n"
+      "  palpate export run.h5 scene.toml -o left.dcm                       without a patient\n"
+      "  palpate export run.h5 scene.toml -o left.dcm --keep-identifiers    for the study that it was made "
+      "on\n"
+      "  palpate export run.h5 -o path.csv                                  tip and proxy, LPS mm, tick by "
+      "tick\n"
+      "  palpate export labels.nii.gz STUDY -o labels.dcm\n\n"
       "A voxel of a felt structure is gone where its centre was swept. Prints how much of each structure "
       "that\n"
-      "is, to 1/64 of a voxel. docs/burr.md says what a burr does.");
+      "is, to 1/64 of a voxel. docs/burr.md says what a burr does, docs/export.md what is written.");
   verb->callback(
-      [options, &run] { run = [options](Console& console) { return export_labels(*options, console); }; });
+      [options, &run] { run = [options](Console& console) { return run_export(*options, console); }; });
 }
 
 }  // namespace palpate::app

@@ -13,6 +13,7 @@
 #include "palpate/catalog/catalog.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
+#include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
 #include "text.h"
@@ -25,6 +26,7 @@ struct InfoOptions {
   std::string file, names;
   std::optional<int> volume;
   bool json = false, labels = false, scan = false;
+  bool identifiers = false, keep_identifiers = false;
 };
 
 // what `info` found out about a file
@@ -428,7 +430,65 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
   return kExitOk;
 }
 
+// --- what a file carries of the patient --------------------------------------------------------------------
+
+nlohmann::ordered_json identifiers_json(const IdentifierReport& report) {
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const IdentifierRow& row : report.rows) {
+    nlohmann::ordered_json json{
+        {"kind", in_words(row.kind)}, {"what", row.what}, {"files", row.files}, {"different", row.different}};
+    if (!row.example.empty()) json["example"] = row.example;
+    rows.push_back(std::move(json));
+  }
+  return {{"files", report.files},
+          {"identifiers", std::move(rows)},
+          {"burnt_in_unsaid", report.burnt_in_unsaid},
+          {"notes", report.notes}};
+}
+
+void print_identifiers(std::ostream& out, const IdentifierReport& report) {
+  const auto files = [](std::size_t count) {
+    return std::to_string(count) + (count == 1 ? " file" : " files");
+  };
+  out << "in " << files(report.files) << " of DICOM";
+  if (report.rows.empty()) out << ": nothing that says who the patient is";
+  out << '\n';
+  std::optional<IdentifierKind> kind;
+  for (const IdentifierRow& row : report.rows) {
+    if (kind != row.kind) out << '\n' << in_words(row.kind) << '\n';
+    kind = row.kind;
+    out << "  " << std::left << std::setw(48) << row.what << " in " << files(row.files);
+    if (row.different > 1) out << ", " << row.different << " values";
+    if (!row.example.empty()) out << ": " << row.example;
+    out << '\n';
+  }
+  if (report.burnt_in_unsaid > 0)
+    print_wrapped(
+        out,
+        files(report.burnt_in_unsaid) +
+            " do not say whether something is burnt into the pixels (BurnedInAnnotation (0028,0301)): "
+            "look at them",
+        "\n", "");
+  for (const std::string& note : report.notes) print_wrapped(out, note, "  - ", "    ");
+}
+
+int run_identifiers(const InfoOptions& options, Console& console) {
+  const auto report = find_identifiers(options.file, options.keep_identifiers, console.progress());
+  if (!report) return console.fail(report.error());
+  if (options.json)
+    std::cout << identifiers_json(*report).dump(2, ' ', false,
+                                                nlohmann::ordered_json::error_handler_t::replace)
+              << '\n';
+  else
+    print_identifiers(std::cout, *report);
+  return kExitOk;
+}
+
 int run_info(const InfoOptions& options, Console& console) {
+  if (options.keep_identifiers && !options.identifiers)
+    return console.fail({ErrorKind::kUsage, "shows values of identifiers, which were not asked for",
+                         "--keep-identifiers", "add --identifiers"});
+  if (options.identifiers) return run_identifiers(options, console);
   if (find_entry(options.file).ok() || std::filesystem::path(options.file).extension() == ".toml")
     return run_info_of_scene(options, console);
   if (!options.volume && !options.labels && is_dicom(options.file))
@@ -457,9 +517,13 @@ void add_info(CLI::App& app, Run& run) {
   CLI::Option* labels =
       verb->add_flag("-l,--labels", options->labels, "take it as labels whatever it looks like");
   verb->add_flag("-s,--scan", options->scan, "take it as a scan whatever it looks like")->excludes(labels);
+  verb->add_flag("--identifiers", options->identifiers,
+                 "of DICOM: what it carries that says who the patient is, by tag, without values");
+  verb->add_flag("--keep-identifiers", options->keep_identifiers, "with --identifiers: show a value of each");
   verb->footer(
       "Examples:\n"
       "  palpate info knee.seg.nrrd\n"
+      "  palpate info FOLDER --identifiers                    what to take out before it is given away\n"
       "  palpate info labels.nii.gz --names dseg.tsv\n"
       "  palpate info FOLDER --volume 2                       of DICOM; without a number its volumes are "
       "listed\n"

@@ -14,6 +14,7 @@
 #include "palpate/base/reading.h"
 #include "palpate/cache/cache.h"
 #include "palpate/supervisor/supervisor.h"
+#include "palpate/volume_io/volume_io.h"
 #include "palpate_version.h"
 #include "streams.h"
 #include "surroundings.h"
@@ -195,6 +196,14 @@ bool asks_for_help_with_nothing(const CLI::App& app) {
   return !names_of_verbs(*chosen_verbs(app).back()).empty() && !app.remaining(true).empty();
 }
 
+/// As two options say it, empty where one was not given.
+MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
+  MeshPlacing placing;
+  if (!space.empty()) placing.space = space == "ras" ? MeshSpace::kRas : MeshSpace::kLps;
+  if (!unit.empty()) placing.unit_mm = unit == "mm" ? 1.0 : unit == "cm" ? 10.0 : 1000.0;
+  return placing;
+}
+
 int run(int argc, char** argv) {
   CLI::App app("palpate: feel a patient's scan. Forces computed from the voxels themselves.", "palpate");
   app.footer(kExamples);
@@ -217,6 +226,13 @@ int run(int argc, char** argv) {
       "--follow-links", reading.follow_links,
       "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
 
+  std::string mesh_space, mesh_unit;
+  app.add_option("--mesh-space", mesh_space,
+                 "What the axes of surfaces (STL, OBJ, PLY, VTK) are, where their files do not say it")
+      ->check(CLI::IsMember({"lps", "ras"}));
+  app.add_option("--mesh-unit", mesh_unit, "What the numbers of surfaces are in")
+      ->check(CLI::IsMember({"mm", "cm", "m"}));
+
   bool no_cache = false;
   app.add_flag(
       "--no-cache", no_cache,
@@ -236,6 +252,7 @@ int run(int argc, char** argv) {
     return asked ? app.exit(error) : console.fail(explain(app, error));
   }
   set_reading_limits(reading);
+  set_mesh_placing(mesh_placing_of(mesh_space, mesh_unit));
   if (!no_cache) {
     auto cache = cache_settings_of_environment();
     if (!cache) return console.fail(cache.error());

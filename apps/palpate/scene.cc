@@ -7,6 +7,7 @@
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/device/felt_stiffness.h"
+#include "palpate/loading/loading.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
@@ -43,7 +44,7 @@ void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& c
 /// @param volume  of the scan, where it holds several
 Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> volume,
                        const std::optional<fs::path>& labels, const std::optional<fs::path>& names,
-                       Console& console) {
+                       const MeshPlacing& placing, Console& console) {
   Data data;
   if (scan) {
     auto read = read_scan(*scan, console.progress(), console.warn(), Unpacked::kAnew, volume);
@@ -53,7 +54,7 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
   }
   if (labels) {
     auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
-                            Unpacked::kAnew, data.scan_grid());
+                            Unpacked::kAnew, data.scan_grid(), placing);
     if (!read) return read.error();
     data.labels = std::move(*read);
     warn_if_silent(data.labels->header, *labels, console);
@@ -198,6 +199,17 @@ Result<void> match_study(NewOptions& options, Console& console) {
   return {};
 }
 
+/// What was said of surfaces stands in the scene, so that it is read as it was the next time.
+void say_placing(const MeshPlacing& placing, NewSceneInput& input) {
+  if (!input.labels) return;
+  if (placing.space)
+    input.mesh_space = *placing.space == MeshSpace::kRas ? SurfaceAxes::kRas : SurfaceAxes::kLps;
+  if (placing.unit_mm)
+    input.mesh_unit = *placing.unit_mm == 1    ? SurfaceUnit::kMm
+                      : *placing.unit_mm == 10 ? SurfaceUnit::kCm
+                                               : SurfaceUnit::kM;
+}
+
 int run_new(NewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   const auto claimed = check_new_output(options);
@@ -213,9 +225,10 @@ int run_new(NewOptions options, Console& console) {
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
   input.volume_of_scan = options.volume;
+  say_placing(mesh_placing(), input);
   const auto data = options.one_file
                         ? read_one(*input.labels, options.volume, input.names, console)
-                        : read_data(input.scan, options.volume, input.labels, input.names, console);
+                        : read_data(input.scan, options.volume, input.labels, input.names, {}, console);
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
   if (const auto grids = compare_grids(*data, console); !grids) {
@@ -485,7 +498,7 @@ int run_check(const std::string& file, Console& console) {
     return named ? std::optional(scene->resolve(*named)) : std::nullopt;
   };
   const auto data = read_data(resolved(scene->scan), scene->scan_volume, resolved(scene->labels),
-                              resolved(scene->names), console);
+                              resolved(scene->names), placing_of(*scene), console);
   if (!data) return console.fail(data.error());
   std::vector<std::vector<LabelId>> ids(scene->tissues.size());
   if (data->labels) {

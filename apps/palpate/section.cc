@@ -2,10 +2,12 @@
 #include <optional>
 #include <vector>
 
+#include "attachment.h"
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/rendering.h"
+#include "palpate/volume_io/dicom_export.h"
 #include "palpation.h"
 #include "verb.h"
 
@@ -21,7 +23,7 @@ struct SectionOptions {
   std::optional<double> size_mm;
   int pixels = SectionRequest{}.pixels;
   double opacity = SectionStyle{}.label_opacity;
-  bool fill = false, outline = false;
+  bool fill = false, outline = false, keep_identifiers = false;
 };
 
 SectionKind kind_of(const SectionOptions& options) {
@@ -38,9 +40,13 @@ Result<OutputClaim> check_section(const SectionOptions& options) {
   };
   auto claimed = claim_output(options.output, input_files(options.target));
   if (!claimed) return claimed;
-  if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
-    return usage("the picture is a PNG, whatever its name", options.output.string(),
-                 "give it a name that ends with .png");
+  const auto extension = options.output.extension();
+  if (!extension.empty() && extension != ".png" && extension != ".dcm")
+    return usage("the picture is a PNG or a DICOM Secondary Capture, whatever its name",
+                 options.output.string(), "give it a name that ends with .png or .dcm");
+  if (options.keep_identifiers && extension != ".dcm")
+    return usage("identifiers are kept in DICOM alone", "--keep-identifiers",
+                 "write a file that ends in .dcm, or leave it out");
   const bool oblique = kind_of(options) == SectionKind::kOblique;
   if (oblique && options.direction.empty())
     return usage("an oblique section needs a direction", "--plane", "say along what with --direction X,Y,Z");
@@ -83,8 +89,13 @@ int draw_section(const SectionOptions& options, Console& console) {
     if (error.where == "centre") error.where = "--at";
     return console.fail(error);
   }
-  if (const auto written = write_png(options.output, *picture); !written)
-    return console.fail(written.error());
+  const auto attached = attachment_of(*loaded, options.keep_identifiers);
+  if (!attached) return console.fail(attached.error());
+  const auto written = options.output.extension() == ".dcm"
+                           ? write_secondary_capture(options.output, picture->width, picture->height,
+                                                     picture->rgb, "Section", *attached, console.progress())
+                           : write_png(options.output, *picture);
+  if (!written) return console.fail(written.error());
   console.note("picture: " + options.output.string());
   return kExitOk;
 }
@@ -100,7 +111,8 @@ CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<do
 void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
-  verb.add_option("-o,--output", options.output, "Picture to write (PNG)")->required();
+  verb.add_option("-o,--output", options.output, "Picture to write: .png, or .dcm (DICOM Secondary Capture)")
+      ->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,
               "The point to look at: patient coordinates in mm, LPS; default: the volume's centre")
       ->type_name("X,Y,Z");
@@ -124,6 +136,8 @@ void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("--pixels", options.pixels, "Width and height of the picture, of each of three")
       ->check(whole_between(kLeastSectionPixels, kMostSectionPixels))
       ->capture_default_str();
+  verb.add_flag("--keep-identifiers", options.keep_identifiers,
+                "Attach a Secondary Capture to the study of the scan; without, it has no patient");
   CLI::Option* fill = verb.add_flag("--fill", options.fill, "Fill structures, without outlines");
   verb.add_flag("--outline", options.outline, "Outline structures, without filling them; default: both")
       ->excludes(fill);
@@ -139,11 +153,12 @@ void add_section_options(CLI::App& verb, SectionOptions& options) {
 
 void add_section(CLI::App& app, Run& run) {
   auto options = std::make_shared<SectionOptions>();
-  CLI::App* verb = app.add_subcommand("section", "Draw scan and structures in a plane, as PNG");
+  CLI::App* verb = app.add_subcommand("section", "Draw scan and structures in a plane, as PNG or DICOM");
   add_section_options(*verb, *options);
   verb->footer(
       "Examples:\n"
       "  palpate section knee-phantom -o three.png\n"
+      "  palpate section STUDY -o three.dcm                   for a PACS\n"
       "  palpate section knee-phantom --plane coronal --at 20,0,0 --size 100 --outline -o coronal.png\n"
       "  palpate section scene.toml --at=-12,40,8 --direction=0.3,1,-0.2 --window=-160,240 -o oblique.png\n\n"
       "Pictures hang radiologically: the patient's left on the right (docs/section.md).");

@@ -56,8 +56,8 @@ struct ReadScene {
 Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
                                       const std::optional<std::filesystem::path>& names_file,
                                       const std::optional<std::filesystem::path>& scan_file,
-                                      std::optional<int> scan_volume, const Progress& progress,
-                                      const Warn& warn) {
+                                      std::optional<int> scan_volume, const MeshPlacing& placing,
+                                      const Progress& progress, const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
@@ -70,7 +70,7 @@ Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>
   if (progress.stopped()) return Progress::interrupted();
   if (labels_file) {
     auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept,
-                            scan ? &scan->scan.geometry() : nullptr);
+                            scan ? &scan->scan.geometry() : nullptr, placing);
     if (!read) return read.error();
     labels = std::move(*read);
   }
@@ -112,7 +112,7 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
   prepare_by(preparation, scene->preparation);
   const auto local = locate(data_set);
   if (!local) return local.error();
-  auto volumes = volumes_of_files(local->labels, local->names, local->scan, {}, progress, warn);
+  auto volumes = volumes_of_files(local->labels, local->names, local->scan, {}, {}, progress, warn);
   if (!volumes) return volumes.error();
   return ReadScene{*std::move(scene), *std::move(volumes), data_set};
 }
@@ -123,7 +123,7 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
   SceneVolumes volumes;
   NewSceneInput input;
   if (study.labels) {
-    auto read = volumes_of_files(study.labels, {}, study.scan, study.volume, progress, warn);
+    auto read = volumes_of_files(study.labels, {}, study.scan, study.volume, {}, progress, warn);
     if (!read) return read.error();
     volumes = *std::move(read);
     input.labels = study.labels;
@@ -186,12 +186,23 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what,
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
   };
   auto volumes = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
-                                  scene->scan_volume, progress, warn);
+                                  scene->scan_volume, placing_of(*scene), progress, warn);
   if (!volumes) return volumes.error();
   return ReadScene{*std::move(scene), *std::move(volumes)};
 }
 
 }  // namespace
+
+MeshPlacing placing_of(const Scene& scene) {
+  MeshPlacing placing;
+  if (scene.mesh_space)
+    placing.space = *scene.mesh_space == SurfaceAxes::kLps ? MeshSpace::kLps : MeshSpace::kRas;
+  if (scene.mesh_unit)
+    placing.unit_mm = *scene.mesh_unit == SurfaceUnit::kMm   ? 1.0
+                      : *scene.mesh_unit == SurfaceUnit::kCm ? 10.0
+                                                             : 1000.0;
+  return placing;
+}
 
 Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progress& progress,
                                            const Warn& warn, std::optional<PreparationMethod> preparation,

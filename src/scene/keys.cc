@@ -144,7 +144,17 @@ SceneKeys declared_keys() {
                         "Without it: the only one that can be used."},
             {.name = "labels",
              .type = kFile,
-             .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`."},
+             .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`; or surfaces (STL, OBJ, "
+                        "PLY, VTK polydata), a file or a folder with one for each structure."},
+            {.name = "mesh_space",
+             .type = kChoice,
+             .choices = names_of(kSurfaceAxes),
+             .meaning = "What the axes of surfaces are. Without it what their file says, else what the scan "
+                        "proves."},
+            {.name = "mesh_unit",
+             .type = kChoice,
+             .choices = names_of(kSurfaceUnits),
+             .meaning = "What the numbers of surfaces are in. Without it what the scan proves, else mm."},
             {.name = "names",
              .type = kFile,
              .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "

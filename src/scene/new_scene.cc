@@ -247,6 +247,10 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     text += std::string(key) + " = " + toml_string(path) + "\n";
     if (file == &input.scan && input.volume_of_scan)
       text += "scan_volume = " + std::to_string(*input.volume_of_scan) + "\n";
+    if (file == &input.labels && input.mesh_space)
+      text += "mesh_space = \"" + std::string(name_of(*input.mesh_space, kSurfaceAxes)) + "\"\n";
+    if (file == &input.labels && input.mesh_unit)
+      text += "mesh_unit = \"" + std::string(name_of(*input.mesh_unit, kSurfaceUnits)) + "\"\n";
   }
 
   // the tissues

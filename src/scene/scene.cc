@@ -22,6 +22,8 @@ void read_data(const TableReader& data, Scene& scene) {
   if (const auto scan = data.text("scan")) scene.scan = *scan;
   if (const auto volume = data.whole("scan_volume")) scene.scan_volume = static_cast<int>(*volume);
   if (const auto labels = data.text("labels")) scene.labels = *labels;
+  if (const auto space = data.choice("mesh_space")) scene.mesh_space = value_of(*space, kSurfaceAxes);
+  if (const auto unit = data.choice("mesh_unit")) scene.mesh_unit = value_of(*unit, kSurfaceUnits);
   if (const auto names = data.text("names")) scene.names = *names;
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
 }
@@ -469,6 +471,9 @@ void check_stiffness_order(const Scene& scene, Problems& problems) {
 void check_volumes(const Scene& scene, int data_line, Problems& problems) {
   if (scene.scan_volume && !scene.scan)
     problems.add(data_line, "[data] has a scan_volume and no scan", "add: scan = \"...\"");
+  if ((scene.mesh_space || scene.mesh_unit) && !scene.labels)
+    problems.add(data_line, "[data] says how surfaces are to be read and names no labels",
+                 "add: labels = \"...\"");
   if (!scene.scan && !scene.labels) {
     problems.add(data_line, "[data] names neither a scan nor labels",
                  "add: labels = \"...\", or scan = \"...\"");

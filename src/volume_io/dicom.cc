@@ -14,10 +14,13 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
+#include "palpate/volume_io/identifiers.h"
 #include "volume_io/dicom_file.h"
 #include "volume_io/dicom_study.h"
 #include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
+#include "volume_io/label_text.h"
+#include "volume_io/layered_labels.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
@@ -70,6 +73,11 @@ bool is_dicom_image(const fs::path& file) {
   return kind && kind->dicom_image;
 }
 
+bool is_dicom_directory(const fs::path& file) {
+  const auto kind = dicom_kind_of(file, front_of(file));
+  return kind && kind->dicom_directory;
+}
+
 // what the process is to look at
 struct FoundFiles {
   std::vector<fs::path> files;  // in the order of their names, which decides nothing
@@ -77,12 +85,16 @@ struct FoundFiles {
   std::vector<std::string> notes;
 };
 
-// Errors: interrupted.
+// Errors: interrupted; of a DICOMDIR damaged, or that it names a file elsewhere.
+Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& progress);
+
+// Errors: interrupted, and those of a DICOMDIR.
 Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   FoundFiles found;
   found.roots.push_back(named);
   std::error_code ignored;
   if (!fs::is_directory(named, ignored)) {
+    if (is_dicom_directory(named)) return files_named_by(named, progress);
     found.files.push_back(named);
     return found;
   }
@@ -292,7 +304,7 @@ VolumeFile volume_of(const DicomVolume& volume, const fs::path& named, std::vect
   file.header.geometry = volume.geometry;
   file.header.meaning = ValueMeaning::kMeasured;
   file.voxels.file = named;
-  file.voxels.encoding = Encoding::kDicom;
+  file.voxels.encoding = Encoding::kSlices;
   const DicomFrame& first = volume.frames.front();
   if (as_stored(volume.frames)) {
     file.voxels.component = stored_component(first);
@@ -431,70 +443,6 @@ class SlicePixels {
   std::vector<std::int64_t> values_;
 };
 
-constexpr std::size_t kNumbers = 65536;
-
-// which of some segments, by their indices, are in one voxel, and in how many voxels that is so
-struct Meetings {
-  std::set<std::pair<int, int>> pairs;
-  std::uint64_t voxels = 0;
-};
-
-// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
-// @param look        called before each slice; false: nobody listens any more
-template <class ReadSlice, class Look>
-Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
-  Meetings meetings;
-  // of each voxel the segments that it is in
-  std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
-                                   static_cast<std::size_t>(grid.dims[1]));
-  for (int k = 0; k < grid.dims[2]; ++k) {
-    if (!look()) break;
-    for (auto& voxel : in) voxel.clear();
-    const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
-      for (const int other : in[v]) meetings.pairs.insert(std::minmax(index, other));
-      if (in[v].size() == 1) ++meetings.voxels;
-      in[v].push_back(index);
-    });
-    if (!read) return read.error();
-  }
-  return meetings;
-}
-
-// Puts segments into layers in which they do not meet, and says where they do.
-std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file) {
-  std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
-  file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
-  if (meetings.voxels > 0)
-    file.notes.push_back("segments overlap in " + std::to_string(meetings.voxels) +
-                         " voxels: each is kept whole, and where forces come from one label a voxel it is "
-                         "that of the tissue that is felt most");
-  return layers;
-}
-
-// labels in layers, on a grid
-VolumeFile labels_of_dicom(const GridGeometry& grid, const fs::path& named) {
-  VolumeFile file;
-  file.header.geometry = grid;
-  file.header.meaning = ValueMeaning::kLabels;
-  file.layers_first = false;
-  file.voxels.file = named;
-  file.voxels.encoding = Encoding::kDicom;
-  file.voxels.component = Component::kUint16;
-  return file;
-}
-
-void put_segment(VolumeFile& file, std::size_t n, const DicomSegment& segment, int layer,
-                 const std::string& colour) {
-  const std::string key = "Segment" + std::to_string(n) + "_";
-  const auto put = [&](const char* field, const std::string& text) {
-    file.segment_fields.emplace_back(key + field, text);
-  };
-  put("Name", name_of_segment(segment));
-  put("Layer", std::to_string(layer));
-  put("LabelValue", std::to_string(segment.number));
-  if (!colour.empty()) put("Color", colour);
-}
-
 // @param look  called before each slice; false: nobody listens any more
 template <class Look>
 Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments& segments, const Look& look) {
@@ -556,43 +504,18 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
   for (std::size_t n = 0; n < said.frames.size(); ++n)
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
   segments.layer_of_number.assign(kNumbers, 0);
-  segments.file = labels_of_dicom(segments.grid.geometry, named);
+  segments.file = labels_in_slices(segments.grid.geometry, named);
   if (auto found = find_overlaps(library, named, segments, look); !found) return found.error();
   if (said.kind == DicomSegmentation::Kind::kFractional)
     segments.file.notes.push_back(
         "is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
-    put_segment(segments.file, n, segment, segments.layer_of_number[static_cast<std::size_t>(segment.number)],
+    put_segment(segments.file, n, name_of_segment(segment), segment.number,
+                segments.layer_of_number[static_cast<std::size_t>(segment.number)],
                 segment.lab ? colour_of_segment(*segment.lab) : "");
   }
   return segments;
-}
-
-// Layer after layer, slice after slice.
-// @param read_slice  (layer, k, take): calls take(voxel of the slice, label) for each voxel that has one
-// there
-template <class ReadSlice>
-Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice, VoxelSink& sink) {
-  const auto& dims = header.geometry.dims;
-  std::vector<LabelId> slice(static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]));
-  for (int layer = 0; layer < header.layers; ++layer)
-    for (int k = 0; k < dims[2]; ++k) {
-      std::fill(slice.begin(), slice.end(), LabelId{0});
-      const auto read = read_slice(layer, static_cast<std::size_t>(k), [&](std::size_t v, int number) {
-        slice[v] = static_cast<LabelId>(number);
-      });
-      if (!read) return read;
-      sink.still_reading();
-      for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
-        const auto bytes = std::as_bytes(
-            std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
-        const auto room = sink.room().first(bytes.size());
-        std::memcpy(room.data(), bytes.data(), bytes.size());
-        sink.put(bytes.size());
-      }
-    }
-  return {};
 }
 
 Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named,
@@ -626,14 +549,6 @@ std::string colour_of_structure(const DicomStructure& structure) {
     for (const std::uint8_t part : *structure.colour)
       text += (text.empty() ? "" : " ") + std::to_string(static_cast<double>(part) / 255);
   return text;
-}
-
-// names of structures, as many as a line bears
-std::string names_in_words(const std::vector<std::string>& names) {
-  constexpr std::size_t kNamed = 8;
-  std::string text;
-  for (std::size_t n = 0; n < std::min(names.size(), kNamed); ++n) text += (n ? ", " : "") + names[n];
-  return names.size() > kNamed ? text + " and " + std::to_string(names.size() - kNamed) + " more" : text;
 }
 
 // what a person should know of the structures: what lacks, what was filled in, what is cut off
@@ -705,11 +620,12 @@ Result<Structures> look_at_structures(DicomFiles& library, const fs::path& named
   };
   const auto meetings = find_meetings(grid, read_slice, look);
   if (!meetings) return meetings.error();
-  structures.file = labels_of_dicom(grid, named);
+  structures.file = labels_in_slices(grid, named);
   structures.layers = put_in_layers(structures.planes.size(), *meetings, structures.file);
   tell_of_structures(structures, without_contours, left_out, voxels, structures.file);
   for (std::size_t n = 0; n < structures.said.size(); ++n)
-    put_segment(structures.file, n, structures.said[n].segment, structures.layers[n],
+    put_segment(structures.file, n, name_of_segment(structures.said[n].segment),
+                structures.said[n].segment.number, structures.layers[n],
                 colour_of_structure(structures.said[n]));
   return structures;
 }
@@ -723,30 +639,6 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
     return {};
   };
   return send_layers(structures.file.header, read_slice, sink);
-}
-
-// What is read of one file of labels: first what it says, then its voxels as often as they are wanted.
-template <class Understood, class Send>
-bool read_labels_for(reader::ParentEnd& parent, const fs::path& named, const Result<Understood>& understood,
-                     const Send& send) {
-  if (!understood) return send_end(parent, understood.error());
-  if (!send_end(parent, {})) return false;
-  if (!send_volume(parent, understood->file, {&named, 1})) return false;
-  while (parent.wait_for_word()) {
-    VoxelSlots slots(parent);
-    const auto read = send(slots);
-    slots.drain();
-    if (!send_end(parent, read)) return false;
-  }
-  return false;
-}
-
-// tells the parent that there is some progress
-auto sign_of_life(reader::ParentEnd& parent) {
-  return [&parent] {
-    const std::uint32_t begun = 0;
-    return parent.write(std::as_bytes(std::span(&begun, 1)));
-  };
 }
 
 bool read_structures_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named,
@@ -879,7 +771,163 @@ Error at(const fs::path& file, const Error& error) {
   return {error.kind, error.what, file.string(), error.remedy};
 }
 
+constexpr std::size_t kMostParts = 16, kMostPart = 255;
+
+// Where a DICOMDIR says that a file stands; nothing where that leads elsewhere.
+std::optional<fs::path> place_of(const fs::path& folder, const std::vector<std::string>& parts, bool lower) {
+  fs::path place = folder;
+  if (parts.empty() || parts.size() > kMostParts) return std::nullopt;
+  for (const std::string& part : parts) {
+    if (part.empty() || part.size() > kMostPart || part == "." || part == ".." ||
+        part.find('/') != std::string::npos || part.find('\\') != std::string::npos ||
+        part.find('\0') != std::string::npos)
+      return std::nullopt;
+    place /= lower ? lower_case(part) : part;
+  }
+  return place;
+}
+
+Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& progress) {
+  const auto library = ready_library();
+  if (!library) return at(directory, library.error());
+  FoundFiles itself;
+  itself.roots = itself.files = {directory};
+  auto process = start_in(itself, 0, progress, [&](reader::ParentEnd& parent) {
+    (*library)->begin_reading();
+    const auto opened = InputFile::open(directory);
+    if (!opened) return send_end(parent, opened.error());
+    const auto files = (*library)->read_directory(opened->name_for_libraries());
+    if (!files) return send_end(parent, files.error());
+    if (!send_end(parent, {})) return false;
+    reader::Sender out(parent);
+    out.put(static_cast<std::uint32_t>(std::min(files->size(), kMostDicomFiles)));
+    for (const auto& parts : std::span(*files).first(std::min(files->size(), kMostDicomFiles))) {
+      out.put(static_cast<std::uint32_t>(std::min(parts.size(), kMostParts + 1)));
+      for (const std::string& part : std::span(parts).first(std::min(parts.size(), kMostParts + 1)))
+        out.put(part.substr(0, kMostPart + 1));
+    }
+    return out.ok();
+  });
+  if (!process) return at(directory, process.error());
+  const Files named{&directory, 1};
+  if (auto looked = wait_for_files(**process, itself, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  std::uint32_t count = 0;
+  in.get(count);
+  if (count > kMostDicomFiles) return nonsense(named);
+
+  FoundFiles found;
+  const fs::path folder = directory.parent_path().empty() ? fs::path(".") : directory.parent_path();
+  found.roots = {directory, folder};
+  std::size_t missing = 0;
+  std::set<fs::path> files;
+  for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
+    if (progress.stopped()) return Progress::interrupted();
+    std::uint32_t length = 0;
+    in.get(length);
+    if (length > kMostParts + 1) return nonsense(named);
+    std::vector<std::string> parts(length);
+    for (std::string& part : parts) in.get(part, kMostPart + 1);
+    if (!in.ok()) break;
+    auto place = place_of(folder, parts, false);
+    if (!place)
+      return bad_input(directory.string(),
+                       "names a file that is not in its folder (ReferencedFileID (0004,1500))",
+                       "name the folder that it stands in: all DICOM files in it are found without it");
+    // discs are mounted with names in small letters, too
+    std::error_code ignored;
+    if (!fs::is_regular_file(*place, ignored)) place = place_of(folder, parts, true);
+    if (!fs::is_regular_file(*place, ignored)) {
+      ++missing;
+      continue;
+    }
+    if (auto stays = check_stays_in(folder, *place); !stays) return stays.error();
+    files.insert(*place);
+  }
+  if (!in.ok()) return about(in.error(), named);
+  found.files.assign(files.begin(), files.end());
+  if (missing > 0)
+    found.notes.push_back("names " + counted(missing, "file that is", "files that are") + " not there");
+  if (found.files.empty())
+    return bad_input(directory.string(),
+                     "names " + counted(missing, "file that is", "files that are") + " not there",
+                     "copy it with the folders that stand beside it");
+  return found;
+}
+
+bool tell_identity_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+                       std::optional<int> number) {
+  const auto content = look_for(library, parent, found);
+  if (!content) return send_end(parent, content.error());
+  const auto chosen = choose_volume(content->volumes, number);
+  if (!chosen) return send_end(parent, chosen.error());
+  const DicomVolume& volume = content->volumes[*chosen];
+  const auto opened = InputFile::open(found.files[volume.frames.front().file]);
+  if (!opened) return send_end(parent, opened.error());
+  const auto identity = library.read_identity(opened->name_for_libraries());
+  if (!identity) return send_end(parent, identity.error());
+  std::set<std::string> images;
+  for (const DicomFrame& frame : volume.frames) images.insert(content->identifiers.of_file[frame.file]);
+  if (!send_end(parent, {})) return false;
+  reader::Sender out(parent);
+  out.put(static_cast<std::uint32_t>(identity->attributes.size()));
+  for (const auto& [tag, value] : identity->attributes) {
+    out.put(tag.first);
+    out.put(tag.second);
+    out.put(value);
+  }
+  for (const std::string* text :
+       {&identity->frame_of_reference, &identity->series, &identity->images[0].first})
+    out.put(*text);
+  out.put(static_cast<std::uint32_t>(images.size()));
+  for (const std::string& image : images) out.put(image);
+  return out.ok();
+}
+
 }  // namespace
+
+Result<DicomFiles*> ready_dicom_library() {
+  return ready_library();
+}
+
+Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const Progress& progress) {
+  const fs::path& study = attached.study;
+  const auto library = ready_library();
+  if (!library) return at(study, library.error());
+  if (!is_dicom(study))
+    return bad_input(study.string(), "holds no DICOM image, so that nothing can be attached to it",
+                     "name the study: a folder of DICOM, or a file of it");
+  const auto found = find_files(study, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
+    return tell_identity_for(**library, parent, *found, attached.volume);
+  });
+  if (!process) return at(study, process.error());
+  const Files named{&study, 1};
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  DicomIdentity identity;
+  std::uint32_t attributes = 0, images = 0;
+  in.get(attributes);
+  constexpr std::uint32_t kMostAttributes = 100;
+  if (attributes > kMostAttributes) return nonsense(named);
+  for (std::uint32_t n = 0; n < attributes && in.ok(); ++n) {
+    auto& [tag, value] = identity.attributes.emplace_back();
+    in.get(tag.first);
+    in.get(tag.second);
+    in.get(value);
+  }
+  std::string sop_class;
+  for (std::string* text : {&identity.frame_of_reference, &identity.series, &sop_class}) in.get(*text);
+  in.get(images);
+  if (images > kMostDicomFiles) return nonsense(named);
+  for (std::uint32_t n = 0; n < images && in.ok(); ++n) {
+    identity.images.emplace_back(sop_class, "");
+    in.get(identity.images.back().second);
+  }
+  if (!in.ok()) return about(in.error(), named);
+  return identity;
+}
 
 Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, const Progress& progress) {
   const auto library = ready_library();
@@ -895,7 +943,7 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(named);
   return DicomReader{*std::move(process), std::move(*volume)};
 }
 
@@ -921,7 +969,7 @@ Result<DicomReader> open_dicom_labels(const fs::path& file, const Progress& prog
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kDicom) return nonsense(named);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(named);
   return DicomReader{*std::move(process), std::move(*volume)};
 }
 
@@ -961,7 +1009,7 @@ using namespace volume_io;
 
 bool is_dicom(const std::filesystem::path& file) {
   std::error_code ignored;
-  if (fs::is_regular_file(file, ignored)) return is_dicom_image(file);
+  if (fs::is_regular_file(file, ignored)) return is_dicom_image(file) || is_dicom_directory(file);
   if (!fs::is_directory(file, ignored)) return false;
   std::size_t looked_at = 0;
   bool found = false;
@@ -1023,7 +1071,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
   std::error_code ignored;
   const bool images = is_dicom(scan);
   if (!labels) {
-    if (!images || !std::filesystem::is_directory(scan, ignored)) return study;
+    if (!images || !(std::filesystem::is_directory(scan, ignored) || is_dicom_directory(scan))) return study;
     const auto segmentations = segmentations_in(scan, progress);
     if (!segmentations) return segmentations.error();
     if (segmentations->empty()) return study;
@@ -1079,6 +1127,130 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
   if (!in.ok()) return about(in.error(), named);
   return list;
+} catch (const std::bad_alloc&) {
+  return bad_input(file.string(), "does not fit into the memory",
+                   "close other programs, or name a smaller folder");
+}
+
+std::string in_words(IdentifierKind kind) {
+  constexpr const char* kWords[kIdentifierKinds] = {
+      "names of persons",        "numbers and addresses", "what the patient is like",
+      "dates and times",         "unique identifiers",    "free text",
+      "institution and station", "private elements",      "in or over the picture"};
+  return kWords[static_cast<std::size_t>(kind)];
+}
+
+namespace {
+
+// identifiers of one kind and tag, over all files
+struct IdentifierRows {
+  std::map<std::pair<IdentifierKind, std::string>, IdentifierRow> rows;
+  std::map<std::pair<IdentifierKind, std::string>, std::set<std::string>> values;
+  std::size_t files = 0, burnt_in_unsaid = 0, unread = 0;
+};
+
+bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
+  return identifier.what.starts_with("BurnedInAnnotation") && identifier.value == "NO";
+}
+
+void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_said, IdentifierRows& all) {
+  ++all.files;
+  all.burnt_in_unsaid += !picture_said;
+  std::set<std::pair<IdentifierKind, std::string>> in_file;
+  constexpr std::size_t kMostRows = 10'000, kMostValues = 1000;
+  for (const DicomIdentifier& one : found) {
+    if (says_nothing_is_burnt_in(one)) continue;
+    const std::pair key(one.kind, one.what);
+    if (all.rows.size() == kMostRows && !all.rows.contains(key)) continue;
+    IdentifierRow& row = all.rows[key];
+    row.kind = one.kind;
+    row.what = one.what;
+    row.files += in_file.insert(key).second;
+    auto& values = all.values[key];
+    if (values.size() < kMostValues) values.insert(one.value);
+    if (row.example.empty()) row.example = one.value;
+  }
+}
+
+bool tell_identifiers_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+  library.begin_reading();
+  IdentifierRows all;
+  for (std::size_t n = 0; n < found.files.size(); ++n) {
+    const auto begun = static_cast<std::uint32_t>(n);
+    if (!parent.write(std::as_bytes(std::span(&begun, 1)))) return false;
+    const fs::path& file = found.files[n];
+    const auto kind = dicom_kind_of(file, front_of(file));
+    if (!kind) continue;
+    const auto opened = InputFile::open(file);
+    const auto identifiers = opened ? library.read_identifiers(opened->name_for_libraries())
+                                    : Result<std::vector<DicomIdentifier>>(opened.error());
+    if (!identifiers) {
+      ++all.unread;
+      continue;
+    }
+    const bool image = kind->dicom_image;
+    bool said = !image;
+    for (const DicomIdentifier& one : *identifiers) said = said || one.what.starts_with("BurnedInAnnotation");
+    put_identifiers(*identifiers, said, all);
+  }
+  if (!send_end(parent, {})) return false;
+  reader::Sender out(parent);
+  for (const std::size_t number : {all.files, all.burnt_in_unsaid, all.unread, all.rows.size()})
+    out.put(static_cast<std::uint32_t>(number));
+  for (const auto& [key, row] : all.rows) {
+    out.put(static_cast<std::uint8_t>(row.kind));
+    out.put(row.what);
+    out.put(static_cast<std::uint32_t>(row.files));
+    out.put(static_cast<std::uint32_t>(all.values[key].size()));
+    out.put(row.example);
+  }
+  return out.ok();
+}
+
+}  // namespace
+
+Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, bool values,
+                                          const Progress& progress) try {
+  const auto library = ready_library();
+  if (!library) return at(file, library.error());
+  const auto found = find_files(file, progress);
+  if (!found) return found.error();
+  auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
+    return tell_identifiers_for(**library, parent, *found);
+  });
+  if (!process) return at(file, process.error());
+  const Files named{&file, 1};
+  if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
+  reader::Receiver in(**process, "is damaged: ");
+  std::uint32_t files = 0, unsaid = 0, unread = 0, rows = 0;
+  for (std::uint32_t* number : {&files, &unsaid, &unread, &rows}) in.get(*number);
+  constexpr std::uint32_t kMostRows = 10'000;
+  if (rows > kMostRows) return nonsense(named);
+  IdentifierReport report;
+  report.files = files;
+  report.burnt_in_unsaid = unsaid;
+  for (std::uint32_t n = 0; n < rows && in.ok(); ++n) {
+    IdentifierRow& row = report.rows.emplace_back();
+    std::uint8_t kind = 0;
+    std::uint32_t in_files = 0, different = 0;
+    in.get(kind);
+    in.get(row.what);
+    in.get(in_files);
+    in.get(different);
+    in.get(row.example);
+    if (kind >= kIdentifierKinds) return nonsense(named);
+    row.kind = static_cast<IdentifierKind>(kind);
+    row.files = in_files;
+    row.different = different;
+    if (!values) row.example.clear();
+  }
+  if (!in.ok()) return about(in.error(), named);
+  report.notes = found->notes;
+  if (unread > 0) report.notes.push_back(counted(unread, "DICOM file", "DICOM files") + " could not be read");
+  if (files == 0)
+    return bad_input(file.string(), "holds no DICOM file that can be read",
+                     "what other formats carry besides voxels, palpate passes over: docs/formats.md");
+  return report;
 } catch (const std::bad_alloc&) {
   return bad_input(file.string(), "does not fit into the memory",
                    "close other programs, or name a smaller folder");

@@ -5,6 +5,8 @@
 #include <optional>
 
 #include "palpate/reader/reader_process.h"
+#include "palpate/volume_io/dicom_export.h"
+#include "volume_io/dicom_write.h"
 #include "volume_io/voxel_source.h"
 
 /// DICOM files, one or a folder of them, read by a process of its own as other volumes are (volume_reader.h).
@@ -25,6 +27,13 @@ struct DicomReader {
 /// @param number  of the volume, see choose_volume()
 Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
                                const Progress& progress);
+
+class DicomFiles;
+/// What DICOM files are read and written by, with its dictionary. Error kUnavailable.
+Result<DicomFiles*> ready_dicom_library();
+/// Which patient and study the objects belong to that are attached to a study, and the images of its volume.
+/// Errors: what is wrong with the study; those of choose_volume().
+Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const Progress& progress);
 
 /// Whether a plain file is a DICOM segmentation, by its first bytes.
 bool is_dicom_segmentation(const std::filesystem::path& file);

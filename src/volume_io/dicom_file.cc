@@ -1028,6 +1028,32 @@ class DcmtkFiles : public DicomFiles {
   } catch (const std::exception&) {
     return bad_input("", "is a damaged DICOM file", "copy it again");
   }
+  Result<std::vector<DicomIdentifier>> read_identifiers(const std::filesystem::path& name) override try {
+    return identifiers_of_dicom(name);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOM file", "copy it again");
+  }
+  Result<std::vector<std::vector<std::string>>> read_directory(const std::filesystem::path& name) override
+      try {
+    return files_of_dicomdir(name);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOMDIR", "copy it again");
+  }
+  Result<DicomIdentity> read_identity(const std::filesystem::path& name) override try {
+    return read_dicom_identity(name);
+  } catch (const std::exception&) {
+    return bad_input("", "is a damaged DICOM file", "copy it again");
+  }
+  Result<void> write_segmentation(const std::filesystem::path& file, const SegmentationToWrite& segmentation,
+                                  const std::optional<DicomIdentity>& identity) override {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+    return write_dicom_segments(file, segmentation, identity);
+  }
+  Result<void> write_picture(const std::filesystem::path& file, const PictureToWrite& picture,
+                             const std::optional<DicomIdentity>& identity) override {
+    OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+    return write_dicom_picture(file, picture, identity);
+  }
   Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) override {
     return FilePixels::open(name);
   }

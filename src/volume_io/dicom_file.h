@@ -8,10 +8,12 @@
 #include <vector>
 
 #include "palpate/base/result.h"
+#include "volume_io/dicom_identifiers.h"
 #include "volume_io/dicom_segments.h"
 #include "volume_io/dicom_structures.h"
 #include "volume_io/dicom_study.h"
 #include "volume_io/dicom_volumes.h"
+#include "volume_io/dicom_write.h"
 
 /// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a
 /// process of its own (dicom.h).
@@ -62,6 +64,16 @@ class DicomFiles {
   /// What a segmentation, or a structure set, says of the images that it was made on. Errors, without
   /// `where`: damaged.
   virtual Result<DicomReference> read_reference(const std::filesystem::path& name) = 0;
+  /// As identifiers_of_dicom() and files_of_dicomdir() (dicom_identifiers.h).
+  virtual Result<std::vector<DicomIdentifier>> read_identifiers(const std::filesystem::path& name) = 0;
+  virtual Result<std::vector<std::vector<std::string>>> read_directory(const std::filesystem::path& name) = 0;
+  /// As the functions of dicom_write.h.
+  virtual Result<DicomIdentity> read_identity(const std::filesystem::path& name) = 0;
+  virtual Result<void> write_segmentation(const std::filesystem::path& file,
+                                          const SegmentationToWrite& segmentation,
+                                          const std::optional<DicomIdentity>& identity) = 0;
+  virtual Result<void> write_picture(const std::filesystem::path& file, const PictureToWrite& picture,
+                                     const std::optional<DicomIdentity>& identity) = 0;
   /// @param name  as above; is opened again as long as what is returned lives
   virtual Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) = 0;
 };

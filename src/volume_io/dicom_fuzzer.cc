@@ -95,6 +95,10 @@ extern "C" const char* __asan_default_options() {
 // one file: what it says, what becomes of its frames, and the voxels of the first of them
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const NamedBytes bytes(data, size);
+  if (const auto found = library().read_identifiers(bytes.name()))
+    for (const DicomIdentifier& one : *found)
+      must(static_cast<std::size_t>(one.kind) < kIdentifierKinds && !one.what.empty());
+  if (const auto files = library().read_directory(bytes.name())) must(!files->empty());
   const std::string front(reinterpret_cast<const char*>(data), std::min(size, kKindBytes));
   look_at_segmentation(bytes.name(), dicom_transfer_syntax(front));
   look_at_structures(bytes.name());

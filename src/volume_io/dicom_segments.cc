@@ -1,6 +1,7 @@
 #include "volume_io/dicom_segments.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <set>
@@ -281,6 +282,27 @@ std::string name_of_segment(const DicomSegment& segment) {
   if (name.empty()) return "segment " + std::to_string(segment.number);
   if (!segment.side.empty() && !says(name, segment.side)) name += " " + segment.side;
   return name;
+}
+
+DicomSegment segment_called(const std::string& name) {
+  DicomSegment segment;
+  std::string words;
+  std::string spaced = lower_case(name);
+  std::ranges::replace(spaced, '_', ' ');
+  for (const std::string_view word : split_spaces(spaced)) {
+    if (word == "left" || word == "right")
+      segment.side = std::string(word);
+    else
+      words += (words.empty() ? "" : " ") + std::string(word);
+  }
+  for (const KnownType& type : kKnownTypes) {
+    if (type.sct.empty() || lower_case(type.name) != words) continue;
+    segment.code = std::string(type.sct);
+    segment.scheme = "SCT";
+    segment.meaning = std::string(type.name);
+    segment.meaning[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(segment.meaning[0])));
+  }
+  return segment;
 }
 
 std::string colour_of_segment(const std::array<std::uint16_t, 3>& lab) {

@@ -49,6 +49,9 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation);
 /// What a segment is called: its label, or its type where that is known and the label does not say it; with
 /// its side.
 std::string name_of_segment(const DicomSegment& segment);
+/// What is known of a segment by its name alone: code, scheme and meaning where its type has one of SNOMED
+/// CT, and its side.
+DicomSegment segment_called(const std::string& name);
 /// "0.87 0.68 0.51", as Slicer's fields have it; of CIELab by D65, as DICOM PS3.3 C.10.7.1.1 has it.
 std::string colour_of_segment(const std::array<std::uint16_t, 3>& lab);
 /// Whether it is what is in no segment (code 125040 of DCM).

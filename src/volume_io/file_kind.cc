@@ -63,8 +63,11 @@ FileKind dicom_kind(std::string_view front) {
   if (uid.empty()) uid = dicom_text(front, "\x08\0\x16\0"sv);
   uid = uid.substr(0, uid.find('\0'));
   constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
-  if (uid == "1.2.840.10008.1.3.10")
-    return {"a DICOMDIR, the list of contents of a DICOM disc", "name the folder that it stands in", {}};
+  if (uid == "1.2.840.10008.1.3.10") {
+    FileKind directory{"a DICOMDIR, the list of contents of a DICOM disc", "give it as the scan", "DICOM"};
+    directory.dicom_directory = true;
+    return directory;
+  }
   if (uid.starts_with(kStorage)) {
     const std::string_view kind = uid.substr(kStorage.size());
     if (kind == "66.4" || kind == "66.7")
@@ -88,20 +91,26 @@ std::optional<FileKind> surface_kind(std::string_view front, const std::string& 
   const auto surface = [](const char* format) {
     return FileKind{std::string("a surface (") + format + "), not voxels", kConvertSurface, {}};
   };
+  const auto mesh = [](const char* format, MeshFormat kind) {
+    FileKind read{std::string("a surface (") + format + ")", "give it as the labels, under any name",
+                  "surface"};
+    read.mesh = kind;
+    return read;
+  };
   constexpr std::size_t kStlHeader = 84, kStlTriangle = 50;
   if (front.size() >= kStlHeader &&
       size == kStlHeader + kStlTriangle * std::uint64_t{little_at(front, 80, 4)})
-    return surface("STL");
+    return mesh("STL", MeshFormat::kStl);
   if (front.starts_with("solid") &&
       (front.find("facet") != std::string_view::npos || ends_with(name, ".stl")))
-    return surface("STL");
-  if (front.starts_with("ply\n") || front.starts_with("ply\r")) return surface("PLY");
+    return mesh("STL", MeshFormat::kStl);
+  if (front.starts_with("ply\n") || front.starts_with("ply\r")) return mesh("PLY", MeshFormat::kPly);
   if (front.starts_with("OFF\n") || front.starts_with("OFF\r")) return surface("OFF");
   if (front.starts_with("glTF")) return surface("glTF");
   if (front.starts_with("\xFF\xFF\xFE"sv)) return surface("FreeSurfer");
   if (ends_with(name, ".obj") && (front.starts_with("v ") || front.find("\nv ") != std::string_view::npos))
-    return surface("OBJ");
-  if (ends_with(name, ".stl")) return surface("STL");
+    return mesh("OBJ", MeshFormat::kObj);
+  if (ends_with(name, ".stl")) return mesh("STL", MeshFormat::kStl);
 
   // VTK's own formats hold surfaces and images
   const bool legacy = front.starts_with("# vtk DataFile"),
@@ -110,6 +119,10 @@ std::optional<FileKind> surface_kind(std::string_view front, const std::string& 
     for (const auto image : {"STRUCTURED_POINTS", "RECTILINEAR_GRID", "\"ImageData\""})
       if (front.find(image) != std::string_view::npos)
         return FileKind{"an image in VTK's own format", kConvertVolume, {}};
+    if (legacy && front.find("POLYDATA") != std::string_view::npos)
+      return mesh("VTK polydata", MeshFormat::kVtkLegacy);
+    if (xml && front.find("\"PolyData\"") != std::string_view::npos)
+      return mesh("VTK polydata", MeshFormat::kVtkXml);
     return surface("VTK");
   }
   return std::nullopt;

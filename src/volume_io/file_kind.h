@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "volume_io/mesh.h"
+
 namespace palpate::volume_io {
 
 /// What a file is, and the way from it to a volume.
@@ -15,7 +17,9 @@ struct FileKind {
   bool dicom_image = false;  ///< a slice of a series, or a whole one
   bool dicom = false;        ///< of DICOM, image or not
   bool dicom_segmentation = false;
-  bool dicom_structures = false;  ///< contours, which take the grid of a scan
+  bool dicom_structures = false;                  ///< contours, which take the grid of a scan
+  bool dicom_directory = false;                   ///< a DICOMDIR, which names files
+  std::optional<MeshFormat> mesh = std::nullopt;  ///< of a surface that is read here
 };
 
 /// How many bytes at the front of a file tell its kind.

@@ -48,14 +48,14 @@ TEST(FileKind, KnowsSurfaces) {
   std::string binary(84 + 2 * 50, 'x');
   const std::uint32_t two = 2;
   std::memcpy(binary.data() + 80, &two, 4);
-  EXPECT_EQ(kind(binary, "knee", binary.size()), "a surface (STL), not voxels");
+  EXPECT_EQ(kind(binary, "knee", binary.size()), "a surface (STL)");
   EXPECT_EQ(kind(binary, "knee", binary.size() + 1), "") << "of another length it is none";
-  EXPECT_EQ(kind("solid knee\n  facet normal 0 0 1\n", "knee.txt"), "a surface (STL), not voxels");
+  EXPECT_EQ(kind("solid knee\n  facet normal 0 0 1\n", "knee.txt"), "a surface (STL)");
   EXPECT_EQ(kind("solid ground\n", "notes.txt"), "") << "a text that begins so";
-  EXPECT_EQ(kind("ply\nformat ascii 1.0\n"), "a surface (PLY), not voxels");
-  EXPECT_EQ(kind("# made\nv 0 0 1\nv 1 0 0\n", "KNEE.OBJ"), "a surface (OBJ), not voxels");
+  EXPECT_EQ(kind("ply\nformat ascii 1.0\n"), "a surface (PLY)");
+  EXPECT_EQ(kind("# made\nv 0 0 1\nv 1 0 0\n", "KNEE.OBJ"), "a surface (OBJ)");
   EXPECT_EQ(kind("# made\nv 0 0 1\n", "notes.txt"), "");
-  EXPECT_EQ(kind("# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"), "a surface (VTK), not voxels");
+  EXPECT_EQ(kind("# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"), "a surface (VTK polydata)");
   EXPECT_EQ(kind("# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\n"),
             "an image in VTK's own format");
   EXPECT_EQ(kind("<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"0.1\">"),

@@ -6,6 +6,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
 #include "volume_io/label_text.h"
+#include "volume_io/meshes.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
 
@@ -77,7 +78,7 @@ Error folder_error(const std::filesystem::path& folder) {
   if (content.other)
     return is_folder(" without a volume in it",
                      "there is " + content.other->what + ": " + content.other->remedy);
-  return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI, MetaImage or DICOM");
+  return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI, MetaImage or DICOM, or a surface");
 }
 
 // the other file of a pair: "knee.hdr" and "knee.img", each perhaps with ".gz"
@@ -124,6 +125,11 @@ std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpa
   const std::string unpacked = unpack(file, kKindBytes);
   auto inside = kind_of(unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
   if (inside) inside->what += ", compressed by gzip";
+  if (inside && inside->mesh) {
+    inside->mesh.reset();
+    inside->volume = {};
+    inside->remedy = "unpack it first";
+  }
   return inside;
 }
 
@@ -191,7 +197,7 @@ using namespace volume_io;
 
 bool is_volume(const std::filesystem::path& file) {
   std::error_code ignored;
-  if (is_dicom(file)) return true;
+  if (is_dicom(file) || is_meshes(file)) return true;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
   const auto kind = content_of(file, unpacked_front);
@@ -201,7 +207,7 @@ bool is_volume(const std::filesystem::path& file) {
 std::optional<Error> something_else(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
-  if (is_dicom(file)) return std::nullopt;
+  if (is_dicom(file) || is_meshes(file)) return std::nullopt;
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
   const auto kind = content_of(file, unpacked_front);

@@ -37,7 +37,7 @@ KeptVoxels::KeptVoxels(const VolumeReader& reader, std::string_view kind, Unpack
     : reader_(reader) {
   const VolumeFile& file = reader.file();
   if (unpacked == Unpacked::kAnew || !cache::is_kept() || file.voxels.encoding == Encoding::kRaw ||
-      file.voxels.encoding == Encoding::kDicom)
+      file.voxels.encoding == Encoding::kSlices)
     return;
   changed_ = changed_at(reader.voxel_file());
   const auto packed = cache::digest_of(reader.voxel_file(), file.voxels.offset);

@@ -37,8 +37,8 @@ constexpr Table kTables[] = {{".ctbl", parse_text_table}, {".tsv", parse_label_t
 // the name without the ending of its format
 std::string stem_of(const std::filesystem::path& file) {
   std::string name = file.filename().string();
-  for (const std::string_view ending :
-       {".gz", ".nii", ".seg", ".nrrd", ".nhdr", ".hdr", ".img", ".mha", ".mhd", ".seg"})
+  for (const std::string_view ending : {".gz", ".nii", ".seg", ".nrrd", ".nhdr", ".hdr", ".img", ".mha",
+                                        ".mhd", ".seg", ".stl", ".obj", ".ply", ".vtk", ".vtp"})
     if (has_ending(name, ending)) name.erase(name.size() - ending.size());
   return name;
 }

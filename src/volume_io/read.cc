@@ -10,6 +10,7 @@
 #include "volume_io/kept_voxels.h"
 #include "volume_io/label_names.h"
 #include "volume_io/looks_like.h"
+#include "volume_io/meshes.h"
 #include "volume_io/segment_fields.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
@@ -19,6 +20,19 @@ namespace palpate {
 using namespace volume_io;
 
 namespace {
+
+MeshPlacing& placing_of_process() {
+  static MeshPlacing placing;
+  return placing;
+}
+
+// what is said of these surfaces, else of all
+MeshPlacing over_process(MeshPlacing placing) {
+  const MeshPlacing& all = placing_of_process();
+  if (!placing.space) placing.space = all.space;
+  if (!placing.unit_mm) placing.unit_mm = all.unit_mm;
+  return placing;
+}
 
 // calls value(index, stored value) for each value of a piece
 template <class T, class Value>
@@ -334,9 +348,17 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
 }  // namespace
 
+void set_mesh_placing(const MeshPlacing& placing) {
+  placing_of_process() = placing;
+}
+
+const MeshPlacing& mesh_placing() {
+  return placing_of_process();
+}
+
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume) try {
   const Progress silent;
-  const auto reader = VolumeReader::open(file, silent, volume);
+  const auto reader = VolumeReader::open(file, silent, volume, nullptr, over_process({}));
   if (!reader) return reader.error();
   return reader->file().header;
 } catch (const std::bad_alloc&) {
@@ -348,7 +370,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
                                                       const Progress& progress, const Warn& warn,
                                                       Unpacked unpacked, std::optional<int> volume) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
-  auto reader = VolumeReader::open(file, progress, volume);
+  auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process({}));
   if (!reader) return reader.error();
   const auto labels = [&]() -> Result<Volumes> {
     auto read = take_labels(*reader, file, names, progress, warn, Doubtful::kRefused, unpacked);
@@ -371,6 +393,9 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
                            Unpacked unpacked, std::optional<int> volume) try {
+  if (!volume && is_meshes(file))
+    return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
+                     "give it as the labels, after the scan");
   auto reader = VolumeReader::open(file, progress, volume);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, unpacked);
@@ -381,11 +406,11 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked,
-                              const GridGeometry* scan_grid) try {
+                              const GridGeometry* scan_grid, const MeshPlacing& placing) try {
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
                      "give it as the scan, and a label map beside it");
-  auto reader = VolumeReader::open(file, progress, {}, scan_grid);
+  auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placing));
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, progress, warn, doubtful, unpacked);
 } catch (const std::bad_alloc&) {

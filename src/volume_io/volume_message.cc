@@ -107,7 +107,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   visit_plain(volume, [&](auto& value) { in.get(value); });
   std::uint32_t file = 0;
   in.get(file);
-  get_one_of(in, volume.voxels.encoding, Encoding::kDicom);
+  get_one_of(in, volume.voxels.encoding, Encoding::kSlices);
   get_one_of(in, volume.voxels.component, Component::kFloat64);
   get_one_of(in, volume.header.meaning, ValueMeaning::kMeasured);
   bool counted_from_end = false;

@@ -10,6 +10,7 @@
 #include "volume_io/dicom.h"
 #include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
+#include "volume_io/meshes.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_stream.h"
 
@@ -51,7 +52,7 @@ void name_format(const Format& format, VolumeFile& volume) {
 // what ends the reading of DICOM, with the image that it comes from
 Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
   const GridGeometry& grid = file.header.geometry;
-  if (file.voxels.encoding != Encoding::kDicom || error.kind != ErrorKind::kBadInput) return error;
+  if (file.voxels.encoding != Encoding::kSlices || error.kind != ErrorKind::kBadInput) return error;
   const auto slice = static_cast<std::uint64_t>(grid.dims[0]) * static_cast<std::uint64_t>(grid.dims[1]);
   const std::uint64_t last = static_cast<std::uint64_t>(grid.dims[2]) - 1;
   error.what =
@@ -99,7 +100,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
 }
 
 Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress,
-                                        std::optional<int> number, const GridGeometry* grid) {
+                                        std::optional<int> number, const GridGeometry* grid,
+                                        const MeshPlacing& placing) {
   const bool segmentation = is_dicom_segmentation(file), structures = grid && is_dicom_structures(file);
   if (is_dicom(file) || ((segmentation || structures) && !number)) {
     auto dicom = segmentation ? open_dicom_segmentation(file, progress)
@@ -113,6 +115,17 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     reader.volume_.header.format = segmentation ? "DICOM segmentation"
                                    : structures ? "DICOM structure set"
                                                 : "DICOM";
+    reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
+    return reader;
+  }
+  if (!number && is_meshes(file)) {
+    auto meshes = open_meshes(file, grid, placing, progress);
+    if (!meshes) return meshes.error();
+    VolumeReader reader(progress);
+    reader.names_.push_back(file);
+    reader.process_ = std::move(meshes->process);
+    reader.volume_ = std::move(meshes->volume);
+    reader.volume_.header.format = "surfaces";
     reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
     return reader;
   }
@@ -143,7 +156,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     auto answer = receive_answer(**process, reader.names_);
     if (!answer) return answer.error();
     if (auto* volume = std::get_if<VolumeFile>(&*answer)) {
-      if (volume->voxels.encoding == Encoding::kDicom) return nonsense(reader.names_);
+      if (volume->voxels.encoding == Encoding::kSlices) return nonsense(reader.names_);
       reader.process_ = *std::move(process);
       reader.volume_ = std::move(*volume);
       name_format(**format, reader.volume_);

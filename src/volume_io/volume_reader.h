@@ -39,9 +39,11 @@ class VolumeReader {
   /// the header.
   /// @param progress  stays where it is as long as this object lives
   /// @param number    of the volume, where the file or the folder is DICOM's
-  /// @param grid      for contours, which have none of their own; null: those are an error
+  /// @param grid      for contours, which have none of their own; null: those are an error. For surfaces too
+  /// @param placing   of surfaces
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
-                                   std::optional<int> number = {}, const GridGeometry* grid = nullptr);
+                                   std::optional<int> number = {}, const GridGeometry* grid = nullptr,
+                                   const MeshPlacing& placing = {});
 
   const VolumeFile& file() const { return volume_; }
   /// The file that the voxels stand in, as it was opened; of no DICOM, whose files are many.

@@ -21,7 +21,7 @@ enum class Encoding {
   kBzip2,
   kText,  ///< numbers between white space or commas
   kHex,
-  kDicom,  ///< image by image, as dicom.h reads them
+  kSlices,  ///< slice by slice, as dicom.h and meshes.h make them
 };
 
 struct VoxelSource {

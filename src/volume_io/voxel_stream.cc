@@ -252,7 +252,7 @@ std::unique_ptr<ByteStream> stream_for(const VoxelSource& source) {
     case Encoding::kHex:
       return std::make_unique<HexStream>();
     case Encoding::kRaw:
-    case Encoding::kDicom:
+    case Encoding::kSlices:
       break;
   }
   return std::make_unique<RawStream>();
@@ -351,7 +351,7 @@ std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
     case Encoding::kHex:
       return stored / 2 / size;
     case Encoding::kRaw:
-    case Encoding::kDicom:
+    case Encoding::kSlices:
       break;
   }
   return after_skip(stored);
@@ -376,7 +376,7 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
 
 Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value, std::uint64_t besides) {
   // its reader has looked at what each image holds
-  if (file.voxels.encoding == Encoding::kDicom)
+  if (file.voxels.encoding == Encoding::kSlices)
     return allow_memory(file.value_count() * bytes_per_value + besides, file.voxels.file.string());
   std::error_code failed;
   const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);

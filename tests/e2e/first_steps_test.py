@@ -110,10 +110,10 @@ class FirstSteps(cli.PalpateTest):
         add("IM0001", dicom(storage + "4"), "DICOM", "")
         add("seg.dcm", dicom(storage + "66.4"), "DICOM segmentation", "")
         add("rt.dcm", dicom(storage + "481.3"), "a DICOM structure set (RTSTRUCT)", "after the scan")
-        add("knee.stl", b"x" * 80 + struct.pack("<I", 1) + b"\0" * 50, "a surface (STL)", ".seg.nrrd")
-        add("knee.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a surface (OBJ)", ".seg.nrrd")
-        add("knee.ply", b"ply\nformat ascii 1.0\n", "a surface (PLY)", ".seg.nrrd")
-        add("knee.vtk", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n", "a surface (VTK)", ".seg.nrrd")
+        add("knee.off", b"OFF\n3 1 0\n", "a surface (OFF)", ".seg.nrrd")
+        add("knee.glb", b"glTF\2\0\0\0", "a surface (glTF)", ".seg.nrrd")
+        add("knee.vtu", b'<VTKFile type="UnstructuredGrid">', "a surface (VTK)", ".seg.nrrd")
+        add("knee.stl.gz", gzip.compress(b"solid knee\nfacet normal 0 0 1\n"), "a surface (STL), compressed", "unpack")
         add("shot.png", png(), "a picture (PNG)", "volume")
         add("shot.nii", png(), "a picture (PNG)", "volume")
         add("photo.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF", "a picture (JPEG)", "volume")
@@ -155,10 +155,10 @@ class FirstSteps(cli.PalpateTest):
             (mixed / f"{name}.nii.gz").write_bytes(b"")
         surfaces = self.folder / "surfaces" / "below"
         surfaces.mkdir(parents=True)
-        (surfaces / "knee.ply").write_bytes(b"ply\n")
+        (surfaces / "knee.off").write_bytes(b"OFF\n")
         for verb in ("info", "section", "explore", "scene new"):
             for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["name a file in it: femur_left.nii.gz", "1 more"]),
-                                 (empty, ["without a file"]), (surfaces.parent, ["surface (PLY)", ".seg.nrrd"])):
+                                 (empty, ["without a file"]), (surfaces.parent, ["surface (OFF)", ".seg.nrrd"])):
                 with self.subTest(folder.name, verb=verb):
                     done = self.run_verb(verb, folder)
                     self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)

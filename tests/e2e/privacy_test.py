@@ -144,8 +144,14 @@ class Privacy(cli.PalpateTest):
         for arguments in (("info", series), ("info", series, "--json"), ("info", series, "--volume", 1),
                           ("scene", "new", "--scan", series, "--volume", 1, "-o", out / "scene.toml"),
                           ("section", series, "-o", out / "section.png"),
+                          ("section", series, "-o", out / "section.dcm"),
+                          ("render", series, "-o", out / "render.png"),
+                          ("info", series, "--identifiers"), ("info", series, "--identifiers", "--json"),
                           ("simulate", out / "scene.toml", "-o", out / "run.h5", "--report", out / "run.html"),
-                          ("simulate", series, "-o", out / "alone.h5")):
+                          ("simulate", series, "-o", out / "alone.h5"),
+                          ("export", out / "alone.h5", series, "-o", out / "left.dcm"),
+                          ("export", out / "alone.h5", series, "-o", out / "left.seg.nrrd"),
+                          ("export", out / "alone.h5", "-o", out / "path.csv")):
             done = self.succeed(*arguments, env=environment)
             said.append(done.stdout + done.stderr)
         self.assertIn("CT, axial, 40 x 40 x 40, 1 x 1 x 1 mm", said[0])

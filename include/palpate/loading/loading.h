@@ -43,6 +43,10 @@ struct SceneMemory {
 /// Told before it is taken.
 using Foretell = std::function<void(const SceneMemory&)>;
 
+struct MeshPlacing;
+/// How a scene says that its surfaces are to be read (palpate/volume_io/volume_io.h).
+MeshPlacing placing_of(const Scene& scene);
+
 /// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
 ///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
 ///                     a scan, a label map or both get the scene that new_scene_text proposes

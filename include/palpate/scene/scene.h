@@ -28,6 +28,9 @@ inline constexpr std::size_t kMaxSceneBytes = std::size_t{4} << 20;  ///< of a s
 
 /// By which machine a scan was made; viewers show a CT's values as Hounsfield units.
 enum class Modality : std::uint8_t { kUnknown, kCt, kMr };
+/// Of surfaces, whose files do not say what their axes are.
+enum class SurfaceAxes : std::uint8_t { kLps, kRas };
+enum class SurfaceUnit : std::uint8_t { kMm, kCm, kM };
 
 /// What is chosen by a word in scenes, on the command line and on the wire; the unknown comes last.
 template <class T>
@@ -40,6 +43,11 @@ inline constexpr std::array kSides{Word<Side>{Side::kLeft, "left"}, Word<Side>{S
 inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
                                         Word<Modality>{Modality::kMr, "mr"},
                                         Word<Modality>{Modality::kUnknown, "unknown"}};
+inline constexpr std::array kSurfaceAxes{Word<SurfaceAxes>{SurfaceAxes::kLps, "lps"},
+                                         Word<SurfaceAxes>{SurfaceAxes::kRas, "ras"}};
+inline constexpr std::array kSurfaceUnits{Word<SurfaceUnit>{SurfaceUnit::kMm, "mm"},
+                                          Word<SurfaceUnit>{SurfaceUnit::kCm, "cm"},
+                                          Word<SurfaceUnit>{SurfaceUnit::kM, "m"}};
 /// The last is what a scene has that says nothing.
 inline constexpr std::array kTissueLaws{
     Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
@@ -121,6 +129,8 @@ struct Scene {
   std::optional<std::filesystem::path> scan;  ///< as written; relative to `folder`
   std::optional<int> scan_volume;             ///< which one, where `scan` holds several
   std::optional<std::filesystem::path> labels;
+  std::optional<SurfaceAxes> mesh_space;  ///< how `labels` are to be read where they are surfaces
+  std::optional<SurfaceUnit> mesh_unit;
   std::optional<std::filesystem::path> names;  ///< colour table
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
@@ -200,7 +210,9 @@ struct NewSceneInput {
   Modality modality = Modality::kUnknown;
   /// None: elastic where a structure gets a preset with a modulus, else by layers.
   std::optional<TissueLaw> law = {};
-  std::optional<int> volume_of_scan = {};  ///< its number, where `scan` holds several
+  std::optional<int> volume_of_scan = {};      ///< its number, where `scan` holds several
+  std::optional<SurfaceAxes> mesh_space = {};  ///< as it was said of `labels`
+  std::optional<SurfaceUnit> mesh_unit = {};
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).

@@ -11,7 +11,8 @@
 
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
-/// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file).
+/// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file),
+/// and surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each structure).
 /// Every error names the file, what is wrong and how to mend it; short data are an error, never zeros. Text
 /// fields of a file other than segment names and colours are dropped on reading: they may name a patient.
 ///
@@ -55,6 +56,20 @@ struct LabelFile {
 /// Whether voxels that take a while to unpack are kept unpacked for the next reading, and taken from there
 /// (palpate/cache/cache.h). Header, names and warnings are those of the files in either case.
 enum class Unpacked { kAnew, kKept };
+
+/// The axes that the numbers of a surface's file mean.
+enum class MeshSpace { kLps, kRas };
+
+/// How surfaces are to be read, which their files do not say. What is not given here is what the file says
+/// (3D Slicer's "SPACE=LPS"), else what the scan shows: of LPS and RAS, and of mm, cm and m, that in which
+/// all points lie within it and otherwise do not. Without a scan LPS, whose sides are then unknown, and mm.
+struct MeshPlacing {
+  std::optional<MeshSpace> space;
+  std::optional<double> unit_mm;  ///< > 0
+};
+/// For the whole process, as palpate/base/reading.h; what a scene says comes before it.
+void set_mesh_placing(const MeshPlacing& placing);
+const MeshPlacing& mesh_placing();
 
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
 /// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where
@@ -136,12 +151,14 @@ enum class Doubtful { kRefused, kWarnedOf };
 ///               in the same folder. A single label that is named nowhere is called after its file.
 /// @param scan_grid  that of the scan, which the contours of a DICOM structure set are laid on; without one
 /// such a file is
-///                   an error. Other label maps have a grid of their own.
+///                   an error. Surfaces are laid on it too, and without one on a grid of their own. Other
+///                   label maps have theirs.
+/// @param placing  of surfaces; what it leaves open is as mesh_placing() has it
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
                               Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew,
-                              const GridGeometry* scan_grid = nullptr);
+                              const GridGeometry* scan_grid = nullptr, const MeshPlacing& placing = {});
 
 /// One line of a colour table.
 struct NamedLabel {

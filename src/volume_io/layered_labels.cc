@@ -1,0 +1,45 @@
+#include "volume_io/layered_labels.h"
+
+namespace palpate::volume_io {
+
+std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file) {
+  std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
+  file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
+  if (meetings.voxels > 0)
+    file.notes.push_back("segments overlap in " + std::to_string(meetings.voxels) +
+                         " voxels: each is kept whole, and where forces come from one label a voxel it is "
+                         "that of the tissue that is felt most");
+  return layers;
+}
+
+VolumeFile labels_in_slices(const GridGeometry& grid, const std::filesystem::path& named) {
+  VolumeFile file;
+  file.header.geometry = grid;
+  file.header.meaning = ValueMeaning::kLabels;
+  file.layers_first = false;
+  file.voxels.file = named;
+  file.voxels.encoding = Encoding::kSlices;
+  file.voxels.component = Component::kUint16;
+  return file;
+}
+
+void put_segment(VolumeFile& file, std::size_t n, const std::string& name, int number, int layer,
+                 const std::string& colour) {
+  const std::string key = "Segment" + std::to_string(n) + "_";
+  const auto put = [&](const char* field, const std::string& text) {
+    file.segment_fields.emplace_back(key + field, text);
+  };
+  if (!name.empty()) put("Name", name);
+  put("Layer", std::to_string(layer));
+  put("LabelValue", std::to_string(number));
+  if (!colour.empty()) put("Color", colour);
+}
+
+std::string names_in_words(const std::vector<std::string>& names) {
+  constexpr std::size_t kNamed = 8;
+  std::string text;
+  for (std::size_t n = 0; n < std::min(names.size(), kNamed); ++n) text += (n ? ", " : "") + names[n];
+  return names.size() > kNamed ? text + " and " + std::to_string(names.size() - kNamed) + " more" : text;
+}
+
+}  // namespace palpate::volume_io

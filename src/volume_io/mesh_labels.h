@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "palpate/volume/volume.h"
+#include "volume_io/mesh.h"
+#include "volume_io/winding_number.h"
+
+/// A surface on a grid: a voxel is in where the surface winds around its centre by more than a half,
+/// in either direction: one whose triangles all run clockwise is taken as well.
+namespace palpate::volume_io {
+
+/// A mesh in which equal points are one, and that says where it is open.
+///
+/// Wherever edges are that triangles do not share in both directions, they form loops, because the border of
+/// a surface has none. A fan over each loop, from the middle of its corners, closes the surface: of the
+/// closed one the winding number is whole everywhere, and that of the open one is less by what the fans have,
+/// of whatever shape they are.
+struct ClosedMesh {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<MeshTriangle> triangles;  ///< those of the mesh, then the fans
+  std::size_t own = 0;                  ///< how many are the mesh's
+  std::size_t open_edges = 0, loops = 0;
+};
+ClosedMesh closed_mesh(const TriangleMesh& mesh);
+
+/// The voxels of a mesh, row by row.
+///
+/// Of the closed mesh: cut by the plane of a slice, which leaves closed polygons, then by the row, which the
+/// polygons cross; an entrance counts 1, an exit -1, and so the number of turns is known everywhere. A point
+/// on the surface belongs to one side by rule, so that meshes which share a wall share no voxel and leave
+/// none. Where a mesh is open, the winding number of its fans, where they can be seen as half of all
+/// directions, is taken off (FastWinding); what is in is within the mesh's own box.
+class MeshVoxels {
+ public:
+  /// @param look  called before each slice; false: nobody listens any more, and the rest is left out
+  static MeshVoxels make(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
+
+  /// Calls take(i + j * dims[0]) once for each voxel of a slice of the grid that is in.
+  template <class Take>
+  void read_slice(int slice, const Take& take) const {
+    for (const Run& run : runs_of(slice))
+      for (std::uint32_t n = 0; n < run.count; ++n) take(std::size_t{run.first} + n);
+  }
+  std::uint64_t count() const { return count_; }
+
+ private:
+  struct Run {
+    std::uint32_t first = 0, count = 0;
+  };
+  std::span<const Run> runs_of(int slice) const;
+  int first_slice_ = 0;
+  std::vector<std::size_t> ends_;  // of the slices from the first on
+  std::vector<Run> runs_;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace palpate::volume_io

@@ -1,0 +1,130 @@
+#include "volume_io/mesh_placing.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "volume_io/voxel_source.h"
+
+namespace palpate::volume_io {
+namespace {
+
+std::string name_of(MeshSpace space) {
+  return space == MeshSpace::kLps ? "LPS" : "RAS";
+}
+
+MeshSpace other_than(MeshSpace space) {
+  return space == MeshSpace::kLps ? MeshSpace::kRas : MeshSpace::kLps;
+}
+
+std::string name_of_unit(double unit_mm) {
+  if (unit_mm == 1) return "mm";
+  if (unit_mm == 10) return "cm";
+  if (unit_mm == 1000) return "m";
+  return "units of " + std::to_string(unit_mm) + " mm";
+}
+
+std::string percent(double part) {
+  // what is not all of it is not said to be
+  return std::to_string(part >= 1 ? 100 : static_cast<int>(std::min(99.0, std::round(100 * part)))) + " %";
+}
+
+// so many points lie within a scan that a mesh was made on, and so many may at most by mistake
+constexpr double kMost = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
+
+bool proves(double this_way, double other_way) {
+  return (this_way >= kMost && other_way < kByMistake) || (this_way >= kHalf && other_way <= kHardlyAny);
+}
+
+}  // namespace
+
+Eigen::Vector3d in_patient(const Eigen::Vector3d& point, MeshSpace space, double unit_mm) {
+  const double turn = space == MeshSpace::kRas ? -1 : 1;
+  return unit_mm * Eigen::Vector3d(turn * point.x(), turn * point.y(), point.z());
+}
+
+void MeshSurvey::see(const TriangleMesh& mesh) {
+  Transform<Voxel, Patient> X;
+  if (scan_) X = scan_->X_PatientVoxel().inverse();
+  for (const Eigen::Vector3d& point : mesh.points) {
+    low_ = points_ == 0 ? point : Eigen::Vector3d(low_.cwiseMin(point));
+    high_ = points_ == 0 ? point : Eigen::Vector3d(high_.cwiseMax(point));
+    ++points_;
+    if (!scan_) continue;
+    for (const MeshSpace space : {MeshSpace::kLps, MeshSpace::kRas})
+      for (std::size_t unit = 0; unit < kMeshUnits_mm.size(); ++unit) {
+        const Eigen::Vector3d voxel =
+            (X * Point<Patient>(in_patient(point, space, kMeshUnits_mm[unit]))).eigen();
+        bool within = true;
+        // a surface around the outermost voxels lies half a voxel out, or one where it is smoothed
+        for (int a = 0; a < 3; ++a)
+          within = within && voxel[a] >= -1 && voxel[a] <= scan_->dims[static_cast<std::size_t>(a)];
+        within_[static_cast<std::size_t>(space)][unit] += within;
+      }
+  }
+}
+
+double MeshSurvey::within(MeshSpace space, std::size_t unit) const {
+  return points_ == 0 ? 0
+                      : static_cast<double>(within_[static_cast<std::size_t>(space)][unit]) /
+                            static_cast<double>(points_);
+}
+
+Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& asked,
+                                  std::optional<MeshSpace> stated) {
+  const std::optional<MeshSpace> said = asked.space ? asked.space : stated;
+  const std::string by = asked.space ? "as was asked for" : "as the file says";
+  PlacedMeshes placed;
+  if (!survey.has_scan() || (said && asked.unit_mm)) {
+    placed.space = said.value_or(MeshSpace::kLps);
+    placed.unit_mm = asked.unit_mm.value_or(1);
+    placed.space_is_known = said.has_value();
+    placed.note = "is read as " + name_of(placed.space) + " (" +
+                  (said ? by : "which it does not say: its sides are unknown") + ") in " +
+                  name_of_unit(placed.unit_mm) + (asked.unit_mm ? "" : " (which it does not say)");
+    return placed;
+  }
+
+  // which unit: the first in which the meshes lie in the scan and are more than a speck there
+  constexpr double kSpeck_voxels = 2;
+  const auto units = [&](const auto& take) {
+    for (std::size_t unit = 0; unit < kMeshUnits_mm.size(); ++unit)
+      if (!asked.unit_mm || *asked.unit_mm == kMeshUnits_mm[unit])
+        if (take(unit)) return true;
+    return false;
+  };
+  std::size_t unit = 0;
+  const bool fits = units([&](std::size_t tried) {
+    const double best =
+        said ? survey.within(*said, tried)
+             : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
+    if (best < kHalf ||
+        survey.extent() * kMeshUnits_mm[tried] < kSpeck_voxels * survey.scan()->min_spacing_mm())
+      return false;
+    unit = tried;
+    return true;
+  });
+  const std::string tried_units = asked.unit_mm ? name_of_unit(*asked.unit_mm) : "mm, cm and m";
+  if (!fits)
+    return bad_input("",
+                     "does not lie in the scan, read as " + (said ? name_of(*said) : "LPS or as RAS") +
+                         " in " + tried_units + ": half of its points at least would have to",
+                     "give the scan that it was made on; or say how it is to be read, with --mesh-space and "
+                     "--mesh-unit");
+  placed.unit_mm = kMeshUnits_mm[unit];
+  const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
+  placed.space = said.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
+  const double this_way = survey.within(placed.space, unit),
+               other_way = survey.within(other_than(placed.space), unit);
+  if (!said && !proves(this_way, other_way))
+    return bad_input(
+        "",
+        "does not say whether its axes are LPS or RAS, and in the scan it lies either way (" + percent(lps) +
+            " of its points as LPS, " + percent(ras) + " as RAS)",
+        "say which with --mesh-space lps or --mesh-space ras: a scene file keeps it as mesh_space");
+  placed.note = "is read as " + name_of(placed.space) + (said ? " (" + by + ")" : "") + " in " +
+                name_of_unit(placed.unit_mm) + ": so " + percent(this_way) + " of its points lie in the scan";
+  if (!said) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_way);
+  return placed;
+}
+
+}  // namespace palpate::volume_io

@@ -1,0 +1,184 @@
+#include "volume_io/mesh.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "base/test_files.h"
+#include "base/test_seed.h"
+#include "volume_io/file_kind.h"
+#include "volume_io/test_meshes.h"
+
+namespace palpate::volume_io {
+namespace {
+
+using test_meshes::in_every_format;
+using test_meshes::WrittenMesh;
+using ::testing::HasSubstr;
+
+// the corners of all triangles, in their order
+std::vector<Eigen::Vector3d> corners_of(const TriangleMesh& mesh) {
+  std::vector<Eigen::Vector3d> corners;
+  for (const auto& triangle : mesh.triangles)
+    for (const std::uint32_t n : triangle) corners.push_back(mesh.points[n]);
+  return corners;
+}
+
+TriangleMesh awkward_mesh() {
+  return test_meshes::moved(test_meshes::torus_mesh(12.25, 4.5, 12),
+                            Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(),
+                            {-31.5, 77.125, 1e-3});
+}
+
+TEST(Mesh, EveryFormatHoldsTheSameTriangles) {
+  const TriangleMesh mesh = awkward_mesh();
+  for (const WrittenMesh& written : in_every_format(mesh)) {
+    const auto file = parse_mesh(written.bytes, written.format, written.name);
+    ASSERT_TRUE(file) << file.error().message();
+    ASSERT_EQ(file->meshes.size(), 1u) << written.name;
+    EXPECT_FALSE(file->space) << written.name;
+    const auto got = corners_of(file->meshes.front()), wanted = corners_of(mesh);
+    ASSERT_EQ(got.size(), wanted.size()) << written.name;
+    for (std::size_t n = 0; n < got.size(); ++n)
+      EXPECT_LT((got[n] - wanted[n]).norm(), 2e-5) << written.name << ", corner " << n;
+  }
+}
+
+TEST(Mesh, ItsKindIsToldByItsFirstBytes) {
+  for (const WrittenMesh& written : in_every_format(awkward_mesh())) {
+    const auto kind =
+        kind_of(std::string_view(written.bytes).substr(0, kKindBytes), written.name, written.bytes.size());
+    ASSERT_TRUE(kind && kind->mesh) << written.name;
+    EXPECT_EQ(*kind->mesh, written.format) << written.name;
+  }
+}
+
+TEST(Mesh, WhatSlicerSaysOfItsAxesIsTaken) {
+  const TriangleMesh mesh = awkward_mesh();
+  const std::string title = "3D Slicer output. SPACE=RAS";
+  const std::vector<WrittenMesh> files{
+      {"a.stl", MeshFormat::kStl, test_meshes::ascii_stl(mesh, title)},
+      {"b.stl", MeshFormat::kStl, test_meshes::binary_stl(mesh, title)},
+      {"c.obj", MeshFormat::kObj, test_meshes::obj(mesh, "# " + title + "\n")},
+      {"d.ply", MeshFormat::kPly, test_meshes::ply(mesh, "binary_little_endian", title)},
+      {"e.vtk", MeshFormat::kVtkLegacy, test_meshes::legacy_vtk(mesh, true, true, title)},
+      {"f.vtp", MeshFormat::kVtkXml,
+       test_meshes::vtp(
+           mesh, "appended",
+           "<FieldData><Array type=\"String\" Name=\"SPACE\" NumberOfTuples=\"1\" format=\"ascii\">82 65 83 "
+           "0</Array></FieldData>\n")}};
+  for (const WrittenMesh& written : files) {
+    const auto file = parse_mesh(written.bytes, written.format, written.name);
+    ASSERT_TRUE(file) << file.error().message();
+    EXPECT_EQ(file->space, MeshSpace::kRas) << written.name;
+    EXPECT_EQ(file->meshes.front().name, "") << written.name;
+  }
+}
+
+TEST(Mesh, ObjectsAndSolidsAreStructuresOfTheirOwn) {
+  const std::string two =
+      "o femur\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\ng part\nf 1 3 4\no tibia\nv 5 0 0\nv 6 0 0\nv 5 "
+      "\\\n1 0\n"
+      "f -3 -2 -1\n";
+  auto file = parse_mesh(two, MeshFormat::kObj, "two.obj");
+  ASSERT_TRUE(file) << file.error().message();
+  ASSERT_EQ(file->meshes.size(), 2u);
+  EXPECT_EQ(file->meshes[0].name, "femur");
+  EXPECT_EQ(file->meshes[0].triangles.size(), 2u);
+  EXPECT_EQ(file->meshes[1].name, "tibia");
+  EXPECT_EQ(file->meshes[1].points.back(), Eigen::Vector3d(5, 1, 0));
+
+  // groups that share points are parts of one
+  file = parse_mesh("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\ng a\nf 1 2 3\ng b\nf 1 3 4\n", MeshFormat::kObj,
+                    "one.obj");
+  ASSERT_TRUE(file) << file.error().message();
+  ASSERT_EQ(file->meshes.size(), 1u);
+  EXPECT_EQ(file->meshes[0].name, "");
+  EXPECT_EQ(file->meshes[0].triangles.size(), 2u);
+
+  const TriangleMesh box = test_meshes::box_mesh({1, 2, 3});
+  file = parse_mesh(test_meshes::ascii_stl(box, "liver") + test_meshes::ascii_stl(box, "spleen"),
+                    MeshFormat::kStl, "s.stl");
+  ASSERT_TRUE(file) << file.error().message();
+  ASSERT_EQ(file->meshes.size(), 2u);
+  EXPECT_EQ(file->meshes[1].name, "spleen");
+}
+
+TEST(Mesh, PolygonsBecomeFansAndStripsTurnEverySecondTriangle) {
+  auto file = parse_mesh("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n", MeshFormat::kObj, "p.obj");
+  ASSERT_TRUE(file);
+  EXPECT_EQ(file->meshes[0].triangles.size(), 2u);
+  file = parse_mesh(
+      "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nFIELD FieldData 2\nname 1 1 string\nJohn "
+      "Doe\nnumbers 2 2 int\n1 2 3 4\nPOINTS 4 double\n0 0 0 1 0 0 0 1 0 1 1 0\nLINES 1 3\n2 0 "
+      "1\nTRIANGLE_STRIPS 1 "
+      "5\n4 0 1 2 3\n",
+      MeshFormat::kVtkLegacy, "s.vtk");
+  ASSERT_TRUE(file) << file.error().message();
+  ASSERT_EQ(file->meshes[0].triangles.size(), 2u);
+  const auto corners = corners_of(file->meshes[0]);
+  for (std::size_t n = 0; n < 6; n += 3)
+    EXPECT_GT((corners[n + 1] - corners[n]).cross(corners[n + 2] - corners[n]).z(), 0) << n;
+}
+
+TEST(Mesh, WhatIsNotReadIsSaid) {
+  const TriangleMesh box = test_meshes::box_mesh({1, 1, 1});
+  std::string packed = test_meshes::vtp(box, "packed");
+  packed.replace(packed.find("vtkZLibDataCompressor"), 21, "vtkLZ4DataCompressor ");
+  const auto refusal = [](const std::string& bytes, MeshFormat format) {
+    const auto file = parse_mesh(bytes, format, "f");
+    return file ? std::string("is read") : file.error().message();
+  };
+  EXPECT_THAT(refusal(packed, MeshFormat::kVtkXml), HasSubstr("packed by vtkLZ4DataCompressor"));
+  EXPECT_THAT(
+      refusal("# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\n", MeshFormat::kVtkLegacy),
+      HasSubstr("holds no POLYDATA"));
+  EXPECT_THAT(refusal("v 0 0 0\n", MeshFormat::kObj), HasSubstr("not a single triangle"));
+  EXPECT_THAT(refusal("v 0 0 0\nf 1 2 3\n", MeshFormat::kObj),
+              HasSubstr("line 2 is a face of corners that are not"));
+  EXPECT_THAT(refusal("v 0 nan 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\n", MeshFormat::kObj), HasSubstr("no numbers"));
+  std::string cut = test_meshes::binary_stl(box);
+  cut.resize(cut.size() - 70);
+  EXPECT_THAT(refusal(cut, MeshFormat::kStl), HasSubstr("it ends after 10 of 12 triangles"));
+}
+
+// each is read whole, or refused by one sentence; no time, no memory beyond what the bytes are worth
+TEST(DamagedMesh, CutsAndFlippedBitsAreErrorsOrOtherMeshes) {
+  std::mt19937 random(test::test_seed());
+  const auto written = in_every_format(test_meshes::torus_mesh(12, 4, 12));
+  std::size_t cuts_read = 0;
+  for (const WrittenMesh& one : written)
+    for (int n = 0; n < 300; ++n) {
+      std::string bytes = one.bytes;
+      const bool cut = n % 2 == 0;
+      if (cut) bytes.resize(random() % bytes.size());
+      for (unsigned flips = cut ? 0 : 1 + random() % 4; flips > 0; --flips) {
+        char& byte = bytes[random() % bytes.size()];
+        byte = static_cast<char>(byte ^ static_cast<char>(1 << random() % 8));
+      }
+      const auto file = parse_mesh(bytes, one.format, one.name);
+      if (!file) {
+        EXPECT_FALSE(file.error().what.empty());
+        EXPECT_EQ(file.error().where, one.name);
+        continue;
+      }
+      cuts_read += cut;
+      for (const TriangleMesh& mesh : file->meshes)
+        for (const auto& triangle : mesh.triangles)
+          for (const std::uint32_t corner : triangle) ASSERT_LT(corner, mesh.points.size()) << one.name;
+    }
+  // an OBJ has no end, and what comes after the cells of a legacy file is passed over
+  EXPECT_LT(cuts_read, written.size() * 300 / 2 / 4);
+}
+
+// for mesh_fuzzer_corpus: PALPATE_WRITE_SEEDS=FOLDER
+TEST(MeshSeeds, AreWrittenWhereThatIsAskedFor) {
+  const char* folder = std::getenv("PALPATE_WRITE_SEEDS");
+  if (!folder) GTEST_SKIP() << "PALPATE_WRITE_SEEDS is not set";
+  for (const WrittenMesh& one : in_every_format(test_meshes::box_mesh({1, 2, 3})))
+    test::write_text(std::filesystem::path(folder) / one.name, one.bytes);
+}
+
+}  // namespace
+}  // namespace palpate::volume_io

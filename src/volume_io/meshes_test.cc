@@ -1,0 +1,147 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <random>
+
+#include "base/test_files.h"
+#include "base/test_seed.h"
+#include "palpate/volume_io/volume_io.h"
+#include "volume_io/test_meshes.h"
+
+namespace palpate {
+namespace {
+
+using test::TemporaryFolder;
+using test::write_text;
+using ::testing::HasSubstr;
+namespace shapes = volume_io::test_meshes;
+
+GridGeometry scan_for_meshes() {
+  GridGeometry grid;
+  grid.dims = {40, 36, 30};
+  grid.spacing_mm = {1, 1.1, 1.2};
+  grid.direction = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, -2, 1).normalized()).toRotationMatrix();
+  grid.origin = Point<Patient>(-120, 50, -80);
+  return grid;
+}
+
+// in the middle of that scan
+volume_io::TriangleMesh ball_in_scan(double radius, const Eigen::Vector3d& beside = {0, 0, 0}) {
+  const Eigen::Vector3d middle = scan_for_meshes().centre().eigen();
+  return shapes::moved(shapes::sphere_mesh(radius, 64), Eigen::Matrix3d::Identity(), middle + beside);
+}
+
+std::vector<std::string> warnings_of(const std::filesystem::path& file, const GridGeometry* scan,
+                                     Result<LabelFile>& labels, const MeshPlacing& placing = {}) {
+  std::vector<std::string> said;
+  labels = read_labels(
+      file, {}, {}, [&](const std::string& warning) { said.push_back(warning); }, Doubtful::kRefused,
+      Unpacked::kAnew, scan, placing);
+  return said;
+}
+
+TEST(Meshes, EveryFormatBecomesTheSameLabels) {
+  const TemporaryFolder folder;
+  const GridGeometry scan = scan_for_meshes();
+  std::optional<std::size_t> voxels;
+  for (const auto& written : shapes::in_every_format(ball_in_scan(9))) {
+    write_text(folder / written.name, written.bytes);
+    EXPECT_TRUE(is_volume(folder / written.name)) << written.name;
+    const auto labels =
+        read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+    ASSERT_TRUE(labels) << labels.error().message();
+    EXPECT_EQ(labels->header.format, "surfaces");
+    EXPECT_TRUE(labels->header.has_geometry);
+    EXPECT_TRUE(labels->labels.geometry().same_grid(scan));
+    const auto statistics = segment_statistics(labels->labels);
+    ASSERT_EQ(statistics.size(), 1u) << written.name;
+    if (!voxels) voxels = statistics[0].voxels;
+    EXPECT_EQ(statistics[0].voxels, *voxels) << written.name;
+    EXPECT_LT((statistics[0].centroid.eigen() - scan.centre().eigen()).norm(), 0.1);
+    EXPECT_NEAR(statistics[0].volume_mm3, 4.0 / 3 * std::numbers::pi * 729, 90);
+  }
+}
+
+TEST(Meshes, OfAFolderEachFileIsAStructure) {
+  const TemporaryFolder folder;
+  const GridGeometry scan = scan_for_meshes();
+  write_text(folder / "tibia.stl", shapes::binary_stl(ball_in_scan(6, {0, 0, 7})));
+  write_text(folder / "femur.ply", shapes::ply(ball_in_scan(7), "binary_big_endian"));
+  write_text(folder / "read me", "nothing");
+  Result<LabelFile> labels = Error{};
+  const auto said = warnings_of(folder.path(), &scan, labels);
+  ASSERT_TRUE(labels) << labels.error().message();
+  ASSERT_EQ(labels->labels.segments.size(), 2u);
+  EXPECT_EQ(labels->labels.segments[0].name, "femur");
+  EXPECT_EQ(labels->labels.segments[1].name, "tibia");
+  // they overlap, and are kept whole
+  EXPECT_EQ(labels->labels.layers.size(), 2u);
+  const std::string all = ::testing::PrintToString(said);
+  EXPECT_THAT(all, HasSubstr("segments overlap in"));
+  EXPECT_THAT(all, HasSubstr("is read as LPS in mm"));
+  EXPECT_THAT(all, HasSubstr("1 other file in it is no surface"));
+
+  // a damaged one is named
+  write_text(folder / "patella.obj", "v 0 0 0\nf 1 2 3\n");
+  const auto refused = read_labels(folder.path(), {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().where, (folder / "patella.obj").string());
+}
+
+TEST(Meshes, WithoutAScanTheyHaveAGridOfTheirOwn) {
+  const TemporaryFolder folder;
+  write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(9)));
+  Result<LabelFile> labels = Error{};
+  const auto said = warnings_of(folder / "femur.stl", nullptr, labels);
+  ASSERT_TRUE(labels) << labels.error().message();
+  EXPECT_FALSE(labels->header.has_geometry);
+  ASSERT_EQ(labels->labels.segments.size(), 1u);
+  EXPECT_EQ(labels->labels.segments[0].name, "femur");
+  const auto statistics = segment_statistics(labels->labels);
+  EXPECT_NEAR(statistics[0].volume_mm3, 4.0 / 3 * std::numbers::pi * 729, 45);
+  EXPECT_LT((statistics[0].centroid.eigen() - scan_for_meshes().centre().eigen()).norm(), 0.05);
+  EXPECT_THAT(::testing::PrintToString(said), HasSubstr("gets a grid of its own"));
+  // asked for as RAS it lies elsewhere, and that is known
+  warnings_of(folder / "femur.stl", nullptr, labels, {MeshSpace::kRas, {}});
+  ASSERT_TRUE(labels);
+  EXPECT_TRUE(labels->header.has_geometry);
+  const Eigen::Vector3d c = scan_for_meshes().centre().eigen();
+  EXPECT_LT((segment_statistics(labels->labels)[0].centroid.eigen() - Eigen::Vector3d(-c.x(), -c.y(), c.z()))
+                .norm(),
+            0.05);
+}
+
+TEST(Meshes, AreNoScan) {
+  const TemporaryFolder folder;
+  write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(9)));
+  const auto scan = read_scan(folder / "femur.stl");
+  ASSERT_FALSE(scan);
+  EXPECT_THAT(scan.error().message(), HasSubstr("labels and not a scan"));
+}
+
+// through the process that reads, which is there for what nobody has thought of: none of this may come to
+// that
+TEST(Meshes, DamageIsOneErrorThatNamesTheFile) {
+  const TemporaryFolder folder;
+  std::mt19937 random(test::test_seed());
+  const GridGeometry scan = scan_for_meshes();
+  for (const auto& written : shapes::in_every_format(ball_in_scan(9)))
+    for (int n = 0; n < 6; ++n) {
+      std::string bytes = written.bytes;
+      if (n % 2 == 0)
+        bytes.resize(random() % bytes.size());
+      else
+        for (int flips = 0; flips < 3; ++flips)
+          bytes[random() % bytes.size()] ^= static_cast<char>(1 << random() % 8);
+      write_text(folder / written.name, bytes);
+      const auto labels =
+          read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+      if (labels) continue;
+      EXPECT_EQ(labels.error().what.find("its reader"), std::string::npos) << labels.error().message();
+      EXPECT_EQ(labels.error().where, (folder / written.name).string());
+    }
+}
+
+}  // namespace
+}  // namespace palpate
