@@ -232,7 +232,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
                                                      const std::string& address, std::string& said,
                                                      Console& console) {
   return [&console, &address, &said, asked = !options.no_realtime, first = true, told = false,
-          told_method = std::string(), told_trouble = std::string(), deaths = 0,
+          told_method = std::string(), told_code = std::string(), told_trouble = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
     if (first)
@@ -263,6 +263,10 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
     if (s.refusal) console.warn()(s.refusal->message());
+    if (!s.arming_code.empty() && s.arming_code != told_code)
+      console.note("stopped: r arms the device here, with its tip free; " + s.arming_code +
+                   " arms it from the page, once, within a minute");
+    told_code = s.arming_code;
     console.live(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
   };
 }
@@ -451,7 +455,8 @@ void add_explore(CLI::App& app, Run& run) {
       "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
       "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
       "method (docs/methods.md). Of a burr b switches the motor, u puts back what was cut last and d does\n"
-      "it again (docs/burr.md). While a device may push, a viewer's wish to change something is shown\n"
+      "it again (docs/burr.md). After a stop of a device that pushes, six digits are shown by which it can\n"
+      "be armed from the page, once. While a device may push, a viewer's wish to change something is shown\n"
       "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
