@@ -1,6 +1,8 @@
 """palpate devices and palpate doctor: what there is and what is missing, without a device on the machine."""
 
 import json
+import os
+import tempfile
 
 import cli
 
@@ -59,6 +61,29 @@ class Doctor(cli.PalpateTest):
                              (("--held-mass", "force-dimension=-1"), "-1")):
             for verb in (("doctor",), ("devices",), ("explore", "knee-phantom")):
                 self.fail_clearly(cli.USAGE, *verb, *option, says=says)
+
+    def test_what_a_hand_holds(self):
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
+        self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
+        # a device at which nobody holds a key down is not tried; the simulated one is always held, and a machine
+        # with much else to do is late and says so
+        with tempfile.TemporaryDirectory() as folder:
+            env = dict(os.environ, XDG_DATA_HOME=folder)
+            done = cli.run("doctor", "--hold", "simulated", "--json", env=env)
+            if done.returncode == cli.OK:
+                figures = json.loads(done.stdout)
+                self.assertGreater(figures["held_N_per_mm"], 0.09)
+                self.assertLess(abs(figures["delay_s"] - 0.002), 0.002)
+                with open(os.path.join(folder, "palpate", "held-hands.txt")) as kept:
+                    self.assertIn(figures["device"], kept.read())
+            else:
+                self.assertIn("palpate doctor says of this computer", done.stderr)
+            os.makedirs(os.path.join(folder, "palpate"), exist_ok=True)
+            with open(os.path.join(folder, "palpate", "held-hands.txt"), "w") as kept:
+                kept.write("# fine\nspoon\n")
+            done = cli.run("explore", "knee-phantom", "--seconds", "0.2", "--no-viewer", env=env)
+            self.assertEqual(done.returncode, cli.BAD_INPUT)
+            self.assertIn("held-hands.txt:2: ", done.stderr)
 
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")
