@@ -123,8 +123,8 @@ void AnimatedPng::add(Image frame) {
     put_number(control, static_cast<std::uint32_t>(value));
   put_number(control, static_cast<std::uint32_t>(delay_ms_), 2);
   put_number(control, 1000, 2);
-  // what was there stays, and the box is written over it
-  control.insert(control.end(), {0, 0});
+  // what was there stays (0), and the box is written over it (0)
+  put_number(control, 0, 2);
   chunk("fcTL", control);
 
   const std::vector<std::uint8_t> data = compressed(filtered(frame, box));
