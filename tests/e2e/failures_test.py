@@ -314,7 +314,7 @@ class Failures(cli.PalpateTest):
         if handled:
             cli.wait_for_handler(process)
         if growing:
-            while process.poll() is None and not (growing.exists() and growing.stat().st_size > 50_000):
+            while process.poll() is None and not (growing.exists() and growing.stat().st_size > 100_000):
                 time.sleep(0.01)
         else:
             time.sleep(delay_s)
