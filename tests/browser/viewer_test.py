@@ -2726,6 +2726,18 @@ class WithSphere(Viewer):
         self.assertLess(off[1][1], 0.05)
         self.assertLess(max(off[0.6][0], off[0.3][0]), 0.03)
 
+    def test_soft_tissue_goes_by_another_law_and_back(self):
+        law = "document.getElementById('law')"
+        self.page.wait(f"{law}.offsetParent !== null || (document.querySelector('#law-line').closest('details').open = true)")
+        self.assertEqual(self.page.run(f"return [...{law}.options].map((option) => option.value)"), self.server.scene()["laws"])
+        self.assertEqual(self.page.run(f"return {law}.value"), "elastic")
+        self.page.run(f"{law}.value = 'neo-hookean'; {law}.dispatchEvent(new Event('change', {{ bubbles: true }}))")
+        self.page.wait("!document.getElementById('undo').disabled")
+        # what is shown is what the server holds, and it is undone there
+        self.page.wait(f"{law}.value === 'neo-hookean' && palpateViewer.state.law === 'neo-hookean'")
+        self.page.run("document.getElementById('undo').click()")
+        self.page.wait(f"{law}.value === 'elastic' && palpateViewer.state.law === 'elastic'")
+
     def test_tissue_that_yields_is_seen_where_it_went(self):
         scene = self.server.scene()
         labels, patient_from_voxel = self.server.labels(scene)

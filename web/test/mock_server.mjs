@@ -153,7 +153,7 @@ const scene = (role) => ({
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
   tool, tools: [tool, ...second.map(({ tip, ...held }) => held)],
   methods: ["proxy", "trilinear"],
-  laws: options.yield === "yes" ? ["elastic", "chainmail", "layers"] : [],
+  laws: ["elastic", "neo-hookean"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
   limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
@@ -161,7 +161,7 @@ const scene = (role) => ({
   recording: null,
 });
 const state = {
-  method: "proxy", law: "layers", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", law: "elastic", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
