@@ -42,10 +42,11 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->yielded);
 
   const auto set = parsed<SettingsRequest>(
-      R"({"type": "set", "id": 1, "method": "trilinear", "friction": false, "viscosity": true, "passivity": true,
+      R"({"type": "set", "id": 1, "method": "trilinear", "law": "chainmail", "friction": false, "viscosity": true, "passivity": true,
           "paused": true, "max_force_N": 1.0, "rotation_wxyz": [0, 1, 0, 0]})");
   ASSERT_TRUE(set);
   EXPECT_EQ(set->method, "trilinear");
+  EXPECT_EQ(set->law, "chainmail");
   EXPECT_EQ(set->friction, false);
   EXPECT_EQ(set->viscosity, true);
   EXPECT_EQ(set->passivity, true);

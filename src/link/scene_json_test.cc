@@ -46,10 +46,11 @@ TEST(SceneJson, HasTheDocumentsKeys) {
                                               "points_mm": [[0, 0, 0]], "capsules": []})"));
   EXPECT_EQ(json["tools"].size(), 2u) << "one for each device";
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
+  EXPECT_EQ(json["laws"], Json::parse(R"(["elastic", "neo-hookean"])"));
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 17u);
+  EXPECT_EQ(json.size(), 18u);
   EXPECT_TRUE(json["recording"].is_null());
 }
 
@@ -97,7 +98,7 @@ TEST(SceneJson, StateAndAnswers) {
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
   EXPECT_EQ(Json::parse(state_json(cut, 2, true, 1)), Json::parse(R"({
-    "type": "state", "method": "proxy", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
+    "type": "state", "method": "proxy", "law": "elastic", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],

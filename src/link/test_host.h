@@ -38,8 +38,10 @@ class FakeHost : public ViewerHost {
     scene_.tools = {{"point", 0, false, "cone", {{0, 0, 0}}, {{{0, 0, 0}, {0, 0, 40}, 1.5, 2}}},
                     {"drill", 2, true, "ball", {{0, 0, 0}}, {}}};
     scene_.methods = {"proxy", "trilinear"};
+    scene_.laws = {"elastic", "neo-hookean"};
     scene_.device_name = "simulated";
     state_.method = "proxy";
+    state_.law = "elastic";
     state_.max_force_N = 1.4;
     state_.tissues = {{1.5, 0.2, 0.15, 0.001}, {0.3, 0, 0, 0}};
   }
