@@ -13,8 +13,8 @@
 /// A stand-in for Force Dimension's library. It counts as violations what the documentation forbids: calls to
 /// a device that is not open, two threads in calls about one device (but for the switch of its forces),
 /// forces while the library moves the arm, a force that is no number, an end with forces on or while the
-/// library moves the arm; and, of palpate's own rules, forces that are asked for after a hand has switched them
-/// off.
+/// library moves the arm; and, of palpate's own rules, forces that are asked for after a hand has switched
+/// them off.
 namespace palpate::testing {
 namespace {
 
