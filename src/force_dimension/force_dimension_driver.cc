@@ -419,7 +419,8 @@ class ForceDimensionDriver::Core {
     const char id = unit.id.load();
     const std::int64_t asked_ns = monotonic_ns();
     Eigen::Vector3d tip_m = Eigen::Vector3d::Constant(kNotKnown), velocity_m_s = tip_m;
-    double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    double frame[3][3];
+    std::fill_n(&frame[0][0], 9, kNotKnown);
     const int got = library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
     if (got < 0) return fail(unit, asked_ns);
     unit.failing_since_ns = 0;
