@@ -555,7 +555,9 @@ class ForceDimensionDriver::Core {
 
   // motors hold what they were told last
   void unheard(DhdUnit& unit) {
-    switch_off(unit);
+    // once: a hand that switches them on has to be seen first
+    if (unit.motors_on) switch_off(unit);
+    unit.force_on = false;
     const std::int64_t now_ns = monotonic_ns();
     if (unit.unheard_since_ns == 0) unit.unheard_since_ns = now_ns;
     if (now_ns - unit.unheard_since_ns > in_ns(kGivenUp_s)) lose(unit);

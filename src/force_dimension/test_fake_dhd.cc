@@ -95,7 +95,10 @@ void go_on(Behind& known, FakeDhdDevice& device) {
     if (known.on || by_hand(trip) || !by_hand(known.off_cause)) known.off_cause = trip;
     known.on = false;
   }
-  if (device.restored.exchange(false) && by_hand(known.off_cause)) known.on = true;
+  if (device.restored.exchange(false) && by_hand(known.off_cause)) {
+    known.on = true;
+    known.off_cause = 4;
+  }
   if (known.on && now_ns - known.spoken_ns > kWatchdog_ns) {
     known.on = false;
     known.off_cause = 3;
