@@ -25,7 +25,6 @@ namespace palpate::dhd {
   X(int, dhdSetMaxForce, (double, char))                                                                 \
   X(double, dhdGetMaxForce, (char))                                                                      \
   X(int, dhdGetStatus, (int*, char))                                                                     \
-  X(int, dhdErrorGetLast, ())                                                                            \
   X(const char*, dhdErrorGetLastStr, ())                                                                 \
   X(void, dhdGetSDKVersion, (int*, int*, int*, int*))                                                    \
   X(bool, dhdHasActiveWrist, (char))                                                                     \
@@ -77,7 +76,7 @@ enum Type : int {
 
 /// What dhdGetStatus fills.
 enum Status : int { kPower, kConnected, kStarted, kReset, kIdle, kForce, kError = 9, kForceOffCause = 14 };
-inline constexpr int kStatusFields = 17;
+inline constexpr int kStatusFields = 64;  ///< 17 in 3.17; newer ones fill more
 /// Why forces are off.
 enum OffCause : int {
   kByButton = 1,

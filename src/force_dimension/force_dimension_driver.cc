@@ -5,8 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cstring>
-#include <mutex>
+#include <iterator>
 #include <system_error>
 #include <thread>
 
@@ -65,8 +64,11 @@ struct Unit {
   // ---- the servo's
   DeviceSample sample;
   Trouble said_by_status = Trouble::kNone, off_why = Trouble::kNone;
-  std::int64_t status_ns = 0, failing_since_ns = 0, off_since_ns = 0;
-  bool force_on = false;
+  std::int64_t status_ns = 0, failing_since_ns = 0, unheard_since_ns = 0, off_since_ns = 0;
+  int off_by_hand = 0;     ///< the cause, until the device says that its forces are on; 0: a hand has not
+  bool force_on = false;   ///< as palpate has asked for
+  bool motors_on = true;   ///< as the device said last; not known counts as on
+  bool is_broken = false;  ///< its newest pose is none
 };
 
 }  // namespace dhd
@@ -131,7 +133,8 @@ DhdWords words_for(DhdTrouble trouble) {
     case DhdTrouble::kDeadman:
       return {"nobody holds the device", "take hold of its grip"};
     case DhdTrouble::kForceOff:
-      return {"the device has its forces off", "hold it still; press its force button if they stay off"};
+      return {"the device has its forces off, and does not say why",
+              "press its force button, or end the session and begin anew"};
     case DhdTrouble::kSilent:
       return {"the device does not answer", "look at its USB cable"};
     case DhdTrouble::kNone:
@@ -155,6 +158,17 @@ DhdTrouble trouble_of_cause(int cause) {
     default:
       return DhdTrouble::kForceOff;
   }
+}
+
+// a hand, or a fault that only a hand mends
+bool is_by_hand(int cause) {
+  return cause == dhd::kByButton || cause == dhd::kByUsb || cause == dhd::kByDeadman;
+}
+
+// from a wrong place the library would carry the arm's weight in a wrong direction
+bool is_without_place(DhdTrouble trouble) {
+  return trouble == DhdTrouble::kNoPower || trouble == DhdTrouble::kNotInitialised ||
+         trouble == DhdTrouble::kByHand || trouble == DhdTrouble::kError || trouble == DhdTrouble::kBroken;
 }
 
 Error error_for(DhdTrouble trouble, const std::string& where) {
@@ -251,7 +265,10 @@ class ForceDimensionDriver::Core {
   void run(ServoFunction& servo, ServoClock& clock) {
     const auto units = std::span(units_).first(count_);
     commands_ = {};
-    for (DhdUnit& unit : units) unit.force_on = false;
+    for (DhdUnit& unit : units) {
+      unit.force_on = false;
+      unit.motors_on = true;
+    }
     while (clock.wait()) {
       for (std::size_t d = 0; d < count_; ++d) {
         read(units[d]);
@@ -265,7 +282,7 @@ class ForceDimensionDriver::Core {
         set_force(unit, {});
         // brakes: an arm that nobody carries comes down slowly
         library_->dhdStop(unit.id.load());
-        unit.force_on = false;
+        unit.force_on = unit.motors_on = false;
       }
   }
 
@@ -318,9 +335,13 @@ class ForceDimensionDriver::Core {
     if (!library_->initialises()) return error_for(DhdTrouble::kNotInitialised, unit.info.name);
     unit.info.moves_by_itself = true;
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
-    if (library_->drdAutoInit(id) < 0)
-      return said_by(*library_, "the arm could not be initialised", unit.info.name,
-                     "see that nothing is in its way, and begin anew");
+    if (library_->drdAutoInit(id) < 0) {
+      const Error failed = said_by(*library_, "the arm could not be initialised", unit.info.name,
+                                   "see that nothing is in its way, and begin anew");
+      // its control may still be at it
+      library_->drdStop(false, id);
+      return failed;
+    }
     // the library's own control lets go, with forces on
     if (library_->drdStop(true, id) < 0)
       return said_by(*library_, "the library goes on moving the arm", unit.info.name,
@@ -397,8 +418,9 @@ class ForceDimensionDriver::Core {
     }
     const char id = unit.id.load();
     const std::int64_t asked_ns = monotonic_ns();
-    Eigen::Vector3d tip_m, velocity_m_s;
-    double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    Eigen::Vector3d tip_m = Eigen::Vector3d::Constant(kNotKnown), velocity_m_s = tip_m;
+    double frame[3][3];
+    std::fill_n(&frame[0][0], 9, kNotKnown);
     const int got = library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
     if (got < 0) return fail(unit, asked_ns);
     unit.failing_since_ns = 0;
@@ -407,15 +429,19 @@ class ForceDimensionDriver::Core {
       unit.said_by_status = read_status(unit);
       if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
     }
-    DhdTrouble trouble = unit.said_by_status;
-    const auto turn = unit.turns ? turn_of(frame) : Eigen::Quaterniond::Identity();
-    if (!tip_m.allFinite() || !turn) {
-      trouble = DhdTrouble::kBroken;
-    } else if (got != dhd::kTimeGuard) {
-      sample.tip = Point<Device>(tip_m * 1000);
-      sample.R_DeviceTool = *turn;
-      sample.taken_ns = asked_ns;
+    // an old state may hold anything, and says nothing of the newest one
+    if (got != dhd::kTimeGuard) {
+      const auto turn = unit.turns ? turn_of(frame) : Eigen::Quaterniond::Identity();
+      unit.is_broken = !tip_m.allFinite() || !turn;
+      if (!unit.is_broken) {
+        sample.tip = Point<Device>(tip_m * 1000);
+        sample.R_DeviceTool = *turn;
+        sample.taken_ns = asked_ns;
+      }
     }
+    DhdTrouble trouble = unit.said_by_status;
+    if (unit.is_broken) trouble = DhdTrouble::kBroken;
+    if (trouble == DhdTrouble::kNone && unit.unheard_since_ns != 0) trouble = DhdTrouble::kSilent;
     sample.velocity_mm_s = Vector<Device>(kNotKnown, kNotKnown, kNotKnown);
     if (library_->dhdGetLinearVelocity(&velocity_m_s[0], &velocity_m_s[1], &velocity_m_s[2], id) >= 0 &&
         velocity_m_s.allFinite())
@@ -426,7 +452,14 @@ class ForceDimensionDriver::Core {
     sample.buttons = library_->dhdGetButtonMask(id);
     sample.fault = trouble != DhdTrouble::kNone;
     unit.trouble.store(trouble);
+    // the device's button may have switched them on since the halt
+    if (unit.motors_on && (is_without_place(trouble) || halted_.load())) switch_off(unit);
     if (unit.said_by_status != DhdTrouble::kNone) unit.force_on = false;
+  }
+
+  void switch_off(DhdUnit& unit) {
+    library_->dhdEnableForce(0, unit.id.load());
+    unit.force_on = unit.motors_on = false;
   }
 
   DhdTrouble read_status(DhdUnit& unit) {
@@ -434,32 +467,41 @@ class ForceDimensionDriver::Core {
     std::array<int, dhd::kStatusFields> status{};
     if (library_->dhdGetStatus(status.data(), id) < 0) return DhdTrouble::kSilent;
     if (!status[dhd::kConnected]) return DhdTrouble::kLost;
+    unit.motors_on = status[dhd::kForce];
+    // a hand's word holds until it says otherwise, whatever else the device tells meanwhile
+    const int cause = status[dhd::kForceOffCause];
+    if (unit.motors_on) unit.off_by_hand = 0;
+    if (!unit.motors_on && is_by_hand(cause)) unit.off_by_hand = cause;
+    const bool by_hand = unit.off_by_hand != 0;
+    const int why = by_hand ? unit.off_by_hand : cause;
     if (!status[dhd::kPower]) return DhdTrouble::kNoPower;
     if (status[dhd::kError]) return DhdTrouble::kError;
     if (!is_initialised(*library_, id))
       return unit.model.by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised;
     if (unit.off_since_ns != 0) {
-      if (!status[dhd::kForce]) unit.off_why = trouble_of_cause(status[dhd::kForceOffCause]);
+      // by software: a halt's, after the device's own
+      if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = trouble_of_cause(why);
       // who switched them off at the device switches them on there
-      const bool asks = unit.off_why != DhdTrouble::kButton && unit.off_why != DhdTrouble::kUsb &&
-                        unit.off_why != DhdTrouble::kDeadman;
-      if (!calm_for_long(unit) || (!asks && !status[dhd::kForce])) return unit.off_why;
+      const bool asks = !by_hand && unit.off_why != DhdTrouble::kForceOff;
+      if (!calm_for_long(unit) || (!asks && !unit.motors_on)) return unit.off_why;
       unit.off_since_ns = 0;
       return DhdTrouble::kNone;
     }
-    if (status[dhd::kForce] || !unit.force_on || halted_.load()) return DhdTrouble::kNone;
+    if (unit.motors_on) return DhdTrouble::kNone;
+    if (!by_hand && (!unit.force_on || halted_.load())) return DhdTrouble::kNone;
     unit.force_on = false;
     // a halt that is over already
-    if (status[dhd::kForceOffCause] == dhd::kBySoftware) return DhdTrouble::kNone;
+    if (why == dhd::kBySoftware) return DhdTrouble::kNone;
     unit.off_since_ns = monotonic_ns();
-    unit.off_why = trouble_of_cause(status[dhd::kForceOffCause]);
+    unit.off_why = trouble_of_cause(why);
     return unit.off_why;
   }
 
   // forces that went off by themselves are asked for again no sooner
   static bool calm_for_long(DhdUnit& unit) {
     const std::int64_t now_ns = monotonic_ns();
-    if (unit.sample.velocity_mm_s.norm() > kCalm_mm_s) unit.off_since_ns = now_ns;
+    // one that is not known is not calm
+    if (!(unit.sample.velocity_mm_s.norm() <= kCalm_mm_s)) unit.off_since_ns = now_ns;
     return now_ns - unit.off_since_ns >= in_ns(kCalm_s);
   }
 
@@ -480,9 +522,11 @@ class ForceDimensionDriver::Core {
   }
 
   void come_back(DhdUnit& unit) {
-    unit.failing_since_ns = unit.status_ns = unit.off_since_ns = 0;
+    unit.failing_since_ns = unit.unheard_since_ns = unit.status_ns = unit.off_since_ns = 0;
     unit.said_by_status = DhdTrouble::kNone;
-    unit.force_on = false;
+    unit.off_by_hand = 0;
+    unit.force_on = unit.is_broken = false;
+    unit.motors_on = true;
     unit.state.store(DhdUnit::State::kThere);
   }
 
@@ -492,14 +536,31 @@ class ForceDimensionDriver::Core {
     if (halted) unit.force_on = false;
     const bool fine = !halted && !unit.sample.fault && unit.sample.taken_ns != 0;
     // zero first, and then the motors' switch
-    if (fine && !unit.force_on) {
-      if (!set_force(unit, {})) return;
-      unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
-      // a halt that came meanwhile
-      if (halted_.load()) library_->dhdEnableForce(0, unit.id.load());
-      return;
-    }
-    (void)set_force(unit, fine ? command : DeviceCommand{});
+    const bool enables = fine && !unit.force_on;
+    if (!set_force(unit, fine && !enables ? command : DeviceCommand{})) return unheard(unit);
+    unit.unheard_since_ns = 0;
+    if (enables) switch_on(unit);
+  }
+
+  void switch_on(DhdUnit& unit) {
+    // a hand may have been at the device's own switch since it was asked last
+    unit.said_by_status = read_status(unit);
+    if (unit.said_by_status == DhdTrouble::kLost) return lose(unit);
+    if (unit.said_by_status != DhdTrouble::kNone) return;
+    unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
+    unit.motors_on = true;
+    // a halt that came meanwhile
+    if (halted_.load()) switch_off(unit);
+  }
+
+  // motors hold what they were told last
+  void unheard(DhdUnit& unit) {
+    // once: a hand that switches them on has to be seen first
+    if (unit.motors_on) switch_off(unit);
+    unit.force_on = false;
+    const std::int64_t now_ns = monotonic_ns();
+    if (unit.unheard_since_ns == 0) unit.unheard_since_ns = now_ns;
+    if (now_ns - unit.unheard_since_ns > in_ns(kGivenUp_s)) lose(unit);
   }
 
   bool set_force(const DhdUnit& unit, const DeviceCommand& command) {
@@ -521,7 +582,10 @@ class ForceDimensionDriver::Core {
   }
 
   void look_for(DhdUnit& unit) {
-    if (const char id = unit.id.exchange(kNobody); id != kNobody) close_device(*library_, id);
+    if (const char id = unit.id.exchange(kNobody); id != kNobody) {
+      library_->dhdStop(id);
+      close_device(*library_, id);
+    }
     const auto units = std::span(units_).first(count_);
     const auto open =
         std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNobody; });

@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cmath>
 #include <cstdlib>
 #include <functional>
 #include <random>
@@ -35,6 +38,8 @@ const std::vector<DhdFault>& dhd_faults() {
   static const std::vector<DhdFault> faults{
       flag("unplugged", &FakeDhdDevice::plugged, false, "not there any more"),
       flag("failing", &FakeDhdDevice::fails, true, "cannot be opened"),
+      flag("mute", &FakeDhdDevice::mute, true, "does not answer"),
+      flag("deaf", &FakeDhdDevice::deaf, true, "does not answer"),
       flag("power", &FakeDhdDevice::power, false, "no power"),
       flag("calibration", &FakeDhdDevice::initialised, false, "not initialised"),
       flag("error", &FakeDhdDevice::error, true, "an error"),
@@ -77,6 +82,9 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   EXPECT_EQ(rig.device.force_N, 0);
+  // nor what the library pushes with by itself, the arm's weight. A device that is not reached lets go alone
+  const bool is_reached = rig.device.plugged && !rig.device.fails;
+  EXPECT_TRUE(!is_reached || soon([&] { return !rig.device.forces_on; }));
   GetParam().end(rig.device);
   EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
@@ -102,16 +110,46 @@ TEST(DhdFaultsAlone, OldStatesAge) {
   EXPECT_TRUE(rig.presses()) << "motors that give less are no fault";
 }
 
-// forces that the device has switched off by itself are not asked for while it moves
+// forces that the device has switched off by itself are not asked for while it moves, or may
 TEST(DhdFaultsAlone, AfterAVelocityTripItHasToBeHeldStill) {
+  const auto calm = std::chrono::duration<double>(ForceDimensionDriver::kCalm_s);
+  for (const double velocity_m_s : {0.06, std::nan("")}) {
+    DhdRig rig;
+    ASSERT_TRUE(rig.presses());
+    rig.device.velocity_y_m_s = velocity_m_s;
+    rig.device.says_velocity = true;
+    rig.device.trip = 2;
+    ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
+    std::this_thread::sleep_for(calm + std::chrono::milliseconds(200));
+    EXPECT_EQ(rig.device.force_N, 0) << velocity_m_s;
+    EXPECT_FALSE(rig.device.forces_on);
+    const auto still = std::chrono::steady_clock::now();
+    rig.device.velocity_y_m_s = 0.04;
+    ASSERT_TRUE(rig.presses());
+    // the device was asked 4 ms before, at most
+    EXPECT_GE(std::chrono::steady_clock::now() - still, calm - std::chrono::milliseconds(20));
+  }
+}
+
+// motors hold what they were told last
+TEST(DhdFaultsAlone, OneThatDoesNotHearForcesIsSwitchedOff) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
-  const auto begun = std::chrono::steady_clock::now();
-  rig.device.trip = 2;
-  ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
-  ASSERT_TRUE(rig.presses());
-  EXPECT_GE(std::chrono::steady_clock::now() - begun,
-            std::chrono::duration<double>(ForceDimensionDriver::kCalm_s));
+  rig.device.deaf = true;
+  EXPECT_TRUE(soon([&] { return rig.device.force_N == 0 && !rig.device.forces_on; }));
+  // it is opened anew again and again, and never pushes
+  std::atomic<double> most_N{0};
+  const int opened = rig.device.opened;
+  EXPECT_TRUE(soon([&] {
+    most_N = std::max(most_N.load(), rig.device.force_N.load());
+    return rig.device.opened > opened + 1;
+  }));
+  EXPECT_EQ(most_N, 0);
+  rig.device.deaf = false;
+  EXPECT_TRUE(rig.presses());
+  rig.end();
+  rig.driver.reset();
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
 TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
@@ -196,8 +234,10 @@ TEST(DhdFaultsAlone, MayEndAtAnyMoment) {
     fault.begin(rig.device);
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
     rig.end();
+    // before it is closed. One that is not reached lets go by itself
+    const bool is_reached = rig.device.plugged && !rig.device.fails;
+    EXPECT_TRUE(!is_reached || rig.device.force_N == 0) << fault.name;
     rig.driver.reset();
-    EXPECT_TRUE(!rig.device.plugged || rig.device.force_N == 0) << fault.name;
     EXPECT_EQ(rig.fake.violations, 0) << fault.name << ": " << rig.fake.first_violation.load();
   }
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <mutex>
+#include <new>
 #include <optional>
 
 #include "palpate/base/clock.h"
@@ -11,7 +12,9 @@
 
 /// A stand-in for Force Dimension's library. It counts as violations what the documentation forbids: calls to
 /// a device that is not open, two threads in calls about one device (but for the switch of its forces),
-/// forces while the library moves the arm, a force that is no number, an end with a force left.
+/// forces while the library moves the arm, a force that is no number, an end with forces on or while the
+/// library moves the arm; and, of palpate's own rules, forces that are asked for after a hand has switched
+/// them off.
 namespace palpate::testing {
 namespace {
 
@@ -25,6 +28,10 @@ FakeDhd& fake() {
 
 void violated(const char* rule) {
   if (fake().violations.fetch_add(1) == 0) fake().first_violation = rule;
+}
+
+bool by_hand(int cause) {
+  return cause == 1 || cause >= 5;
 }
 
 SimulatedDevice hand_of(const FakeDhdDevice& device) {
@@ -85,10 +92,13 @@ class Call {
 void go_on(Behind& known, FakeDhdDevice& device) {
   const std::int64_t now_ns = monotonic_ns();
   if (const int trip = device.trip.exchange(0)) {
+    if (known.on || by_hand(trip) || !by_hand(known.off_cause)) known.off_cause = trip;
     known.on = false;
-    known.off_cause = trip;
   }
-  if (device.restored.exchange(false) && (known.off_cause == 1 || known.off_cause >= 5)) known.on = true;
+  if (device.restored.exchange(false) && by_hand(known.off_cause)) {
+    known.on = true;
+    known.off_cause = 4;
+  }
   if (known.on && now_ns - known.spoken_ns > kWatchdog_ns) {
     known.on = false;
     known.off_cause = 3;
@@ -118,7 +128,8 @@ int open_one(char id) {
   known.open = true;
   known.gone = false;
   known.moves = known.on = false;
-  known.off_cause = 4;
+  // the device's own switch is as it was
+  if (!by_hand(known.off_cause)) known.off_cause = 4;
   known.acting = {};
   known.hand.emplace(hand_of(device));
   known.advanced_ns = known.spoken_ns = monotonic_ns();
@@ -132,11 +143,11 @@ int close_one(char id) {
   Call call(id);
   if (!call.known().open) return failed(15);
   const std::lock_guard lock(call.known().mutex);
-  if (call.ok() && call.known().on && call.known().acting.force_N.norm() > 0) violated("closed with a force");
+  if (call.ok() && call.known().on) violated("closed with forces on");
+  if (call.ok() && call.known().moves) violated("closed while the library moves the arm");
   call.known().open = false;
-  call.known().on = false;
-  call.device().force_N = 0;
-  call.device().forces_on = false;
+  // one that hears nobody lets go by itself
+  if (!call.ok()) call.device().force_N = 0;
   return 0;
 }
 
@@ -145,6 +156,7 @@ void reset_all() {
   fake().auto_init_fails = false;
   fake().violations = 0;
   fake().first_violation = "";
+  for (Behind& known : behind) known.off_cause = 4;
   for (FakeDhdDevice& device : fake().device) {
     device.~FakeDhdDevice();
     new (&device) FakeDhdDevice;
@@ -192,8 +204,10 @@ bool drdIsInitialized(char id) {
 }
 int drdAutoInit(char id) {
   Call call(id);
-  if (!call.ok() || fake().auto_init_fails) return failed(12);
+  if (!call.ok()) return failed(2);
+  // and does not stop by itself where it fails
   call.known().moves = true;
+  if (fake().auto_init_fails) return failed(12);
   call.device().initialised = true;
   ++call.device().auto_inits;
   return 0;
@@ -214,9 +228,12 @@ int dhdGetSystemType(char id) {
 }
 int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double frame[3][3], char id) {
   Call call(id);
-  if (!call.ok()) return failed(2);
+  if (!call.ok() || call.device().mute) return failed(2);
   const std::lock_guard lock(call.known().mutex);
-  if (call.device().old) return 1;
+  if (call.device().old) {
+    *x = *y = *z = std::nan("");
+    return 1;
+  }
   go_on(call.known(), call.device());
   const palpate::DeviceSample sample = call.known().hand->read();
   *x = call.device().nowhere ? std::nan("") : sample.tip.x() * 1e-3;
@@ -232,6 +249,12 @@ int dhdGetLinearVelocity(double* x, double* y, double* z, char id) {
   Call call(id);
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
+  if (call.device().says_velocity) {
+    *x = call.device().velocity_x_m_s;
+    *y = call.device().velocity_y_m_s;
+    *z = call.device().velocity_z_m_s;
+    return 0;
+  }
   const auto velocity = call.known().hand->true_velocity_mm_s();
   *x = velocity.x() * 1e-3;
   *y = velocity.y() * 1e-3;
@@ -255,7 +278,10 @@ int dhdEnableForce(unsigned char on, char id) {
   const std::lock_guard lock(call.known().mutex);
   if (on && !call.known().on) call.known().spoken_ns = palpate::monotonic_ns();
   // what was switched off at the device is switched on there
-  if (on && !call.known().on && (call.known().off_cause == 1 || call.known().off_cause >= 5)) return 0;
+  if (on && !call.known().on && palpate::testing::by_hand(call.known().off_cause)) {
+    violated("forces asked for that a hand has switched off");
+    return 0;
+  }
   if (!on && call.known().on) call.known().off_cause = 4;
   call.known().on = on != 0;
   call.device().forces_on = call.known().on;
@@ -266,8 +292,8 @@ int dhdStop(char id) {
   Call call(id);
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
+  if (call.known().on) call.known().off_cause = 4;
   call.known().on = false;
-  call.known().off_cause = 4;
   call.device().force_N = 0;
   call.device().forces_on = false;
   ++call.device().brakes;
@@ -277,6 +303,7 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
                                         double gripper, char id) {
   Call call(id);
   if (!call.ok()) return failed(2);
+  if (call.device().deaf) return failed(2);
   if (call.known().moves) violated("a force while the library moves the arm");
   for (const double each : {fx, fy, fz, tx, ty, tz, gripper})
     if (!std::isfinite(each)) violated("a force that is no number");
@@ -314,7 +341,8 @@ int dhdGetStatus(int* status, char id) {
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
   go_on(call.known(), call.device());
-  std::fill_n(status, 17, 0);
+  // more fields than 3.17 has
+  std::fill_n(status, 24, 0);
   status[0] = call.device().power;
   status[1] = call.device().plugged;
   status[2] = 1;
@@ -323,9 +351,6 @@ int dhdGetStatus(int* status, char id) {
   status[9] = call.device().error;
   status[14] = call.known().on ? 0 : call.known().off_cause;
   return 0;
-}
-int dhdErrorGetLast() {
-  return palpate::testing::last_error;
 }
 const char* dhdErrorGetLastStr() {
   return palpate::testing::last_error == 20 ? "device in use" : "communication error";

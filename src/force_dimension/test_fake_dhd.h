@@ -17,10 +17,15 @@ struct FakeDhdDevice {
   std::atomic<unsigned short> serial{117};
   std::atomic<bool> plugged{true}, power{true}, in_use{false}, error{false}, initialised{true};
   std::atomic<bool> fails{false};      ///< every call about it fails
-  std::atomic<bool> old{false};        ///< states are old ones: TIMEGUARD
+  std::atomic<bool> mute{false};       ///< and of its pose alone
+  std::atomic<bool> deaf{false};       ///< and of forces alone: it holds what it was told last
+  std::atomic<bool> old{false};        ///< states are old ones, TIMEGUARD, and hold anything
   std::atomic<bool> nowhere{false};    ///< its place is no number
   std::atomic<bool> crooked{false};    ///< its frame is no turn
   std::atomic<bool> saturated{false};  ///< its motors give less than they are asked for
+  /// What it says of its velocity, m/s along each axis, in place of the hand's own.
+  std::atomic<bool> says_velocity{false};
+  std::atomic<double> velocity_x_m_s{0}, velocity_y_m_s{0}, velocity_z_m_s{0};
   /// Switches forces off once, as the device does by itself: 1 button, 2 velocity, 3 watchdog, 5 USB, 6
   /// dead man's switch. Of button, USB and dead man's switch they come back when `restored` is set.
   std::atomic<int> trip{0};

@@ -63,7 +63,6 @@ enum Parameter : unsigned {
   kModelType = 0x2501,
   kSerialNumber = 0x2504,
   kUsableWorkspace = 0x2551,
-  kOutputDof = 0x2554,
   kCalibrationStyle = 0x2555,
   kUpdateRate = 0x2600,
   kMaxStiffness = 0x2602,

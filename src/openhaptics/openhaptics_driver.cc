@@ -7,7 +7,9 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -40,7 +42,8 @@ struct Unit {
   DeviceInfo info;
   std::string identity;
   std::atomic<Handle> handle{kNobody};
-  int style = 0;
+  int style = 0;                 ///< of calibration, the one that is used; 0: none is known
+  std::optional<double> most_N;  ///< peak of the device, of which what is held takes its part
   // ---- whoever is in its frame
   DeviceSample sample;
   Trouble trouble = Trouble::kNone, calibration = Trouble::kNone, tripped = Trouble::kNone;
@@ -58,7 +61,8 @@ using HdUnit = hd::Unit;
 
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
 constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
-constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000;
+constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000,
+                       kLastFrame_ns = 1'000'000'000;
 // errors are told one by one: of a stack that never ends no more
 constexpr int kMostErrors = 64;
 constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
@@ -68,6 +72,12 @@ constexpr const char* kHdGet =
 
 std::int64_t hd_ns(double seconds) {
   return std::llround(seconds * 1e9);
+}
+
+std::string newtons(double force_N) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.2f N", force_N);
+  return text.data();
 }
 
 struct HdWords {
@@ -140,14 +150,17 @@ void add_known(std::string_view model, DeviceInfo& info) {
     }
 }
 
+bool is_warning(unsigned code) {
+  return code >= hd::kWarmMotors && code <= hd::kForceError;
+}
+
 /// Takes all errors; the last one that is more than a warning, or the last one.
 unsigned drain(const hd::Library& library) {
   unsigned worst = hd::kNoError;
   for (int n = 0; n < kMostErrors; ++n) {
     const unsigned code = library.hdGetError().code;
     if (code == hd::kNoError) break;
-    const bool warning = code >= hd::kWarmMotors && code <= hd::kForceError;
-    if (!warning || worst == hd::kNoError) worst = code;
+    if (!is_warning(code) || worst == hd::kNoError) worst = code;
   }
   return worst;
 }
@@ -162,6 +175,13 @@ Error refused(const hd::Library& library, unsigned code, const std::string& wher
           "the library cannot begin with it" +
               (said && *said ? " (" + printable_name(said) + ")" : std::string()),
           where, cure};
+}
+
+/// Of a device's styles of calibration the one that asks least of whoever holds it.
+int style_of(int styles) {
+  for (const int style : {hd::kAuto, hd::kInkwell, hd::kEncoderReset})
+    if (styles & style) return style;
+  return 0;
 }
 
 /// The device as the library has it under this name; by the default one's names where it is empty.
@@ -186,10 +206,15 @@ class OpenHapticsDriver::Core {
  public:
   explicit Core(const OpenHapticsSettings& settings) : settings_(settings) {}
   ~Core() {
-    end_.store(true);
-    if (finder_.joinable()) finder_.join();
+    end();
     disable_all();
   }
+  void end() {
+    end_.store(true);
+    if (finder_.joinable()) finder_.join();
+  }
+  /// Whether the vendor's thread has been left alone in its library, from which it may come back.
+  bool is_abandoned() const { return abandoned_.load(); }
 
   std::span<const DeviceInfo> devices() const { return infos_; }
 
@@ -213,7 +238,12 @@ class OpenHapticsDriver::Core {
         return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
       }
       describe(units_[d]);
-      prepare(units_[d]);
+      auto ready = take_what_is_held(units_[d]);
+      if (ready) ready = prepare(units_[d]);
+      if (!ready) {
+        disable_all();
+        return ready.error();
+      }
       infos_.push_back(units_[d].info);
     }
     try {
@@ -227,6 +257,7 @@ class OpenHapticsDriver::Core {
   }
 
   void run(ServoFunction& servo, ServoClock& clock) {
+    if (abandoned_.load()) return;
     servo_ = &servo;
     commands_ = {};
     stopping_.store(false);
@@ -298,31 +329,62 @@ class OpenHapticsDriver::Core {
     info.degrees_of_freedom_out = 3;
     info.buttons = 2;
     info.R_WorldDevice = openhaptics_axes();
-    library.hdGetIntegerv(hd::kCalibrationStyle, &unit.style);
+    int styles = 0;
+    library.hdGetIntegerv(hd::kCalibrationStyle, &styles);
+    unit.style = style_of(styles);
     unit.info = info;
     unit.identity = identity_of(unit);
     drain(library);
   }
+  /// What carries something has that much less for the rest.
+  Result<void> take_what_is_held(HdUnit& unit) const {
+    DeviceInfo& info = unit.info;
+    unit.most_N = info.peak_force_N;
+    if (!settings_.held_mass_kg) return {};
+    const double weight_N = *settings_.held_mass_kg * kGravity_m_s2;
+    for (std::optional<double>* limit_N : {&info.peak_force_N, &info.continuous_force_N}) {
+      if (!*limit_N) continue;
+      if (weight_N >= **limit_N)
+        return Error{ErrorKind::kUsage,
+                     "what is held weighs " + newtons(weight_N) + ", and the device can hold " +
+                         newtons(**limit_N) +
+                         (limit_N == &info.continuous_force_N ? " without growing warm" : ""),
+                     info.name, "name a mass that it can carry, or none: --held-mass touch=KG"};
+      **limit_N -= weight_N;
+    }
+    return {};
+  }
+
   std::string identity_of(const HdUnit& unit) {
     library_->hdMakeCurrentDevice(unit.handle);
     return text_of(*library_, hd::kModelType) + "\n" + text_of(*library_, hd::kSerialNumber);
   }
 
   /// After init, before the scheduler.
-  void prepare(HdUnit& unit) {
+  Result<void> prepare(HdUnit& unit) {
     library_->hdMakeCurrentDevice(unit.handle);
-    library_->hdEnable(hd::kForceOutput);
+    drain(*library_);
     library_->hdEnable(hd::kMaxForceClamping);
     library_->hdEnable(hd::kForceRamping);
+    if (!halted_.load()) library_->hdEnable(hd::kForceOutput);
+    if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error)) {
+      const char* said = library_->hdGetErrorString(error);
+      return Error{ErrorKind::kUnavailable,
+                   "the library's own guards of force cannot be switched on" +
+                       (said && *said ? " (" + printable_name(said) + ")" : std::string()),
+                   unit.info.name, "switch the device off and on again; install the newest OpenHaptics"};
+    }
     unit.calibration = HdTrouble::kNone;
     unit.calibration_ns = unit.tripped_until_ns = 0;
     unit.update_calibration = false;
-    if ((unit.style & hd::kEncoderReset) && library_->hdCheckCalibration() != hd::kCalibrated)
+    if (unit.style == hd::kEncoderReset && library_->hdCheckCalibration() != hd::kCalibrated)
       library_->hdUpdateCalibration(hd::kEncoderReset);
     drain(*library_);
+    return {};
   }
 
   void disable_all() {
+    if (abandoned_.load()) return;
     for (std::size_t d = 0; d < count_; ++d)
       if (units_[d].handle != hd::kNobody) {
         library_->hdDisableDevice(units_[d].handle);
@@ -334,7 +396,8 @@ class OpenHapticsDriver::Core {
   // ---- run()'s thread
   void start() {
     for (HdUnit& unit : units_) unit.carried = 0;
-    force_on_.store(!halted_.load());
+    // a halt or a stop may have left it off: the first frame switches it on
+    force_on_.store(false);
     last_frame_ns_.store(monotonic_ns());
     owner_.store(Owner::kVendor);
     scheduled_ = library_->hdScheduleAsynchronous(
@@ -355,7 +418,7 @@ class OpenHapticsDriver::Core {
     const bool failed = failed_.load();
     if (!failed && since_ns < hd_ns(kLate_s)) return;
     // it holds what it was told last
-    if (force_on_.exchange(false)) switch_off();
+    if (force_on_.load()) switch_off();
     if (!failed && since_ns < hd_ns(kGivenUp_s)) return;
     Owner vendor = Owner::kVendor;
     // who is in the servo has to come out of it first
@@ -379,18 +442,26 @@ class OpenHapticsDriver::Core {
     if (!running_.exchange(false)) return;
     library_->hdStopScheduler();
     library_->hdUnschedule(scheduled_);
-    // what it had still begun
-    while (inside_.load()) std::this_thread::sleep_for(kOwnPeriod);
+    // what it had still begun: for the servo without an end, for a library that hangs no longer than
+    const std::int64_t until_ns = monotonic_ns() + kLastFrame_ns;
+    while (inside_.load()) {
+      std::this_thread::sleep_for(kOwnPeriod);
+      if (monotonic_ns() < until_ns) continue;
+      abandoned_.store(true);
+      // a frame that comes to the servo after this passes it by
+      if (!in_servo_.load()) return;
+    }
   }
 
   // ---- any thread
   void switch_off() {
-    force_on_.store(false);
     for (std::size_t d = 0; d < count_; ++d) {
       // one device is always the current one
       if (count_ > 1) library_->hdMakeCurrentDevice(units_[d].handle);
       library_->hdDisable(hd::kForceOutput);
     }
+    // last: a frame that switches on meanwhile is then followed by one that does so again
+    force_on_.store(false);
   }
   void note(HdTrouble trouble, std::size_t device) {
     troubled_.store(device);
@@ -409,8 +480,10 @@ class OpenHapticsDriver::Core {
       // what comes back comes by the ramp
       samples_[d].fault = samples_[d].fault || was_off;
     }
-    const bool stopping = stopping_.load();
+    in_servo_.store(true);
+    const bool stopping = stopping_.load() || abandoned_.load();
     if (!stopping) servo_->update(std::span(samples_).first(count_), std::span(commands_).first(count_));
+    in_servo_.store(false);
     for (std::size_t d = 0; d < count_; ++d)
       end_frame(units_[d], stopping || samples_[d].fault ? nullptr : &commands_[d]);
     const unsigned error = drain(*library_);
@@ -450,8 +523,10 @@ class OpenHapticsDriver::Core {
     const hd::Library& library = *library_;
     library.hdMakeCurrentDevice(unit.handle);
     library.hdBeginFrame(unit.handle);
-    Eigen::Vector3d tip_mm, velocity_mm_s, turning_rad_s;
-    Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();
+    // a call that fails leaves what was there
+    Eigen::Vector3d tip_mm = Eigen::Vector3d::Constant(kNotKnown), velocity_mm_s = tip_mm,
+                    turning_rad_s = tip_mm;
+    Eigen::Matrix4d transform = Eigen::Matrix4d::Constant(kNotKnown);
     int buttons = 0;
     library.hdGetDoublev(hd::kPosition, tip_mm.data());
     library.hdGetDoublev(hd::kVelocity, velocity_mm_s.data());
@@ -485,9 +560,10 @@ class OpenHapticsDriver::Core {
     const unsigned state = library_->hdCheckCalibration();
     unit.calibration = HdTrouble::kNone;
     if (state == hd::kCalibrated) return;
-    unit.calibration = (unit.style & hd::kInkwell) ? HdTrouble::kInkwell : HdTrouble::kReset;
+    unit.calibration = unit.style == hd::kInkwell ? HdTrouble::kInkwell : HdTrouble::kReset;
     // an encoder's reset is for an arm that nobody holds
-    unit.update_calibration = state == hd::kNeedsUpdate && !(unit.style & hd::kEncoderReset);
+    unit.update_calibration =
+        state == hd::kNeedsUpdate && (unit.style == hd::kAuto || unit.style == hd::kInkwell);
   }
 
   void take_error(HdUnit& unit, unsigned code, std::int64_t now_ns) {
@@ -512,7 +588,7 @@ class OpenHapticsDriver::Core {
     const double step = unit.info.rate_hz ? 1 / (*unit.info.rate_hz * kCarriedIn_s) : 1e-3;
     unit.carried = gives ? std::min(1.0, unit.carried + step) : 0;
     if (settings_.held_mass_kg) force_N.y() += unit.carried * *settings_.held_mass_kg * kGravity_m_s2;
-    const double most_N = unit.info.peak_force_N.value_or(force_N.norm());
+    const double most_N = unit.most_N.value_or(force_N.norm());
     if (force_N.norm() > most_N) force_N *= most_N / force_N.norm();
     library_->hdMakeCurrentDevice(unit.handle);
     library_->hdSetDoublev(hd::kForce, force_N.data());
@@ -537,6 +613,7 @@ class OpenHapticsDriver::Core {
       if (lost_.load() != Lost::kYes || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       stop_scheduler();
+      if (abandoned_.load()) continue;
       disable_all();
       bool all = true;
       for (std::size_t d = 0; d < count_ && all; ++d) {
@@ -548,7 +625,10 @@ class OpenHapticsDriver::Core {
           note(HdTrouble::kLost, d);
         else if (!all)
           note(HdTrouble::kOther, d);
-        if (all) prepare(unit);
+        if (all && !prepare(unit)) {
+          all = false;
+          note(HdTrouble::kLost, d);
+        }
       }
       if (all) lost_.store(Lost::kBack);
     }
@@ -569,7 +649,7 @@ class OpenHapticsDriver::Core {
   std::atomic<Owner> owner_{Owner::kOwn};
   std::atomic<Lost> lost_{Lost::kNo};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
-      inside_{false}, end_{false};
+      inside_{false}, in_servo_{false}, abandoned_{false}, end_{false};
   std::atomic<int> zeros_{0};
   std::atomic<std::int64_t> last_frame_ns_{0};
   std::atomic<HdTrouble> trouble_{HdTrouble::kNone};
@@ -579,7 +659,11 @@ class OpenHapticsDriver::Core {
 
 OpenHapticsDriver::OpenHapticsDriver(const OpenHapticsSettings& settings)
     : core_(std::make_unique<Core>(settings)) {}
-OpenHapticsDriver::~OpenHapticsDriver() = default;
+OpenHapticsDriver::~OpenHapticsDriver() {
+  core_->end();
+  // the vendor's thread may come back to it: it is left to it
+  if (core_->is_abandoned()) (void)core_.release();
+}
 
 std::span<const DeviceInfo> OpenHapticsDriver::devices() const {
   return core_->devices();

@@ -36,6 +36,7 @@ const std::vector<HdFault>& hd_faults() {
       flag("communication", &testing::FakeHdDevice::communication, false, "not reach"),
       flag("nowhere", &testing::FakeHdDevice::nowhere, true, "a place that is none"),
       flag("crooked", &testing::FakeHdDevice::crooked, true, "a place that is none"),
+      flag("mute", &testing::FakeHdDevice::mute, true, "a place that is none"),
       flag("calibration", &testing::FakeHdDevice::never_calibrates, true, "not calibrated"),
       error("warm", 0x200, "motors are warm"),
       error("force", 0x201, "force was too high"),
@@ -96,6 +97,28 @@ TEST(HdFaultsAlone, AnotherDeviceByTheNameIsNotFelt) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
+// its thread is left alone in there, and finds nothing to do when it comes back
+TEST(HdFaultsAlone, ALibraryThatHangsDoesNotKeepTheEnd) {
+  HdRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.fake.hangs = true;
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(rig.device.force_N, 0) << "switched off, for no frame has ended";
+  rig.end();
+  rig.driver->run(rig.wall, rig.clock);
+  rig.driver.reset();
+  const int then = rig.wall.updates;
+  const std::uint64_t frames = rig.device.frames;
+  rig.fake.hangs = false;
+  EXPECT_TRUE(soon([&] { return rig.device.frames > frames; }));
+  EXPECT_EQ(rig.wall.updates, then);
+  EXPECT_EQ(rig.device.asked_x_N, 0);
+  EXPECT_EQ(rig.device.force_N, 0);
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
+  // its thread has to have ended
+  rig.fake.reset();
+}
+
 // any faults, one after another and together: no force while there is one, none above the wall's, and it is
 // felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
 TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
@@ -145,8 +168,9 @@ TEST(HdFaultsAlone, MayEndAtAnyMoment) {
     fault.begin(rig.fake);
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 150));
     rig.end();
+    // before it is disabled, which takes the force as well
+    EXPECT_TRUE(rig.device.force_N == 0) << fault.name;
     rig.driver.reset();
-    EXPECT_EQ(rig.device.force_N, 0) << fault.name;
     EXPECT_FALSE(rig.fake.running);
     EXPECT_EQ(rig.fake.violations, 0) << fault.name << ": " << rig.fake.first_violation.load();
   }

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <deque>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <thread>
 
@@ -111,9 +112,11 @@ bool may_touch() {
 }
 
 void reset_all() {
+  if (scheduler.joinable()) scheduler.join();
   const std::lock_guard lock(mutex);
+  for (Behind& known : behind) known.initialised = false;
   fake().licence = fake().null_name = true;
-  fake().stalled = false;
+  fake().stalled = fake().hangs = false;
   fake().violations = 0;
   fake().first_violation = "";
   errors.clear();
@@ -193,11 +196,8 @@ void hdMakeCurrentDevice(unsigned handle) {
   if (!behind_of(handle)) return push(0x104, handle);
   current = handle;
 }
-unsigned hdGetCurrentDevice() {
-  const Guard lock(mutex);
-  return current;
-}
 void hdBeginFrame(unsigned handle) {
+  while (fake().hangs) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   const Guard lock(mutex);
   Behind* known = behind_of(handle);
   if (!known) return push(0x104, handle);
@@ -233,10 +233,14 @@ void hdGetDoublev(unsigned what, double* values) {
   if (what >= 0x2050 && what <= 0x2053) {
     if (!may_touch()) return push(0x402);
     FakeHdDevice& device = device_of(*known);
+    if (device.mute) return;
     const palpate::DeviceSample& s = known->sample;
     const double x = device.nowhere ? std::nan("") : s.tip.x();
     const double c = std::cos(device.turned_rad), n = std::sin(device.turned_rad);
-    const auto velocity = known->hand->true_velocity_mm_s();
+    const palpate::Vector<palpate::Device> velocity(known->hand->true_velocity_mm_s() +
+                                                    palpate::Vector<palpate::Device>(device.velocity_x_mm_s,
+                                                                                     device.velocity_y_mm_s,
+                                                                                     device.velocity_z_mm_s));
     switch (what) {
       case 0x2050:
         values[0] = x, values[1] = s.tip.y(), values[2] = s.tip.z();
@@ -320,6 +324,7 @@ void hdEnable(unsigned what) {
   Behind* known = behind_of(current);
   if (!known) return push(0x104);
   FakeHdDevice& device = device_of(*known);
+  if (what != 0x4000 && device.unguarded) return push(0x100);
   (what == 0x4000 ? device.force_on : what == 0x4001 ? device.clamping : device.ramping) = true;
 }
 void hdDisable(unsigned what) {
@@ -348,7 +353,8 @@ unsigned hdCheckCalibration() {
   if (!known) return 0x5000;
   FakeHdDevice& device = device_of(*known);
   if (device.calibrated && !device.never_calibrates) return 0x5000;
-  return device.style == 4 && !device.in_inkwell ? 0x5002 : 0x5001;
+  const bool by_inkwell = (device.style & 4) && !(device.style & 2);
+  return by_inkwell && !device.in_inkwell ? 0x5002 : 0x5001;
 }
 #endif
 void hdUpdateCalibration(unsigned style) {
@@ -357,7 +363,8 @@ void hdUpdateCalibration(unsigned style) {
   if (!known) return push(0x104);
   FakeHdDevice& device = device_of(*known);
   if (known->in_frame) violated("a calibration within a frame");
-  if (static_cast<int>(style) != device.style) violated("a calibration of another style");
+  if (style != 1 && style != 2 && style != 4) violated("a calibration of no one style");
+  if (!(static_cast<int>(style) & device.style)) violated("a calibration of a style that it does not have");
   if (style == 1 && fake().running) violated("an encoder reset while the scheduler runs");
   if (style == 4 && !fake().running) violated("an inkwell's calibration before the scheduler runs");
   ++device.updates;
@@ -389,9 +396,8 @@ void hdStartScheduler() {
 void hdStopScheduler() {
   if (!fake().running) return violated("stopped what does not run");
   stop_scheduler = true;
-  if (scheduler.joinable()) scheduler.join();
+  if (!fake().hangs && scheduler.joinable()) scheduler.join();
   fake().running = false;
 }
-void hdSetSchedulerRate(unsigned long /*rate*/) {}
 
 }  // extern "C"

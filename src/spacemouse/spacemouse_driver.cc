@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <set>
@@ -139,6 +140,8 @@ class SpaceMouseDriver::Core {
     try {
       reader_ = std::thread([this] { read_for_ever(); });
     } catch (const std::system_error& error) {
+      ::close(file_);
+      file_ = -1;
       return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(),
                    "spacemouse", "close other programs, or raise the limit of processes (ulimit -u)"};
     }
@@ -210,6 +213,13 @@ class SpaceMouseDriver::Core {
   }
 
   void take(const input_event& event) {
+    // the kernel had no room for all: what was let go meanwhile would move the tip for good
+    if (event.type == EV_SYN && event.code == SYN_DROPPED) {
+      let_go();
+      is_dropped_ = true;
+    }
+    if (event.type == EV_SYN && event.code == SYN_REPORT) is_dropped_ = false;
+    if (is_dropped_) return;
     if (event.type == EV_KEY && event.code >= BTN_0 && event.code < BTN_0 + 32) {
       const std::uint32_t bit = 1u << (event.code - BTN_0);
       buttons_.store(event.value != 0 ? buttons_.load() | bit : buttons_.load() & ~bit);
@@ -222,10 +232,15 @@ class SpaceMouseDriver::Core {
     deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMostDeflection, -1.0, 1.0));
   }
 
-  void lose() {
-    lost_.store(true);
+  void let_go() {
     for (auto& axis : deflection_) axis.store(0);
     buttons_.store(0);
+  }
+
+  void lose() {
+    lost_.store(true);
+    let_go();
+    is_dropped_ = false;
     ::close(file_);
     file_ = -1;
   }
@@ -233,7 +248,9 @@ class SpaceMouseDriver::Core {
   const SpaceMouseSettings settings_;
   DeviceInfo info_;
   DeviceSample sample_;
-  int file_ = -1;  // the reader's, once it runs
+  // the reader's, once it runs
+  int file_ = -1;
+  bool is_dropped_ = false;  // until the next report
   std::array<std::atomic<double>, 6> deflection_{};
   std::atomic<std::uint32_t> buttons_{0};
   std::atomic<std::int64_t> told_ns_{0};

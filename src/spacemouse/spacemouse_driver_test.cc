@@ -165,6 +165,25 @@ TEST_F(SpaceMouse, ButtonsAreBits) {
   EXPECT_TRUE(soon([&] { return seen_.last().buttons == 2; }));
 }
 
+// the kernel's buffer ran over, and the cap's way back was in it
+TEST_F(SpaceMouse, EventsThatWereDroppedLetItRest) {
+  begin();
+  send(EV_KEY, BTN_0, 1);
+  send(EV_ABS, ABS_X, 350);
+  EXPECT_TRUE(soon([&] { return seen_.last().tip.x() > 0.5 && seen_.last().buttons == 1; }));
+  send(EV_SYN, SYN_DROPPED, 0);
+  send(EV_ABS, ABS_Y, 350);
+  EXPECT_TRUE(soon([&] { return seen_.last().buttons == 0; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));
+  const Point<Device> rests = seen_.last().tip;
+  EXPECT_EQ(rests.y(), 0) << "of what is left of a lost report nothing is taken";
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_EQ(seen_.last().tip, rests);
+  send(EV_SYN, SYN_REPORT, 0);
+  send(EV_ABS, ABS_Y, -350);
+  EXPECT_TRUE(soon([&] { return seen_.last().tip.y() > 0.5; }));
+}
+
 TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   begin();
   send(EV_ABS, ABS_X, 350);

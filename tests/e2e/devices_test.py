@@ -1,6 +1,9 @@
 """palpate devices and palpate doctor: what there is and what is missing, without a device on the machine."""
 
 import json
+import os
+import shutil
+import subprocess
 
 import cli
 
@@ -59,6 +62,25 @@ class Doctor(cli.PalpateTest):
                              (("--held-mass", "force-dimension=-1"), "-1")):
             for verb in (("doctor",), ("devices",), ("explore", "knee-phantom")):
                 self.fail_clearly(cli.USAGE, *verb, *option, says=says)
+
+    def test_no_makers_library_is_chosen_by_the_environment(self):
+        for device, variable, name in (("force-dimension", "FAKE_DRD", "libdrd.so.3"), ("touch", "FAKE_HD", "libHD.so")):
+            library = self.folder / name
+            library.symlink_to(os.environ[variable])
+            environment = {**os.environ, "LD_LIBRARY_PATH": str(self.folder)}
+            # the proof itself: a loader that is asked for the bare name finds it there
+            subprocess.run([shutil.which("python3"), "-c", f"import ctypes; ctypes.CDLL('{name}')"], env=environment,
+                           check=not cli.SANITIZED)
+            looked = ("doctor", "--json", "--seconds", "0.2", "--device", device)
+            done = cli.run(*looked, env=environment)
+            line = [line for line in json.loads(done.stdout)["lines"] if line["topic"] == device][0]
+            self.assertEqual(line["finding"], "missing", line)
+            self.assertIn(f"no {name}", line["found"])
+            # and one that is named is taken
+            done = cli.run(*looked, "--library", f"{device}={library}")
+            line = [line for line in json.loads(done.stdout)["lines"] if line["topic"] == device][0]
+            self.assertEqual(line["finding"], "fine", line)
+            self.assertIn(str(library), line["found"])
 
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")

@@ -16,7 +16,8 @@ struct OpenHapticsSettings {
   /// Names under which the maker's own setup knows the devices. Empty: one device, the default one, by the
   /// names that it is known to have.
   std::vector<std::string> names;
-  /// Of what is held at the arm's end, kg: the driver pushes up against its weight. Empty: it does not.
+  /// Of what is held at the arm's end, kg: the driver pushes up against its weight, and the devices' limits
+  /// are that much less. Empty: it does not.
   std::optional<double> held_mass_kg;
 };
 
@@ -40,7 +41,8 @@ class OpenHapticsDriver final : public DeviceDriver {
   ~OpenHapticsDriver() override;
 
   std::span<const DeviceInfo> devices() const override;
-  /// Errors: kUnavailable where there is no library, no device, no licence.
+  /// Errors: kUnavailable where there is no library, no device, no licence, or a device without its library's
+  /// guards; kUsage where what is held is too heavy for it.
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;

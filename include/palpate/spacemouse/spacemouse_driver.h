@@ -44,7 +44,7 @@ class SpaceMouseDriver final : public DeviceDriver {
 
   /// What the cap's axes go to, either way.
   static constexpr double kMostDeflection = 350;
-  /// Half an edge of the cube that the tip stays in, and how far from upright it turns.
+  /// Half an edge of the cube that the tip stays in.
   static constexpr double kHalfReach_mm = 100;
   /// Of one that tells changes of place (EV_REL) the cap is at rest when it has said nothing for so long.
   static constexpr double kSilentIsRest_s = 0.1;
