@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -96,6 +97,8 @@ AnimatedPng::AnimatedPng(int width, int height, int frames, int delay_ms)
   // 8 bits of red, green and blue; deflate, adaptive filters, not interlaced
   header.insert(header.end(), {8, 2, 0, 0, 0});
   chunk("IHDR", header);
+  // as encode_png says it; 0: perceptual
+  chunk("sRGB", {0});
   std::vector<std::uint8_t> control;
   put_number(control, static_cast<std::uint32_t>(frames));
   put_number(control, 0);  // plays without end

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <png.h>
 
+#include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <random>
 #include <string>
@@ -99,15 +101,16 @@ TEST(AnimatedPng, PlaysTheFramesThatWereAdded) {
     EXPECT_EQ(read_still(png).rgb, frames[0].rgb);
 
     const std::vector<Chunk> chunks = chunks_of(png);
-    ASSERT_EQ(chunks.size(), 3u + 2 * kFrames);
+    ASSERT_EQ(chunks.size(), 4u + 2 * kFrames);
     EXPECT_EQ(chunks[0].type, "IHDR");
-    EXPECT_EQ(chunks[1].type, "acTL");
-    EXPECT_EQ(number_at(chunks[1].data, 0), std::uint32_t{kFrames});
+    EXPECT_EQ(chunks[1].type, "sRGB");
+    EXPECT_EQ(chunks[2].type, "acTL");
+    EXPECT_EQ(number_at(chunks[2].data, 0), std::uint32_t{kFrames});
     EXPECT_EQ(chunks.back().type, "IEND");
     std::uint32_t sequence = 0;
     Image shown;
     for (std::size_t n = 0; n < kFrames; ++n) {
-      const Chunk &control = chunks[2 + 2 * n], &data = chunks[3 + 2 * n];
+      const Chunk &control = chunks[3 + 2 * n], &data = chunks[4 + 2 * n];
       ASSERT_EQ(control.type, "fcTL");
       ASSERT_EQ(control.data.size(), 26u);
       EXPECT_EQ(number_at(control.data, 0), sequence++);
@@ -130,6 +133,23 @@ TEST(AnimatedPng, PlaysTheFramesThatWereAdded) {
       EXPECT_EQ(shown.rgb, frames[n].rgb) << n;
     }
   }
+}
+
+/// A frame's colours mean what a still picture's do.
+TEST(AnimatedPng, SaysItsColoursAsAStillDoes) {
+  std::mt19937 random(1);
+  Image image{20, 20, Bytes(1200)};
+  for (std::uint8_t& value : image.rgb) value = static_cast<std::uint8_t>(random());
+  AnimatedPng animated(20, 20, 1, 50);
+  animated.add(image);
+  const auto colours = [](const Bytes& png) {
+    Bytes said;
+    for (const Chunk& chunk : chunks_of(png))
+      if (chunk.type == "sRGB") said = chunk.data;
+    return said;
+  };
+  EXPECT_EQ(colours(encode_png(image)), Bytes{0});
+  EXPECT_EQ(colours(animated.finish()), Bytes{0});
 }
 
 TEST(AnimatedPng, IsTheSameEachTime) {

@@ -193,8 +193,8 @@ std::size_t BlockRows::bytes() const {
 // ---- leaps ------------------------------------------------------------------------------------------------
 
 Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
-  // cells 0 ... voxels
-  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = voxels_[a] / kLeapSide + 1;
+  // cells 0 ... voxels, and one more, to which a place at the border may be rounded
+  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kLeapSide + 1;
   leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -74,23 +75,24 @@ Reach reach_of(const VolumeCamera& camera, const VolumeMark& mark) {
   double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
   const Vector<Patient> axes[2] = {camera.right, camera.down};
   const int size[2] = {camera.width_px, camera.height_px};
+  const Reach anywhere{0, size[0] - 1, 0, size[1] - 1};
   for (const auto& [point, radius] : {std::pair{mark.from, mark.from_mm}, std::pair{mark.to, mark.to_mm}}) {
     const Vector<Patient> off = point - camera.focus;
-    const double beyond = camera.is_parallel() ? 1 : (camera.eye_mm + off.dot(camera.into())) / camera.eye_mm;
+    const double z = camera.eye_mm + off.dot(camera.into());
     // what is around the eye may be anywhere
-    if (!camera.is_parallel() && beyond * camera.eye_mm <= 2 * radius)
-      return {0, size[0] - 1, 0, size[1] - 1};
+    if (!camera.is_parallel() && z <= 2 * radius) return anywhere;
     for (int a = 0; a < 2; ++a) {
-      const double px_per_mm = 1 / (camera.mm_per_px() * beyond), middle = 0.5 * (size[a] - 1),
-                   at = off.dot(axes[a]) * px_per_mm;
-      // a ball that is seen at a slant is an ellipse, longer than its radius
-      const double spread =
-          camera.is_parallel()
-              ? 1
-              : std::hypot(1, at * camera.mm_per_px() / camera.eye_mm) /
-                    std::sqrt(1 - std::pow(std::min(0.5, radius / (beyond * camera.eye_mm)), 2));
-      low[a] = std::min(low[a], middle + at - radius * px_per_mm * spread);
-      high[a] = std::max(high[a], middle + at + radius * px_per_mm * spread);
+      const double middle = 0.5 * (size[a] - 1), x = off.dot(axes[a]);
+      // parallel rays: a circle; from an eye: where the tangents to the ball meet the plane of the focus
+      double least_mm = x - radius, most_mm = x + radius;
+      if (!camera.is_parallel()) {
+        const double square = z * z - radius * radius, root = radius * std::sqrt(x * x + square);
+        least_mm = (x * z - root) / square * camera.eye_mm;
+        most_mm = (x * z + root) / square * camera.eye_mm;
+      }
+      if (!std::isfinite(least_mm) || !std::isfinite(most_mm)) return anywhere;
+      low[a] = std::min(low[a], middle + least_mm / camera.mm_per_px());
+      high[a] = std::max(high[a], middle + most_mm / camera.mm_per_px());
     }
   }
   const auto bounded = [](double value, int most) {

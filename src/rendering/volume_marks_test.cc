@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <limits>
 #include <random>
+#include <vector>
 
 #include "base/test_seed.h"
 
@@ -69,6 +73,43 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
     EXPECT_EQ(wrong, 0) << number;
   }
   EXPECT_GT(covered, 100);
+}
+
+/// A ball that an eye sees at a slant is an ellipse, which reaches farther outwards than inwards.
+TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
+  const unsigned seed = test::test_seed();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> aside(-1, 1), part(0.2, 0.95);
+  constexpr int kSide = 200;
+  int covered = 0;
+  for (int number = 0; number < 30; ++number) {
+    VolumeCamera camera = marks_camera(true);
+    camera.width_px = camera.height_px = kSide;
+    camera.width_mm = 120;
+    const Point<Patient> eye = camera.focus - camera.into() * camera.eye_mm;
+    const double z = 40 + 40 * part(random), x = z * aside(random), y = z * aside(random);
+    const double radius = 0.5 * z * part(random);
+    const Point<Patient> middle = eye + camera.into() * z + camera.right * x + camera.down * y;
+    const VolumeMark mark{middle, middle, radius, radius, {200, 200, 200}, 0};
+    Image image{kSide, kSide, std::vector<std::uint8_t>(3 * kSide * kSide, 0)};
+    draw_volume_marks(image, std::vector<float>(kSide * kSide, std::numeric_limits<float>::infinity()),
+                      camera, {&mark, 1});
+    int wrong = 0;
+    for (int row = 0; row < kSide; ++row)
+      for (int column = 0; column < kSide; ++column) {
+        const Vector<Patient> way = (camera.at(column, row) - eye).normalized();
+        const double beside = way.cross(middle - eye).norm();
+        const bool drawn = image.rgb[3 * static_cast<std::size_t>(kSide * row + column)] > 0;
+        covered += drawn ? 1 : 0;
+        // within a pixel of the rim either may be
+        const double pixel_mm = camera.mm_per_px() * std::hypot(x, y, z) / camera.eye_mm;
+        if (beside < radius - pixel_mm && !drawn) ++wrong;
+        if (beside > radius + pixel_mm && drawn) ++wrong;
+      }
+    EXPECT_EQ(wrong, 0) << number;
+  }
+  EXPECT_GT(covered, 10'000);
 }
 
 TEST(VolumeMarks, AreBeforeWhatIsDeeperAndFaintBehindWhatIsNot) {

@@ -289,6 +289,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     const std::size_t all = stride * static_cast<std::size_t>(view->height);
     // one more at either end, beside the first and the last pixel
     scratch_->pixels.resize(all + 2);
+    scratch_->pixels.front() = scratch_->pixels.back() = 0;
     scratch_->marked.resize(all);
     scratch_->begun.resize(all);
     if (!depth_mm.empty()) scratch_->met.resize(all);
@@ -348,7 +349,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
         const float plane = met[static_cast<std::size_t>(x)];
-        if (plane < 0) continue;
+        // the first plane's stretch begins half a plane before it
+        if (plane < -0.5f) continue;
         const Eigen::Vector3d way = rays.along(x, run.row);
         const double slice = view->z_first + view->z_step * plane,
                      ways_along = (slice - rays.start(x, run.row)[view->z]) / way[view->z];

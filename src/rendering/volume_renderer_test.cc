@@ -170,6 +170,31 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
   }
 }
 
+/// Where structures reach the volume's border they begin on the first plane of samples.
+TEST(VolumeRenderer, SaysDepthsOfWhatTheBorderCuts) {
+  const GridGeometry grid = test::make_grid({20, 24, 28}, 0);
+  const Volume<LabelId> labels(grid, 1);
+  VolumeRenderer renderer = made(labels, some_looks());
+  VolumeOracle oracle(labels, some_looks());
+  std::mt19937 random(4);
+  for (const int number : {0, 3, 6, 9, 2}) {
+    const VolumeCamera camera = some_camera(grid, number, random);
+    const Drawn drawn = draw(renderer, camera);
+    const VolumeOracle::Picture picture = oracle.render(camera, {}, 20);
+    double sum = 0;
+    int missed = 0, count = 0;
+    for (std::size_t n = 0; n < drawn.depth_mm.size(); ++n) {
+      if (picture.covered[n] < 0.99) continue;
+      ++count;
+      if (!std::isfinite(drawn.depth_mm[n])) ++missed;
+      if (std::isfinite(drawn.depth_mm[n])) sum += std::abs(drawn.depth_mm[n] - picture.depth_mm[n]);
+    }
+    EXPECT_GT(count, 1000) << number;
+    EXPECT_EQ(missed, 0) << number;
+    EXPECT_LE(sum / count, 0.3) << number;
+  }
+}
+
 Volume<LabelId> ball(const GridGeometry& grid, double radius_mm) {
   Volume<LabelId> labels(grid);
   for (int k = 0; k < grid.dims[2]; ++k)

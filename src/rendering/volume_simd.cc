@@ -403,6 +403,8 @@ HWY_INLINE void find_rows_around(const RowsView& rows, float x, float y, const S
                                  AroundPlace& around) {
   // beyond the first voxel, places are above -1
   around.x = static_cast<int>(x + 1) - 1;
+  // x + 1 may be rounded to a border that x is before
+  if (around.x >= rows.count[0]) around.x = rows.count[0] - 1;
   around.part = x - static_cast<float>(around.x);
   const int below = static_cast<int>(y + 1) - 1;
   const float part = y - static_cast<float>(below);
@@ -479,8 +481,9 @@ HWY_INLINE int leap_from(const LeapsView& leaps, const float* place, const float
 
 /// The planes on which a ray is in the grid or less than a voxel beside it, along one axis.
 HWY_INLINE void bound_planes(float start, float per_plane, int count, float& begin, float& end) {
-  // a voxel's millionth off the borders, where nothing is seen
-  const float low = -1 + 1e-4f, high = static_cast<float>(count) - 1e-4f;
+  // a little off the borders, where nothing is seen: by more than what is rounded on the way there
+  const auto border = static_cast<float>(count);
+  const float off = 1e-4f + 4e-7f * (std::abs(start) + border), low = off - 1, high = border - off;
   if (std::abs(per_plane) < 1e-9f) {
     if (start < low || start > high) end = begin;
     return;
@@ -520,11 +523,11 @@ HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const Sa
     float begun = q - ray.first, left = ray.last + 1 - q;
     begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
     left = left < 0 ? 0 : left > 1 ? 1 : left;
-    const float extinction = mixed[3] * (1 / kDepthSteps),
-                after = clear * exp_of_minus(extinction * (ray.step * (begun * left)));
+    const float extinction = mixed[3] * (1 / kDepthSteps), depth = extinction * (ray.step * (begun * left)),
+                after = clear * exp_of_minus(depth);
     const float share = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
     sum += mixed * all_four(share);
-    if (clear > 0.5f && after <= 0.5f) ray.met = plane;
+    if (clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
     clear = after;
   }
   for (int c = 0; c < 3; ++c) ray.channel[c] = sum[c];

@@ -46,10 +46,10 @@ class Render(cli.KneeTest):
             self.assertEqual(zlib.crc32(data[at + 4:at + 8 + size]), struct.unpack(">I", data[at + 8 + size:at + 12 + size])[0])
             at += 12 + size
         self.assertEqual([kind for kind, _ in chunks],
-                         [b"IHDR", b"acTL", b"fcTL", b"IDAT", b"fcTL", b"fdAT", b"fcTL", b"fdAT", b"IEND"])
-        self.assertEqual(chunks[1][1], struct.pack(">II", 3, 0))
+                         [b"IHDR", b"sRGB", b"acTL", b"fcTL", b"IDAT", b"fcTL", b"fdAT", b"fcTL", b"fdAT", b"IEND"])
+        self.assertEqual(chunks[2][1], struct.pack(">II", 3, 0))
         # its first frame is the first picture's rows: as many bytes of pixels
-        self.assertEqual(len(zlib.decompress(chunks[3][1])), 320 * (3 * 320 + 1))
+        self.assertEqual(len(zlib.decompress(chunks[4][1])), 320 * (3 * 320 + 1))
         self.assertEqual(len(list(frames.iterdir())), 3)
 
     def test_neither_title_nor_path_is_in_it(self):

@@ -1,0 +1,149 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "base/test_seed.h"
+#include "rendering/volume_encoding.h"
+#include "rendering/volume_simd.h"
+#include "sampling/test_targets.h"
+
+namespace palpate {
+namespace {
+
+using internal::volume_picture::kBlock;
+using internal::volume_picture::kDepthSteps;
+using internal::volume_picture::kNoPlane;
+using internal::volume_picture::Leaps;
+using internal::volume_picture::LeapsView;
+using internal::volume_picture::LitBlock;
+using internal::volume_picture::RowsView;
+using internal::volume_picture::SamplePlane;
+using internal::volume_picture::trace_rays;
+using internal::volume_picture::TracedRay;
+
+/// Rows along i, of which some blocks are filled evenly; vectors no longer than they must be, so that a
+/// sanitizer sees what is read beyond.
+struct Grid {
+  std::array<int, 3> count;
+  int blocks;
+  std::vector<std::uint32_t> block_of;
+  std::vector<LitBlock> lit = std::vector<LitBlock>(2);
+
+  Grid(const std::array<int, 3>& voxels, std::uint32_t extinction)
+      : count(voxels), blocks((voxels[0] + kBlock - 1) / kBlock) {
+    block_of.resize(static_cast<std::size_t>(blocks) * voxels[1] * voxels[2]);
+    for (int n = 0; n < kBlock; ++n) lit[1].pair[1][n] = extinction << 16;
+  }
+  RowsView view() const {
+    RowsView rows;
+    rows.block_of = block_of.data();
+    rows.lit = lit.data();
+    rows.blocks = blocks;
+    for (int a = 0; a < 3; ++a) rows.count[a] = count[static_cast<std::size_t>(a)];
+    rows.row[1] = 1;
+    rows.row[2] = count[1];
+    return rows;
+  }
+};
+
+TracedRay ray_from(float x, float x_per_plane, float y, float y_per_plane) {
+  TracedRay ray{};
+  ray.x = x, ray.x_per_plane = x_per_plane, ray.y = y, ray.y_per_plane = y_per_plane;
+  ray.step = 1;
+  ray.first = -kNoPlane, ray.last = kNoPlane;
+  return ray;
+}
+
+/// In `float`, places on a border may be rounded to beyond it.
+TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
+  const unsigned seed = test::test_seed();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> pace(0.01f, 1.2f), deep(0, 1), short_of(0, 3e-4f);
+  for (const std::array<int, 3>& count :
+       {std::array{767, 4, 4}, {1023, 4, 4}, {1024, 4, 4}, {2048, 3, 3}, {4, 1023, 4}, {4, 2048, 3}}) {
+    const int axis = count[0] > count[1] ? 0 : 1;
+    const auto length = static_cast<std::size_t>(count[static_cast<std::size_t>(axis)]);
+    // what is read beyond a row's end is the next one's beginning
+    Grid grid(count, 4000);
+    if (axis == 0)
+      for (std::size_t row = 0; row < grid.block_of.size(); row += static_cast<std::size_t>(grid.blocks))
+        grid.block_of[row] = 1;
+    const RowsView rows = grid.view();
+    GridGeometry geometry;
+    geometry.dims = count;
+    const Leaps leaps(geometry);
+    // nowhere to leap: every plane is looked at
+    const std::size_t cubes = (static_cast<std::size_t>(count[0] + 1) / 4 + 1) *
+                              (static_cast<std::size_t>(count[1] + 1) / 4 + 1) *
+                              (static_cast<std::size_t>(count[2] + 1) / 4 + 1);
+    const std::vector<std::int32_t> none(cubes, 0);
+    LeapsView small_steps = leaps.view(0, 1, 2);
+    small_steps.leap = none.data();
+    std::vector<SamplePlane> planes(600);
+    for (SamplePlane& plane : planes) {
+      plane = SamplePlane{};
+      plane.slice = static_cast<int>(random() % static_cast<unsigned>(count[2]));
+      plane.beyond = deep(random);
+    }
+    int seen = 0;
+    std::vector<TracedRay> rays(20'000);
+    for (std::size_t n = 0; n < rays.size(); ++n) {
+      // at the border on a whole plane, from outside or from inside, and at most 8 voxels from it
+      // or a little before it
+      const float border =
+          n % 5 == 4 ? -1.0f + short_of(random) : static_cast<float>(length) - short_of(random);
+      const auto plane = static_cast<float>(8 + random() % 580),
+                 aside = static_cast<float>(random() % static_cast<unsigned>(count[axis == 0 ? 1 : 0]));
+      const float per_plane = (n % 2 == 0 ? 1.0f : -1.0f) * pace(random), start = border - per_plane * plane;
+      rays[n] = axis == 0 ? ray_from(start, per_plane, aside, 0) : ray_from(aside, 0, start, per_plane);
+      rays[n].begun = std::max(0.0f, plane - 6);
+      rays[n].last = plane + 6;
+      if (axis == 0 && border < 0) rays[n].begun = kNoPlane;  // the first block is filled
+    }
+    for (const LeapsView& view : {leaps.view(0, 1, 2), small_steps}) {
+      std::vector<TracedRay> traced = rays;
+      trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1,
+                 static_cast<int>(traced.size()), traced.data());
+      for (const TracedRay& ray : traced) seen += ray.clear == 1 ? 0 : 1;
+    }
+    EXPECT_EQ(seen, 0) << count[0] << " " << count[1] << " " << count[2];
+  }
+}
+
+/// In what is the same everywhere light falls to one half after ln 2 / extinction, not at the next plane.
+TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
+  for (const std::uint32_t extinction : {600u, 1500u, 5000u, 20'000u, 60'000u}) {
+    Grid grid({16, 4, 64}, extinction);
+    std::fill(grid.block_of.begin(), grid.block_of.end(), 1u);
+    std::vector<SamplePlane> planes(63);
+    for (std::size_t n = 0; n < planes.size(); ++n) planes[n].slice = static_cast<int>(n);
+    const std::vector<std::int32_t> none(5ul * 2 * 17, 0);
+    LeapsView leaps;
+    leaps.leap = none.data();
+    leaps.step[0] = 1, leaps.step[1] = 5, leaps.step[2] = 10;
+    for (const float first : {-kNoPlane, 2.3f, 7.8f})
+      for (const float step : {1.0f, 0.7f}) {
+        TracedRay ray = ray_from(5.5f, 0.01f, 1.5f, 0);
+        ray.step = step;
+        ray.first = first;
+        const float before = first < 0 ? -0.5f : first;
+        TracedRay clipped = ray;
+        trace_rays(grid.view(), leaps, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped);
+        const float expected =
+            before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);
+        // a plane that cuts a sample's stretch spreads what is left of it over all of it
+        EXPECT_NEAR(clipped.met, expected, first < 0 ? 2e-3f : 1.0f)
+            << extinction << " " << first << " " << step;
+        EXPECT_LT(clipped.clear, 0.5f);
+      }
+  }
+}
+
+}  // namespace
+}  // namespace palpate
