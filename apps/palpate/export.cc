@@ -9,6 +9,7 @@
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/volume/volume.h"
 #include "palpate/volume_io/dicom_export.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
@@ -38,10 +39,31 @@ Result<void> write_exported(const ExportOptions& options, const LabelMap& labels
 
 // ---- labels, as they are ------------------------------------------------------------------------
 
+// Labels of one patient must not get another one's name: those that name their images have to name these, and
+// all have to lie where these are.
+Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const std::filesystem::path& scan,
+                                            Console& console) {
+  const auto study = find_study(scan, options.source, options.volume, console.progress());
+  if (!study) return study.error();
+  for (const std::string& note : study->notes) console.note(note);
+  return study->volume;
+}
+
+Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan,
+                         const std::filesystem::path& file) {
+  if (labels.geometry().same_grid(scan)) return {};
+  const auto moved = resample_nearest(labels, scan);
+  if (moved) return {};
+  return Error{moved.error().kind, moved.error().what, file.string(), moved.error().remedy};
+}
+
 int export_label_map(const ExportOptions& options, Console& console) {
   const Progress progress = console.progress();
   std::optional<std::filesystem::path> scan;
   if (!options.target.empty()) scan = options.target;
+  if (options.volume && !scan)
+    return console.fail({ErrorKind::kUsage, "of which study it is a volume is not said", "--volume",
+                         "name the study after the labels: palpate export LABELS STUDY"});
   std::optional<DicomAttachment> attached;
   if (options.keep_identifiers) {
     if (!scan)
@@ -52,13 +74,19 @@ int export_label_map(const ExportOptions& options, Console& console) {
   }
   std::optional<ScanFile> read;
   if (scan) {
-    auto found = read_scan(*scan, progress, console.warn(), Unpacked::kAnew, options.volume);
+    const auto volume = volume_of_labels(options, *scan, console);
+    if (!volume) return console.fail(volume.error());
+    if (attached) attached->volume = *volume;
+    auto found = read_scan(*scan, progress, console.warn(), Unpacked::kAnew, *volume);
     if (!found) return console.fail(found.error());
     read = *std::move(found);
   }
   const auto labels = read_labels(options.source, {}, progress, console.warn(), Doubtful::kRefused,
                                   Unpacked::kAnew, read ? &read->scan.geometry() : nullptr);
   if (!labels) return console.fail(labels.error());
+  if (read)
+    if (auto checked = check_grids(labels->labels, read->scan.geometry(), options.source); !checked)
+      return console.fail(checked.error());
   if (auto written = write_exported(options, labels->labels, attached, progress); !written)
     return console.fail(written.error());
   console.note("labels: " + options.output.string());
@@ -101,6 +129,7 @@ int export_paths(const ExportOptions& options, const RecordingSource& recording,
   if (options.keep_identifiers)
     return console.fail(
         {ErrorKind::kUsage, "a path carries no identifier", "--keep-identifiers", "leave it out"});
+  if (!options.target.empty()) console.note(options.target + " is not needed for a path, and not read");
   auto pending = PendingFile::create(options.output);
   if (!pending) return console.fail(pending.error());
   const auto failed = [&](int number) { return console.fail(output_error(options.output, number)); };

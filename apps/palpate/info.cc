@@ -458,7 +458,9 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
     if (kind != row.kind) out << '\n' << in_words(row.kind) << '\n';
     kind = row.kind;
     out << "  " << std::left << std::setw(48) << row.what << " in " << files(row.files);
-    if (row.different > 1) out << ", " << row.different << " values";
+    if (row.different > 1)
+      out << ", " << row.different
+          << (row.different == kMostIdentifierValues ? " or more values" : " values");
     if (!row.example.empty()) out << ": " << row.example;
     out << '\n';
   }

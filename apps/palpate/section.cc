@@ -82,6 +82,8 @@ int draw_section(const SectionOptions& options, Console& console) {
   if (!claimed) return console.fail(claimed.error());
   const auto loaded = load_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
+  const auto attached = attachment_of(*loaded, options.keep_identifiers);
+  if (!attached) return console.fail(attached.error());
   const Model& model = *loaded->model;
   const auto picture = section_picture(model, request_of(options, model.field->geometry()));
   if (!picture) {
@@ -89,8 +91,6 @@ int draw_section(const SectionOptions& options, Console& console) {
     if (error.where == "centre") error.where = "--at";
     return console.fail(error);
   }
-  const auto attached = attachment_of(*loaded, options.keep_identifiers);
-  if (!attached) return console.fail(attached.error());
   const auto written = options.output.extension() == ".dcm"
                            ? write_secondary_capture(options.output, picture->width, picture->height,
                                                      picture->rgb, "Section", *attached, console.progress())

@@ -1142,10 +1142,18 @@ std::string in_words(IdentifierKind kind) {
 
 namespace {
 
-// identifiers of one kind and tag, over all files
+constexpr std::size_t kMostRows = 10'000;
+
+// identifiers of one kind and tag, over all files; in the order of their tags, which end what they are called
 struct IdentifierRows {
-  std::map<std::pair<IdentifierKind, std::string>, IdentifierRow> rows;
-  std::map<std::pair<IdentifierKind, std::string>, std::set<std::string>> values;
+  using Key = std::tuple<IdentifierKind, std::string, std::string>;
+  static Key key_of(const DicomIdentifier& one) {
+    const auto tag = std::min(one.what.rfind('('), one.what.size());
+    return {one.kind, one.what.substr(tag), one.what};
+  }
+  std::map<Key, IdentifierRow> rows;
+  std::map<Key, std::set<std::string>> values;
+  std::set<std::string> beyond;  // of what there is no row any more; as many again at most
   std::size_t files = 0, burnt_in_unsaid = 0, unread = 0;
 };
 
@@ -1156,18 +1164,20 @@ bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
 void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_said, IdentifierRows& all) {
   ++all.files;
   all.burnt_in_unsaid += !picture_said;
-  std::set<std::pair<IdentifierKind, std::string>> in_file;
-  constexpr std::size_t kMostRows = 10'000, kMostValues = 1000;
+  std::set<IdentifierRows::Key> in_file;
   for (const DicomIdentifier& one : found) {
     if (says_nothing_is_burnt_in(one)) continue;
-    const std::pair key(one.kind, one.what);
-    if (all.rows.size() == kMostRows && !all.rows.contains(key)) continue;
+    const auto key = IdentifierRows::key_of(one);
+    if (all.rows.size() == kMostRows && !all.rows.contains(key)) {
+      if (all.beyond.size() < kMostRows) all.beyond.insert(one.what);
+      continue;
+    }
     IdentifierRow& row = all.rows[key];
     row.kind = one.kind;
     row.what = one.what;
     row.files += in_file.insert(key).second;
     auto& values = all.values[key];
-    if (values.size() < kMostValues) values.insert(one.value);
+    if (values.size() < kMostIdentifierValues) values.insert(one.value);
     if (row.example.empty()) row.example = one.value;
   }
 }
@@ -1195,7 +1205,8 @@ bool tell_identifiers_for(DicomFiles& library, reader::ParentEnd& parent, const 
   }
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
-  for (const std::size_t number : {all.files, all.burnt_in_unsaid, all.unread, all.rows.size()})
+  for (const std::size_t number :
+       {all.files, all.burnt_in_unsaid, all.unread, all.beyond.size(), all.rows.size()})
     out.put(static_cast<std::uint32_t>(number));
   for (const auto& [key, row] : all.rows) {
     out.put(static_cast<std::uint8_t>(row.kind));
@@ -1213,8 +1224,10 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
                                           const Progress& progress) try {
   const auto library = ready_library();
   if (!library) return at(file, library.error());
-  const auto found = find_files(file, progress);
+  auto found = find_files(file, progress);
   if (!found) return found.error();
+  // which has a record of each patient
+  if (is_dicom_directory(file)) found->files.push_back(file);
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
     return tell_identifiers_for(**library, parent, *found);
   });
@@ -1222,9 +1235,8 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   const Files named{&file, 1};
   if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
-  std::uint32_t files = 0, unsaid = 0, unread = 0, rows = 0;
-  for (std::uint32_t* number : {&files, &unsaid, &unread, &rows}) in.get(*number);
-  constexpr std::uint32_t kMostRows = 10'000;
+  std::uint32_t files = 0, unsaid = 0, unread = 0, beyond = 0, rows = 0;
+  for (std::uint32_t* number : {&files, &unsaid, &unread, &beyond, &rows}) in.get(*number);
   if (rows > kMostRows) return nonsense(named);
   IdentifierReport report;
   report.files = files;
@@ -1247,6 +1259,9 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   if (!in.ok()) return about(in.error(), named);
   report.notes = found->notes;
   if (unread > 0) report.notes.push_back(counted(unread, "DICOM file", "DICOM files") + " could not be read");
+  if (beyond > 0)
+    report.notes.push_back("has " + std::to_string(beyond) + (beyond == kMostRows ? " or more" : "") +
+                           " further elements, which are not listed");
   if (files == 0)
     return bad_input(file.string(), "holds no DICOM file that can be read",
                      "what other formats carry besides voxels, palpate passes over: docs/formats.md");

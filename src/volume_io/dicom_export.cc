@@ -20,8 +20,10 @@ namespace {
 SegmentToWrite segment_to_write(const Segment& segment) {
   SegmentToWrite out;
   // what a label of DICOM's may hold
-  constexpr std::size_t kLongest = 64;
-  out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, kLongest);
+  std::size_t kept = 64;
+  // no letter of UTF-8 is cut in two
+  while (kept < segment.name.size() && (segment.name[kept] & 0xC0) == 0x80) --kept;
+  out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, kept);
   std::ranges::replace(out.name, '\\', '/');
   out.colour = {segment.colour.r, segment.colour.g, segment.colour.b};
   const DicomSegment known = segment_called(segment.name);

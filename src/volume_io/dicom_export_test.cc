@@ -3,6 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <csignal>
+#include <fstream>
 #include <random>
 #include <set>
 
@@ -98,6 +103,9 @@ TEST(DicomExport, EveryObjectHasIdentifiersOfItsOwnAndNoPatient) {
       EXPECT_NE(row.kind, IdentifierKind::kName) << row.what;
       EXPECT_NE(row.kind, IdentifierKind::kPatient) << row.what;
       EXPECT_NE(row.kind, IdentifierKind::kPrivate) << row.what;
+      EXPECT_NE(row.kind, IdentifierKind::kInstitution) << row.what;
+      // of its making, and of nothing else
+      EXPECT_TRUE(row.kind != IdentifierKind::kDate || row.what.starts_with("Content")) << row.what;
       if (row.what.starts_with("SOPInstanceUID") || row.what.starts_with("StudyInstanceUID") ||
           row.what.starts_with("FrameOfReferenceUID")) {
         EXPECT_TRUE(row.example.starts_with("2.25.")) << row.example;
@@ -133,11 +141,109 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
   ASSERT_TRUE(write_secondary_capture(folder / "picture.dcm", 7, 5, rgb, "Section"));
   const auto report = find_identifiers(folder / "picture.dcm", true);
   ASSERT_TRUE(report) << report.error().message();
-  EXPECT_EQ(report->burnt_in_unsaid, 0u);
+  // nobody has looked
+  EXPECT_EQ(report->burnt_in_unsaid, 1u);
   const bool marked = std::ranges::any_of(report->rows, [](const IdentifierRow& row) {
     return row.example.find("Not for clinical use") != std::string::npos;
   });
   EXPECT_TRUE(marked);
+  const std::string bytes = test::bytes_of_file(folder / "picture.dcm");
+  EXPECT_NE(bytes.find(std::string("\x28\0\x10\0US\2\0\5\0", 10)), std::string::npos) << "rows";
+  EXPECT_NE(bytes.find(std::string("\x28\0\x11\0US\2\0\7\0", 10)), std::string::npos) << "columns";
+  std::string pixels(rgb.begin(), rgb.end());
+  pixels += '\0';
+  EXPECT_TRUE(bytes.ends_with(pixels));
+}
+
+// as where a disk is full
+TEST(DicomExport, WhatCannotBeWrittenWholeIsNotThere) {
+  const TemporaryFolder folder;
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit little{800, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &little), 0);
+  const std::vector<std::uint8_t> rgb(3 * 30 * 20, 7);
+  const auto written = write_secondary_capture(folder / "picture.dcm", 30, 20, rgb, "Section");
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, handler);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().kind, ErrorKind::kOutput) << written.error().message();
+  EXPECT_FALSE(std::filesystem::exists(folder / "picture.dcm"));
+}
+
+// ---- whose it is --------------------------------------------------------------------------------
+
+void write_study_of(const std::filesystem::path& folder, const std::string& set, const std::string& name) {
+  for (int k = 0; k < 4; ++k) {
+    test::DicomImage image;
+    image.frames[0].position = {0, 0, 1.0 * k};
+    image.frames[0].stored.assign(48, static_cast<std::uint16_t>(k));
+    image.texts = {{0x0010, 0x0010, name}};
+    if (!set.empty()) image.texts.push_back({0x0008, 0x0005, set});
+    test::write_dicom(folder / ("IM" + std::to_string(k)), image);
+  }
+}
+
+TEST(DicomExport, ANameKeepsItsLettersOrIsAnError) {
+  const LabelMap labels = overlapping_labels(false);
+  const auto name_in = [&](const std::string& set, const std::string& name) {
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "study");
+    write_study_of(folder / "study", set, name);
+    const auto written =
+        write_dicom_segmentation(folder / "out.dcm", labels, DicomAttachment{folder / "study", {}});
+    if (!written) return written.error().message();
+    const auto report = find_identifiers(folder / "out.dcm", true);
+    if (!report) return report.error().message();
+    for (const IdentifierRow& row : report->rows)
+      if (row.what.starts_with("PatientName")) return row.example;
+    return std::string("no name");
+  };
+  EXPECT_EQ(name_in("", "Doe^John"), "Doe^John");
+  EXPECT_EQ(name_in("ISO_IR 100", "M\xFCller^J"), "M\xC3\xBCller^J");
+  EXPECT_EQ(name_in("ISO_IR 192", "M\xC3\xBCller^J"), "M\xC3\xBCller^J");
+  EXPECT_THAT(name_in("", "M\xFCller^J"), HasSubstr("character set that cannot be converted"));
+  // which needs DCMTK and its tables: "Lyuks" in Cyrillic
+  EXPECT_THAT(name_in("ISO_IR 144", "\xBB\xEE\xDA\xE1"),
+              ::testing::AnyOf(HasSubstr("\xD0\x9B\xD1\x8E\xD0\xBA\xD1\x81"),
+                               HasSubstr("character set that cannot be converted")));
+}
+
+TEST(DicomExport, ALongNameIsNotCutWithinALetter) {
+  const TemporaryFolder folder;
+  LabelMap labels = overlapping_labels(false);
+  labels.segments[0].name = std::string(63, 'a') + "\xC3\xA9";
+  ASSERT_TRUE(write_dicom_segmentation(folder / "out.dcm", labels));
+  const auto back = read_labels(folder / "out.dcm");
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_NE(back->labels.find(std::string(63, 'a')), nullptr);
+}
+
+TEST(DicomIdentifiers, AreListedByKindAndTag) {
+  const TemporaryFolder folder;
+  test::DicomImage image;
+  image.frames[0].stored.assign(48, 3);
+  image.texts = {{0x0008, 0x0054, "SCANNER1"},  {0x0008, 0x0201, "+0100"},  {0x0010, 0x2299, "a firm"},
+                 {0x0012, 0x0040, "subject 7"}, {0x0040, 0x0010, "room 3"}, {0x0040, 0x0512, "jar 9"}};
+  test::write_dicom(folder / "one.dcm", image);
+  {
+    // an empty sequence of some maker's, after the pixels
+    std::ofstream more(folder / "one.dcm", std::ios::binary | std::ios::app);
+    more << std::string("\xE1\x7F\x01\x10SQ\0\0\0\0\0\0", 12);
+  }
+  const auto report = find_identifiers(folder / "one.dcm", true);
+  ASSERT_TRUE(report) << report.error().message();
+  std::vector<std::pair<IdentifierKind, std::string>> order;
+  std::string all;
+  for (const IdentifierRow& row : report->rows) {
+    order.emplace_back(row.kind, row.what.substr(row.what.rfind('(')));
+    all += row.what + "\n";
+  }
+  EXPECT_TRUE(std::ranges::is_sorted(order)) << all;
+  for (const char* what : {"(0008,0054)", "(0008,0201)", "(0010,2299)", "(0012,0040)", "(0040,0010)",
+                           "(0040,0512)", "private (7fe1,1001)"})
+    EXPECT_THAT(all, HasSubstr(what));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <array>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "volume_io/voxel_source.h"
 
@@ -25,7 +26,7 @@ struct NamedKind {
   IdentifierKind kind;
 };
 
-// Of Table E.1-1 those whose type does not tell what they are.
+// Of Table E.1-1 those whose type and keyword do not tell what they are.
 const NamedKind kByTag[] = {
     {DCM_PatientID, IdentifierKind::kId},
     {DCM_RETIRED_OtherPatientIDs, IdentifierKind::kId},
@@ -89,6 +90,8 @@ const NamedKind kByTag[] = {
     {DCM_AcquisitionDeviceProcessingDescription, IdentifierKind::kText},
     {DCM_DerivationDescription, IdentifierKind::kText},
     {DCM_UserContentLabel, IdentifierKind::kText},
+    {DCM_TimezoneOffsetFromUTC, IdentifierKind::kDate},
+    {DCM_EncapsulatedDocument, IdentifierKind::kPicture},
     {DCM_RecognizableVisualFeatures, IdentifierKind::kPicture},
     {DCM_UnformattedTextValue, IdentifierKind::kPicture},
 };
@@ -107,6 +110,9 @@ std::optional<IdentifierKind> kind_of_element(DcmElement& element, const std::st
   constexpr Uint16 kCurves = 0x5000, kOverlays = 0x6000, kLastBit = 0xFF00;
   if ((group & kLastBit) == kCurves || ((group & kLastBit) == kOverlays && tag.getElement() == 0x3000))
     return IdentifierKind::kPicture;
+  // clinical trials
+  constexpr Uint16 kTrials = 0x0012;
+  if (group == kTrials && element.ident() != EVR_UI && element.ident() != EVR_DA) return IdentifierKind::kId;
   if (tag == DCM_BurnedInAnnotation) return IdentifierKind::kPicture;
   for (const NamedKind& named : kByTag)
     if (tag == named.tag) return named.kind;
@@ -122,16 +128,37 @@ std::optional<IdentifierKind> kind_of_element(DcmElement& element, const std::st
     case EVR_UT:
     case EVR_UC:
       return IdentifierKind::kText;
+    case EVR_AE:
+      return IdentifierKind::kInstitution;
     case EVR_UI:
       return is_of_standard(value) ? std::nullopt : std::optional(IdentifierKind::kUid);
     default:
       break;
   }
-  // comments and descriptions, whatever the tag
+  // comments and descriptions, whatever the tag and the type
   DcmTag named(tag);
   const std::string_view keyword = named.getTagName();
   for (const std::string_view end : {"Comments", "Description"})
     if (keyword.ends_with(end)) return IdentifierKind::kText;
+  // what else short texts are called by; of a product they say nothing of a patient
+  if (element.ident() != EVR_LO && element.ident() != EVR_SH) return std::nullopt;
+  for (const std::string_view product :
+       {"ManufacturerModelName", "SegmentAlgorithmName", "ImplementationVersionName"})
+    if (keyword == product) return std::nullopt;
+  constexpr std::pair<std::string_view, IdentifierKind> kEnds[] = {
+      {"ID", IdentifierKind::kId},
+      {"IDs", IdentifierKind::kId},
+      {"Identifier", IdentifierKind::kId},
+      {"Identification", IdentifierKind::kId},
+      {"Address", IdentifierKind::kId},
+      {"Numbers", IdentifierKind::kId},
+      {"Residence", IdentifierKind::kInstitution},
+      {"Location", IdentifierKind::kInstitution},
+      {"Organization", IdentifierKind::kInstitution},
+      {"Name", IdentifierKind::kInstitution},
+      {"Label", IdentifierKind::kText}};
+  for (const auto& [end, kind] : kEnds)
+    if (keyword.ends_with(end)) return kind;
   return std::nullopt;
 }
 
@@ -160,6 +187,8 @@ class Collector {
       auto* element = dynamic_cast<DcmElement*>(object);
       if (!element) continue;
       if (auto* sequence = dynamic_cast<DcmSequenceOfItems*>(element); sequence && !is_pixels(*element)) {
+        if (element->getTag().getGroup() % 2 == 1)
+          found.push_back({IdentifierKind::kPrivate, name_of(*element), "a sequence"});
         for (unsigned long n = 0; n < sequence->card(); ++n)
           if (DcmItem* inner = sequence->getItem(n)) visit(*inner, depth + 1);
         continue;

@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <ctime>
 #include <memory>
+#include <system_error>
 
 #include "palpate_version.h"
 #include "volume_io/voxel_source.h"
@@ -25,7 +26,7 @@ namespace {
 
 constexpr const char* kNotClinical = "Not for clinical use: research and education (palpate)";
 
-// UUIDs as PS3.5 B.2 has them, random: those that DCMTK makes tell of the machine
+// UUIDs as PS3.5 B.2 has them, random: those that DCMTK makes tell of the machine. Empty: there is no chance.
 std::string fresh_uid() {
   std::array<std::uint32_t, 4> words{};
   if (::getrandom(words.data(), sizeof words, 0) != static_cast<ssize_t>(sizeof words)) return "";
@@ -65,6 +66,10 @@ class Writer {
 
   void text(const DcmTagKey& tag, const std::string& value) const {
     good_ = item_.putAndInsertOFStringArray(tag, OFString(value.c_str(), value.size())).good() && good_;
+  }
+  void fresh(const DcmTagKey& tag, const std::string& uid = fresh_uid()) const {
+    good_ = !uid.empty() && good_;
+    text(tag, uid);
   }
   void whole(const DcmTagKey& tag, std::uint16_t value) const {
     good_ = item_.putAndInsertUint16(tag, value).good() && good_;
@@ -116,19 +121,26 @@ const DcmTagKey kRequired[] = {DCM_PatientName,    DCM_PatientID, DCM_PatientBir
 const DcmTagKey kKept[] = {DCM_IssuerOfPatientID, DCM_PatientAge, DCM_PatientSize, DCM_PatientWeight,
                            DCM_StudyDescription};
 
+bool may_be_kept(const DcmTagKey& tag) {
+  return tag == DCM_StudyInstanceUID || std::ranges::find(kRequired, tag) != std::end(kRequired) ||
+         std::ranges::find(kKept, tag) != std::end(kKept);
+}
+
 void put_common(const Writer& root, const std::optional<DicomIdentity>& identity, const char* sop_class) {
   root.text(DCM_SpecificCharacterSet, "ISO_IR 192");
   root.text(DCM_SOPClassUID, sop_class);
-  root.text(DCM_SOPInstanceUID, fresh_uid());
+  root.fresh(DCM_SOPInstanceUID);
   for (const DcmTagKey& tag : kRequired) root.text(tag, "");
-  root.text(DCM_StudyInstanceUID, fresh_uid());
+  root.fresh(DCM_StudyInstanceUID);
+  // no others, whatever the process that read them says
   if (identity)
-    for (const auto& [tag, value] : identity->attributes) root.text(DcmTagKey(tag.first, tag.second), value);
+    for (const auto& [tag, value] : identity->attributes)
+      if (const DcmTagKey key(tag.first, tag.second); may_be_kept(key)) root.text(key, value);
   if (!identity) {
     root.text(DCM_PatientIdentityRemoved, "YES");
     root.text(DCM_DeidentificationMethod, "palpate: no identifier was written");
   }
-  root.text(DCM_SeriesInstanceUID, fresh_uid());
+  root.fresh(DCM_SeriesInstanceUID);
   root.text(DCM_SeriesNumber, "1");
   root.text(DCM_InstanceNumber, "1");
   root.text(DCM_Manufacturer, "palpate");
@@ -197,7 +209,7 @@ void put_segment_to_write(const Writer& root, const SegmentToWrite& segment, std
 
 void put_dimensions(const Writer& root) {
   const std::string uid = fresh_uid();
-  root.in(DCM_DimensionOrganizationSequence).text(DCM_DimensionOrganizationUID, uid);
+  root.in(DCM_DimensionOrganizationSequence).fresh(DCM_DimensionOrganizationUID, uid);
   const std::pair<DcmTagKey, DcmTagKey> dimensions[] = {
       {DCM_ReferencedSegmentNumber, DCM_SegmentIdentificationSequence},
       {DCM_ImagePositionPatient, DCM_PlanePositionSequence}};
@@ -237,9 +249,14 @@ void put_sources(const Writer& shared, const DicomIdentity& identity) {
 Result<void> save(DcmFileFormat& format, bool good, const std::filesystem::path& file) {
   if (!good) return Error{ErrorKind::kOutput, "cannot be made into a DICOM object", file.string(), ""};
   const OFCondition saved = format.saveFile(file.c_str(), EXS_LittleEndianExplicit, EET_UndefinedLength);
-  if (saved.good()) return {};
-  return Error{ErrorKind::kOutput, std::string("cannot be written: ") + saved.text(), file.string(),
-               "is the disk full, or the folder not yours to write?"};
+  // where a disk is full DCMTK may leave the rest out and say nothing
+  std::error_code unknown;
+  const auto size = std::filesystem::file_size(file, unknown);
+  const auto expected = format.calcElementLength(EXS_LittleEndianExplicit, EET_UndefinedLength);
+  if (saved.good() && !unknown && static_cast<Uint32>(size) == expected) return {};
+  return Error{ErrorKind::kOutput,
+               std::string("cannot be written: ") + (saved.good() ? "its end is missing" : saved.text()),
+               file.string(), "is the disk full, or the folder not yours to write?"};
 }
 
 std::string kept_text(DcmItem& item, const DcmTagKey& tag) {
@@ -252,6 +269,50 @@ std::string kept_text(DcmItem& item, const DcmTagKey& tag) {
   return {value.c_str(), value.size()};
 }
 
+// Letters of 7 bits, which are the same in UTF-8, and no escape to another character set.
+bool is_plain(const std::string& text) {
+  return std::ranges::all_of(text, [](char letter) { return letter >= 0 && letter != '\x1b'; });
+}
+
+std::string utf8_of_latin_1(const std::string& text) {
+  std::string out;
+  for (const char letter : text) {
+    const auto byte = static_cast<unsigned char>(letter);
+    if (byte >= 0x80) out += static_cast<char>(0xC0 | byte >> 6);
+    out += byte >= 0x80 ? static_cast<char>(0x80 | (byte & 0x3F)) : letter;
+  }
+  return out;
+}
+
+// What is kept of a patient and a study, as it stands.
+using Attributes = std::vector<std::pair<std::pair<std::uint16_t, std::uint16_t>, std::string>>;
+Attributes kept_attributes(DcmItem& root) {
+  Attributes kept;
+  const auto keep = [&](const DcmTagKey& tag) {
+    if (std::string value = kept_text(root, tag); !value.empty())
+      kept.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
+  };
+  for (const DcmTagKey& tag : kRequired) keep(tag);
+  for (const DcmTagKey& tag : kKept) keep(tag);
+  keep(DCM_StudyInstanceUID);
+  return kept;
+}
+
+// The same in UTF-8; nothing where that cannot be had.
+std::optional<Attributes> in_utf8(DcmItem& root, Attributes kept) {
+  if (std::ranges::all_of(kept, [](const auto& one) { return is_plain(one.second); })) return kept;
+  const std::string set = kept_text(root, DCM_SpecificCharacterSet);
+  if (set == "ISO_IR 192") return kept;
+  // which needs no table, as DCMTK would
+  if (set == "ISO_IR 100") {
+    for (auto& [tag, value] : kept) value = utf8_of_latin_1(value);
+    return kept;
+  }
+  // letters of more than 7 bits, where the file says that there are none
+  if (set.empty() || root.convertToUTF8().bad()) return std::nullopt;
+  return kept_attributes(root);
+}
+
 }  // namespace
 
 Result<DicomIdentity> read_dicom_identity(const std::filesystem::path& name) {
@@ -260,16 +321,12 @@ Result<DicomIdentity> read_dicom_identity(const std::filesystem::path& name) {
   if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kReadAtOnce, ERM_autoDetect).bad())
     return bad_input("", "is a damaged DICOM file", "copy it again");
   DcmDataset& root = *file.getDataset();
-  // texts of other alphabets come out as UTF-8, where DCMTK can
-  static_cast<void>(root.convertToUTF8());
   DicomIdentity identity;
-  const auto keep = [&](const DcmTagKey& tag) {
-    if (std::string value = kept_text(root, tag); !value.empty())
-      identity.attributes.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
-  };
-  for (const DcmTagKey& tag : kRequired) keep(tag);
-  for (const DcmTagKey& tag : kKept) keep(tag);
-  keep(DCM_StudyInstanceUID);
+  auto attributes = in_utf8(root, kept_attributes(root));
+  if (!attributes)
+    return bad_input("", "has texts in a character set that cannot be converted",
+                     "export without --keep-identifiers");
+  identity.attributes = *std::move(attributes);
   identity.frame_of_reference = kept_text(root, DCM_FrameOfReferenceUID);
   identity.series = kept_text(root, DCM_SeriesInstanceUID);
   identity.images.emplace_back(kept_text(root, DCM_SOPClassUID), kept_text(root, DCM_SOPInstanceUID));
@@ -287,7 +344,7 @@ Result<void> write_dicom_segments(const std::filesystem::path& file, const Segme
   root.text(DCM_SeriesDescription, "Segmentation, not for clinical use");
   root.text(DCM_DeviceSerialNumber, "0");
   const bool placed = identity && !identity->frame_of_reference.empty();
-  root.text(DCM_FrameOfReferenceUID, placed ? identity->frame_of_reference : fresh_uid());
+  root.fresh(DCM_FrameOfReferenceUID, placed ? identity->frame_of_reference : fresh_uid());
   root.text(DCM_PositionReferenceIndicator, "");
   root.text(DCM_ImageType, "DERIVED\\PRIMARY");
   root.text(DCM_ContentLabel, "SEGMENTATION");
@@ -354,7 +411,6 @@ Result<void> write_dicom_picture(const std::filesystem::path& file, const Pictur
   root.text(DCM_SeriesDescription, picture.description + ", not for clinical use");
   root.text(DCM_ImageType, "DERIVED\\SECONDARY");
   root.text(DCM_DerivationDescription, kNotClinical);
-  root.text(DCM_BurnedInAnnotation, "NO");
   root.text(DCM_PatientOrientation, "");
   root.text(DCM_Laterality, "");
   root.whole(DCM_SamplesPerPixel, 3);

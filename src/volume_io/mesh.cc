@@ -10,8 +10,16 @@ namespace palpate::volume_io {
 void MeshBuilder::begin(std::string_view name) {
   // one without a triangle gives its place away, so that names alone take no memory
   if (file_.meshes.empty() || !file_.meshes.back().triangles.empty()) file_.meshes.emplace_back();
+  points_ -= file_.meshes.back().points.size();
   file_.meshes.back().points.clear();
   file_.meshes.back().name = std::string(trimmed(name));
+}
+
+void MeshBuilder::add_point(const Eigen::Vector3d& point) {
+  if (points_ == kMostPoints) too_many_ = true;
+  if (too_many_) return;
+  file_.meshes.back().points.push_back(point);
+  ++points_;
 }
 
 void MeshBuilder::join() {
@@ -20,7 +28,7 @@ void MeshBuilder::join() {
   whole.name.clear();
   for (std::size_t n = 1; n < file_.meshes.size(); ++n) {
     const auto first = static_cast<std::uint32_t>(whole.points.size());
-    const TriangleMesh& part = file_.meshes[n];
+    const TriangleMesh part = std::move(file_.meshes[n]);
     whole.points.insert(whole.points.end(), part.points.begin(), part.points.end());
     for (const auto& [a, b, c] : part.triangles) whole.triangles.push_back({first + a, first + b, first + c});
   }
@@ -57,10 +65,16 @@ bool MeshBuilder::add_polygon(const std::vector<std::int64_t>& corners) {
 
 Error MeshBuilder::damaged(const std::string& how) const {
   if (too_many_)
-    return bad_input(
-        source_, "has more than " + std::to_string(kMostTriangles) + " triangles, which is more than is read",
-        "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate)");
+    return bad_input(source_,
+                     "has more than " + std::to_string(kMostTriangles) + " triangles or " +
+                         std::to_string(kMostPoints) + " points, which is more than is read",
+                     "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate)");
   return bad_input(source_, "is damaged: " + how, "copy it again, or export it again");
+}
+
+Error MeshBuilder::too_many() {
+  too_many_ = true;
+  return damaged("");
 }
 
 Error MeshBuilder::refused(const std::string& what, const std::string& remedy) const {

@@ -30,9 +30,9 @@ struct MeshFile {
   std::optional<MeshSpace> space;    ///< as 3D Slicer writes it: "SPACE=LPS" in a comment
 };
 
-/// The most triangles of one file: their memory and what closing their holes takes fit into the process that
-/// reads (reader/confine.h).
-constexpr std::size_t kMostTriangles = 4'000'000;
+/// The most triangles of one file, and its most points, which are as many as those of triangles that share
+/// none: their memory and what closing their holes takes fit into the process that reads (reader/confine.h).
+constexpr std::size_t kMostTriangles = 1'000'000, kMostPoints = 3 * kMostTriangles;
 /// The most bytes of one, texts being the longest.
 constexpr std::size_t kMostMeshBytes = std::size_t{1} << 28;
 
@@ -57,7 +57,8 @@ class MeshBuilder {
   void begin(std::string_view name);  ///< of the mesh that follows
   void space_from(std::string_view comment);
   void set_space(MeshSpace space) { file_.space = space; }
-  void add_point(const Eigen::Vector3d& point) { file_.meshes.back().points.push_back(point); }
+  /// More than kMostPoints are left out, and finish() tells.
+  void add_point(const Eigen::Vector3d& point);
   std::size_t points() const { return file_.meshes.back().points.size(); }
   /// A polygon by the indices of its points, from 0 on, all of one mesh. False: an index is out of range,
   /// or there are too many triangles, which finish() tells.
@@ -67,7 +68,9 @@ class MeshBuilder {
   /// Makes one mesh of all, without a name.
   void join();
 
+  /// What is wrong with the file; of one that has too many triangles or points, that.
   Error damaged(const std::string& how) const;
+  Error too_many();
   Error refused(const std::string& what, const std::string& remedy) const;
   /// Drops meshes without a triangle. Errors: as parse_mesh().
   Result<MeshFile> finish();
@@ -75,7 +78,7 @@ class MeshBuilder {
  private:
   std::string source_;
   MeshFile file_;
-  std::size_t triangles_ = 0;
+  std::size_t triangles_ = 0, points_ = 0;  // of all meshes
   bool too_many_ = false;
 };
 

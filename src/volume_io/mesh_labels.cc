@@ -260,6 +260,7 @@ MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
   if (first[0] > last[0] || first[1] > last[1] || first[2] > last[2]) return voxels;
 
   const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.own));
+  if (!look()) return voxels;
   FanBlocks blocks(fans, grid);
   // triangles by the slice at which they begin, and those that the present one may meet
   std::vector<std::uint32_t> order(mesh.triangles.size()), active;
@@ -277,7 +278,7 @@ MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
   SliceTurns turns(grid.dims[0], grid.dims[1]);
   const bool mirrored = !grid.right_handed();
 
-  for (int k = first[2]; k <= last[2] && look(); ++k) {
+  for (int k = first[2]; k <= last[2]; ++k) {
     while (next < order.size() && lowest(order[next]) <= k) active.push_back(order[next++]);
     std::erase_if(active, [&](std::uint32_t n) { return highest(n) <= k; });
     for (const std::uint32_t n : active) {
@@ -285,11 +286,13 @@ MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
       cut_triangle(points[a], points[b], points[c], k, mirrored, turns);
     }
     if (!fans.empty()) blocks.begin_slice(k);
-    for (int j = 0; j < grid.dims[1]; ++j) {
+    // a voxel around the box as well, where what is cut may lie by rounding
+    for (int j = std::max(first[1] - 1, 0); j <= std::min(last[1] + 1, grid.dims[1] - 1); ++j) {
+      if (!look()) return voxels;
       const auto row = turns.row(j);
       const bool in_box = j >= first[1] && j <= last[1];
       std::int32_t wound = 0;
-      for (int i = 0; i < grid.dims[0]; ++i) {
+      for (int i = std::max(first[0] - 1, 0); i <= std::min(last[0] + 1, grid.dims[0] - 1); ++i) {
         wound += std::exchange(row[static_cast<std::size_t>(i)], 0);
         if (!in_box || i < first[0] || i > last[0]) continue;
         double turns_around = wound;

@@ -38,7 +38,7 @@ ClosedMesh closed_mesh(const TriangleMesh& mesh);
 /// directions, is taken off (FastWinding); what is in is within the mesh's own box.
 class MeshVoxels {
  public:
-  /// @param look  called before each slice; false: nobody listens any more, and the rest is left out
+  /// @param look  called before each row; false: nobody listens any more, and the rest is left out
   static MeshVoxels make(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
 
   /// Calls take(i + j * dims[0]) once for each voxel of a slice of the grid that is in.

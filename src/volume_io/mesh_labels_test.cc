@@ -199,6 +199,22 @@ TEST(MeshLabels, AHoleChangesLittle) {
   EXPECT_GE(got.dice, 0.95);
 }
 
+// whoever waits for it hears of it, however long a slice takes
+TEST(MeshLabels, EachRowIsASignOfLife) {
+  GridGeometry grid;
+  grid.dims = {12, 12, 12};
+  const ClosedMesh box = closed_mesh(
+      test_meshes::moved(test_meshes::box_mesh({4, 4, 4}), Eigen::Matrix3d::Identity(), {5.5, 5.5, 5.5}));
+  int looks = 0;
+  const auto whole = MeshVoxels::make(box, grid, [&] { return ++looks > 0; });
+  EXPECT_EQ(whole.count(), 8u * 8 * 8);
+  EXPECT_GE(looks, 64);
+  const int half = looks / 2;
+  looks = 0;
+  EXPECT_LT(MeshVoxels::make(box, grid, [&] { return ++looks < half; }).count(), whole.count());
+  EXPECT_EQ(looks, half);
+}
+
 // two that share a wall share no voxel, and leave none between them
 TEST(MeshLabels, AWallBelongsToOneOfTwo) {
   GridGeometry grid;
@@ -236,7 +252,7 @@ GridGeometry scan_beside_the_origin() {
 
 Result<PlacedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* scan, const MeshPlacing& asked = {},
                             std::optional<MeshSpace> stated = {}) {
-  MeshSurvey survey(scan);
+  MeshSurvey survey(scan, asked.unit_mm);
   survey.see(mesh);
   return place_meshes(survey, asked, stated);
 }
@@ -256,6 +272,29 @@ TEST(MeshPlacing, TheScanProvesWhatTheFileDoesNotSay) {
       EXPECT_TRUE(found->space_is_known);
       EXPECT_NE(found->note.find("100 % of its points lie in the scan"), std::string::npos) << found->note;
     }
+}
+
+// a scan around the origin holds what is read in too small a unit, too
+TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
+  GridGeometry scan;
+  scan.dims = {300, 300, 300};
+  scan.origin = Point<Patient>(-150, -150, -150);
+  TriangleMesh leg = test_meshes::sphere_mesh(0.12, 20);
+  const auto asked_for = placed(leg, &scan, {}, MeshSpace::kLps);
+  ASSERT_FALSE(asked_for);
+  EXPECT_NE(asked_for.error().message().find("read in cm and in m alike"), std::string::npos)
+      << asked_for.error().message();
+  EXPECT_NE(asked_for.error().message().find("--mesh-unit"), std::string::npos);
+  EXPECT_EQ(placed(leg, &scan, {{}, 1000}, MeshSpace::kLps)->unit_mm, 1000);
+  // any unit, where it is asked for: inches
+  const GridGeometry beside = scan_beside_the_origin();
+  TriangleMesh inches =
+      test_meshes::moved(test_meshes::sphere_mesh(12, 20), Eigen::Matrix3d::Identity(), {-90, 60, -10});
+  for (Vector3& point : inches.points) point /= 25.4;
+  const auto found = placed(inches, &beside, {{}, 25.4});
+  ASSERT_TRUE(found) << found.error().message();
+  EXPECT_EQ(found->unit_mm, 25.4);
+  EXPECT_EQ(found->space, MeshSpace::kLps);
 }
 
 TEST(MeshPlacing, WhatTheScanDoesNotProveIsAskedFor) {

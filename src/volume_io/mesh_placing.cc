@@ -51,9 +51,8 @@ void MeshSurvey::see(const TriangleMesh& mesh) {
     ++points_;
     if (!scan_) continue;
     for (const MeshSpace space : {MeshSpace::kLps, MeshSpace::kRas})
-      for (std::size_t unit = 0; unit < kMeshUnits_mm.size(); ++unit) {
-        const Eigen::Vector3d voxel =
-            (X * Point<Patient>(in_patient(point, space, kMeshUnits_mm[unit]))).eigen();
+      for (std::size_t unit = 0; unit < units_mm_.size(); ++unit) {
+        const Eigen::Vector3d voxel = (X * Point<Patient>(in_patient(point, space, units_mm_[unit]))).eigen();
         bool within = true;
         // a surface around the outermost voxels lies half a voxel out, or one where it is smoothed
         for (int a = 0; a < 3; ++a)
@@ -84,33 +83,35 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
     return placed;
   }
 
-  // which unit: the first in which the meshes lie in the scan and are more than a speck there
+  // the units in which the meshes lie in the scan and are more than a speck there: a scan that holds the
+  // origin holds what is read too small as well
   constexpr double kSpeck_voxels = 2;
-  const auto units = [&](const auto& take) {
-    for (std::size_t unit = 0; unit < kMeshUnits_mm.size(); ++unit)
-      if (!asked.unit_mm || *asked.unit_mm == kMeshUnits_mm[unit])
-        if (take(unit)) return true;
-    return false;
-  };
-  std::size_t unit = 0;
-  const bool fits = units([&](std::size_t tried) {
+  std::vector<std::size_t> fitting;
+  std::string fitting_units;
+  for (std::size_t tried = 0; tried < survey.units_mm().size(); ++tried) {
     const double best =
         said ? survey.within(*said, tried)
              : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
     if (best < kHalf ||
-        survey.extent() * kMeshUnits_mm[tried] < kSpeck_voxels * survey.scan()->min_spacing_mm())
-      return false;
-    unit = tried;
-    return true;
-  });
+        survey.extent() * survey.units_mm()[tried] < kSpeck_voxels * survey.scan()->min_spacing_mm())
+      continue;
+    fitting_units += (fitting.empty() ? "" : " and in ") + name_of_unit(survey.units_mm()[tried]);
+    fitting.push_back(tried);
+  }
   const std::string tried_units = asked.unit_mm ? name_of_unit(*asked.unit_mm) : "mm, cm and m";
-  if (!fits)
+  if (fitting.size() > 1)
+    return bad_input(
+        "", "does not say its unit, and lies in the scan read in " + fitting_units + " alike",
+        "say which with --mesh-unit mm, --mesh-unit cm or --mesh-unit m: a scene file keeps it as "
+        "mesh_unit");
+  if (fitting.empty())
     return bad_input("",
                      "does not lie in the scan, read as " + (said ? name_of(*said) : "LPS or as RAS") +
                          " in " + tried_units + ": half of its points at least would have to",
                      "give the scan that it was made on; or say how it is to be read, with --mesh-space and "
                      "--mesh-unit");
-  placed.unit_mm = kMeshUnits_mm[unit];
+  const std::size_t unit = fitting.front();
+  placed.unit_mm = survey.units_mm()[unit];
   const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
   placed.space = said.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
   const double this_way = survey.within(placed.space, unit),

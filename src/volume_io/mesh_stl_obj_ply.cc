@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 #include "volume_io/label_text.h"
@@ -8,6 +9,9 @@
 
 namespace palpate::volume_io {
 namespace {
+
+// of a line, beyond which its words take too much memory: a face of as many corners as are read is shorter
+constexpr std::size_t kLongestMeshLine = std::size_t{1} << 25;
 
 // a plain number of `bytes`, which are as many as it has
 template <class T>
@@ -58,6 +62,7 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
   while (!bytes.empty()) {
     const std::string_view text = trimmed(take_line(bytes));
     ++line;
+    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (words.empty()) continue;
     const std::string word = lower_case(words[0]);
@@ -190,6 +195,7 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
   while (!bytes.empty() && line < kMostLines) {
     const std::string_view text = trimmed(take_line(bytes));
     ++line;
+    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (line == 1 || words.empty()) continue;
     const auto wrong = [&] { return builder.damaged(at_line(line, "of its header is not understood")); };
@@ -239,7 +245,7 @@ Result<MeshFile> parse_stl(std::string_view bytes, MeshBuilder builder) {
   const bool as_long_as_it_says =
       has_header && bytes.size() == kStlHeader + kStlTriangle * std::uint64_t{number_at<std::uint32_t>(
                                                                     bytes.substr(80, 4), false)};
-  if (!as_long_as_it_says && trimmed(bytes.substr(0, 80)).starts_with("solid"))
+  if (!as_long_as_it_says && lower_case(trimmed(bytes.substr(0, 80))).starts_with("solid"))
     return parse_ascii_stl(bytes, std::move(builder));
   if (!has_header) return builder.damaged("it ends in its header");
   return parse_binary_stl(bytes, std::move(builder));
@@ -272,6 +278,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       ++line;
     }
     if (!joined.empty()) text = joined += text;
+    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (words.empty()) continue;
     if (words[0].starts_with('#')) {
@@ -284,6 +291,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
         if (!number) return builder.damaged(at_line(line, "is no vertex of three numbers"));
         point[a] = *number;
       }
+      if (points.size() == kMostPoints) return builder.too_many();
       points.push_back(point);
       index_in_mesh.push_back(0);
       taken.push_back(false);
@@ -293,6 +301,8 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     } else if (words[0] == "f") {
       corners.clear();
       if (words.size() < 4) return builder.damaged(at_line(line, "is a face of less than three corners"));
+      // its type and a corner more than a fan of that many has triangles
+      if (words.size() > kMostTriangles + 3) return builder.too_many();
       for (std::size_t n = 1; n < words.size(); ++n) {
         const auto number = parse_number<std::int64_t>(words[n].substr(0, words[n].find('/')));
         // from 1 on, or back from the last one by less than 0
@@ -305,7 +315,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
           builder.add_point(points[at]);
           index_in_mesh[at] = static_cast<std::uint32_t>(builder.points());
           used.push_back(at);
-          // groups that share points are parts of one surface, of its materials perhaps
+          // groups that share points are parts of one surface, of its materials perhaps; objects are not
           parted = parted || taken[at];
           taken[at] = true;
         }
@@ -315,7 +325,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     }
     // normals, textures, materials and lines say nothing of the surface
   }
-  if (parted) builder.join();
+  if (parted && !objects) builder.join();
   return builder.finish();
 }
 
@@ -361,13 +371,16 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
           continue;
         }
         if (!(*first >= 0 && *first <= static_cast<double>(values.left()))) return ends();
+        const bool is_face = static_cast<int>(p) == face;
+        if (is_face && *first > static_cast<double>(kMostTriangles + 2)) return builder.too_many();
         corners.clear();
         for (double corner = 0; corner < *first; ++corner) {
           const auto value = values.next(property.type);
-          if (!value || !(std::abs(*value) < 1e18)) return ends();
-          if (static_cast<int>(p) == face) corners.push_back(static_cast<std::int64_t>(*value));
+          // other lists, of colours or textures, may hold what is no number
+          if (!value || (is_face && !(std::abs(*value) < 1e18))) return ends();
+          if (is_face) corners.push_back(static_cast<std::int64_t>(*value));
         }
-        if (static_cast<int>(p) == face && !builder.add_polygon(corners))
+        if (is_face && !builder.add_polygon(corners))
           return builder.damaged("face " + std::to_string(n + 1) + " has corners that are not there");
       }
       if (is_points) builder.add_point(point);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include "base/test_files.h"
@@ -97,6 +98,13 @@ TEST(Mesh, ObjectsAndSolidsAreStructuresOfTheirOwn) {
   EXPECT_EQ(file->meshes[0].name, "");
   EXPECT_EQ(file->meshes[0].triangles.size(), 2u);
 
+  // objects are structures of their own, whatever they share
+  file = parse_mesh("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no a\nf 1 2 3\no b\nf 1 3 4\n", MeshFormat::kObj,
+                    "two.obj");
+  ASSERT_TRUE(file) << file.error().message();
+  ASSERT_EQ(file->meshes.size(), 2u);
+  EXPECT_EQ(file->meshes[1].name, "b");
+
   const TriangleMesh box = test_meshes::box_mesh({1, 2, 3});
   file = parse_mesh(test_meshes::ascii_stl(box, "liver") + test_meshes::ascii_stl(box, "spleen"),
                     MeshFormat::kStl, "s.stl");
@@ -141,6 +149,64 @@ TEST(Mesh, WhatIsNotReadIsSaid) {
   std::string cut = test_meshes::binary_stl(box);
   cut.resize(cut.size() - 70);
   EXPECT_THAT(refusal(cut, MeshFormat::kStl), HasSubstr("it ends after 10 of 12 triangles"));
+}
+
+TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
+  const auto refusal = [](const std::string& bytes) {
+    const auto file = parse_mesh(bytes, MeshFormat::kPly, "f");
+    return file ? std::string("is read") : file.error().message();
+  };
+  const std::string head = "ply\nformat binary_little_endian 1.0\n",
+                    point = "property uchar x\nproperty uchar y\nproperty uchar z\n",
+                    face = "property list uint uchar vertex_indices\nend_header\n";
+  // points of no triangle, and a face of more corners than there may be triangles
+  EXPECT_THAT(
+      refusal(head + "element vertex " + std::to_string(kMostPoints + 1) + "\n" + point + "element face 1\n" +
+              face + std::string(3 * (kMostPoints + 1), 'a') + std::string("\3\0\0\0\0\1\2", 7)),
+      HasSubstr("more than 1000000 triangles or 3000000 points"));
+  const std::uint32_t corners = kMostTriangles + 3;
+  std::string count(4, '\0');
+  for (std::size_t n = 0; n < 4; ++n) count[n] = static_cast<char>(corners >> 8 * n & 0xFF);
+  EXPECT_THAT(refusal(head + "element vertex 3\n" + point + "element face 1\n" + face +
+                      std::string("\0\0\0\1\0\0\0\1\0", 9) + count + std::string(corners, '\0')),
+              HasSubstr("more than 1000000 triangles"));
+}
+
+TEST(Mesh, WhatOtherProgramsAddIsPassedOver) {
+  const TriangleMesh box = test_meshes::box_mesh({1, 2, 3});
+  // what VTK keeps of an array, as of its range
+  std::string keyed = test_meshes::vtp(box, "ascii");
+  const auto cells = keyed.find("</DataArray>", keyed.find("<Polys>"));
+  ASSERT_NE(cells, std::string::npos);
+  keyed.insert(cells,
+               "<InformationKey name=\"L2_NORM_RANGE\" location=\"vtkDataArray\" length=\"2\"><Value "
+               "index=\"0\">1</Value></InformationKey>");
+  auto file = parse_mesh(keyed, MeshFormat::kVtkXml, "keyed.vtp");
+  ASSERT_TRUE(file) << file.error().message();
+  EXPECT_EQ(file->meshes[0].triangles.size(), box.triangles.size());
+  // a list that is no face's, of what is no number
+  file = parse_mesh(
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+      "z\nelement "
+      "face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n0 0 "
+      "0\n1 "
+      "0 0\n0 1 0\n3 0 1 2 2 nan 0.5\n",
+      MeshFormat::kPly, "t.ply");
+  ASSERT_TRUE(file) << file.error().message();
+  std::string capitals = test_meshes::ascii_stl(box, "LIVER");
+  std::ranges::transform(capitals, capitals.begin(),
+                         [](char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 32) : c; });
+  file = parse_mesh(capitals, MeshFormat::kStl, "c.stl");
+  ASSERT_TRUE(file) << file.error().message();
+  EXPECT_EQ(file->meshes[0].triangles.size(), box.triangles.size());
+}
+
+// a tag that repeats a word before a long blank took minutes
+TEST(Mesh, ATagTakesNoLongerThanItIsLong) {
+  std::string tag = "<VTKFile ";
+  for (int n = 0; n < 100'000; ++n) tag += "type ";
+  tag += std::string(2'000'000, ' ') + ">";
+  EXPECT_FALSE(parse_mesh(tag, MeshFormat::kVtkXml, "f"));
 }
 
 // each is read whole, or refused by one sentence; no time, no memory beyond what the bytes are worth

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <span>
 
 #include "volume_io/label_text.h"
 #include "volume_io/mesh.h"
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::string_view kBlank = " \t\r\n";
 // of one array, which as many triangles as are read need
-constexpr std::uint64_t kMostNumbers = 6 * kMostTriangles;
+constexpr std::uint64_t kMostNumbers = 9 * kMostTriangles;
 
 // ---- what both formats share ------------------------------------------------------------------------------
 
@@ -120,6 +121,7 @@ class LegacyReader {
 
   std::string_view line() { return take_line(bytes_); }
   bool binary = false;
+  bool too_many = false;  // numbers at once
   bool at_end() const { return bytes_.empty(); }
 
   // the next word, which a line may end
@@ -141,14 +143,16 @@ class LegacyReader {
     values.clear();
     if (binary) {
       line();
-      if (count > bytes_.size() / type.bytes || count > kMostNumbers) return false;
+      if (count > bytes_.size() / type.bytes) return false;
+      if ((too_many = count > kMostNumbers)) return false;
       values.reserve(count);
       for (std::uint64_t n = 0; n < count; ++n)
         values.push_back(vtk_value(bytes_.data() + n * type.bytes, type, true));
       bytes_.remove_prefix(count * type.bytes);
       return true;
     }
-    if (count > bytes_.size() || count > kMostNumbers) return false;
+    if (count > bytes_.size()) return false;
+    if ((too_many = count > kMostNumbers)) return false;
     for (std::uint64_t n = 0; n < count; ++n) {
       const auto value = mesh_number(word());
       if (!value) return false;
@@ -270,12 +274,14 @@ struct XmlTag {
     for (std::size_t at = attributes.find(attribute); at != std::string_view::npos;
          at = attributes.find(attribute, at + 1)) {
       if (at > 0 && kBlank.find(attributes[at - 1]) == std::string_view::npos) continue;
-      const std::string_view rest = trimmed(attributes.substr(at + attribute.size()));
-      if (!rest.starts_with('=')) continue;
-      const std::string_view value = trimmed(rest.substr(1));
-      if (value.empty() || (value[0] != '"' && value[0] != '\'')) continue;
-      const auto end = value.find(value[0], 1);
-      if (end != std::string_view::npos) return value.substr(1, end - 1);
+      const auto after = attributes.find_first_not_of(kBlank, at + attribute.size());
+      if (after == std::string_view::npos || attributes[after] != '=') continue;
+      const auto open = attributes.find_first_not_of(kBlank, after + 1);
+      if (open == std::string_view::npos || (attributes[open] != '"' && attributes[open] != '\'')) continue;
+      const auto end = attributes.find(attributes[open], open + 1);
+      // without an end there is none for any that follows
+      if (end == std::string_view::npos) return {};
+      return attributes.substr(open + 1, end - open - 1);
     }
     return {};
   }
@@ -462,6 +468,7 @@ struct XmlFile {
   bool appended_base64 = false;
   std::size_t pieces = 0;
   std::uint64_t bytes_left = std::uint64_t{1} << 28;  // of all arrays
+  bool too_many = false;                              // numbers in one of them
 };
 
 std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& array) {
@@ -473,7 +480,7 @@ std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& a
       if (begin == std::string_view::npos) return values;
       const auto end = std::min(text.find_first_of(kBlank, begin), text.size());
       const auto value = mesh_number(text.substr(begin, end - begin));
-      if (!value || values.size() == kMostNumbers) return std::nullopt;
+      if (!value || (file.too_many = values.size() == kMostNumbers)) return std::nullopt;
       values.push_back(*value);
       text.remove_prefix(end);
     }
@@ -483,7 +490,9 @@ std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& a
       array.appended ? file.appended.substr(static_cast<std::size_t>(array.offset)) : array.body;
   const auto bytes =
       array_bytes(ByteStream(body, !array.appended || file.appended_base64), file.settings, file.bytes_left);
-  if (!bytes || bytes->size() % array.type.bytes != 0) return std::nullopt;
+  if (!bytes || bytes->size() % array.type.bytes != 0 ||
+      (file.too_many = bytes->size() / array.type.bytes > kMostNumbers))
+    return std::nullopt;
   values.reserve(bytes->size() / array.type.bytes);
   for (std::size_t at = 0; at < bytes->size(); at += array.type.bytes)
     values.push_back(vtk_value(bytes->data() + at, array.type, file.settings.big_endian));
@@ -549,7 +558,7 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
         array.offset = *offset;
       }
       file.arrays.push_back(std::move(array));
-    } else if (!tag->empty) {
+    } else if (!tag->empty && tag->name != "InformationKey" && tag->name != "Value") {
       section = tag->closes ? "" : std::string(tag->name);
     }
   }
@@ -572,7 +581,9 @@ Result<MeshFile> parse_vtk_legacy(std::string_view bytes, MeshBuilder builder) {
   while (!in.at_end()) {
     const std::string_view word = in.word();
     const std::string name(word);
-    const auto damaged_at = [&] { return builder.damaged("its part " + name + " is not as it says"); };
+    const auto damaged_at = [&] {
+      return in.too_many ? builder.too_many() : builder.damaged("its part " + name + " is not as it says");
+    };
     if (word.empty()) break;
     if (word == "DATASET") {
       if (in.word() != "POLYDATA")
@@ -622,7 +633,9 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
       return found == file->arrays.end() ? nullptr : &*found;
     };
     const auto damaged_array = [&](const XmlArray& array) {
-      return builder.damaged("the data of its array '" + array.section + "' are not as they say");
+      return file->too_many
+                 ? builder.too_many()
+                 : builder.damaged("the data of its array '" + array.section + "' are not as they say");
     };
     if (const XmlArray* space = find("FieldData", "SPACE")) {
       // letters as numbers
@@ -638,7 +651,8 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
     const auto first_point = static_cast<std::int64_t>(builder.points());
     const auto values = array_values(*file, *points);
     if (!values || !add_points(builder, *values)) return damaged_array(*points);
-    for (const auto& [section, cells] : {std::pair{"Polys", Cells::kPolygons}, {"Strips", Cells::kStrips}}) {
+    for (const auto& [section, cells] :
+         {std::pair{"Polys", Cells::kPolygons}, std::pair{"Strips", Cells::kStrips}}) {
       const XmlArray *offsets = find(section, "offsets"), *connectivity = find(section, "connectivity");
       if (!offsets || !connectivity) continue;
       const auto ends = array_values(*file, *offsets), corners = array_values(*file, *connectivity);

@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <new>
 
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
@@ -64,6 +66,9 @@ FoundMeshes find_meshes(const fs::path& named) {
       found.files.push_back({entry->path(), *format});
     }
   }
+  if (!failed && entry != fs::directory_iterator())
+    found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
+                          " files, of which no more were looked at");
   std::ranges::sort(found.files, {}, &NamedMesh::file);
   if (led_out > 0)
     found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
@@ -119,6 +124,9 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
   return grid;
 }
 
+// of all files together: each is compared with those that it meets
+constexpr std::size_t kMostMeshes = 1024;
+
 struct MeshLabels {
   std::vector<std::string> names;
   std::vector<MeshVoxels> voxels;
@@ -126,11 +134,25 @@ struct MeshLabels {
   VolumeFile file;
 };
 
+// Signs of life, some a second however often they are asked for.
+template <class Sign>
+std::function<bool()> now_and_then(const Sign& sign) {
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kBetween(100);
+  return [sign, next = Clock::now(), heard = true]() mutable {
+    if (const auto now = Clock::now(); heard && now >= next) {
+      next = now + kBetween;
+      heard = sign();
+    }
+    return heard;
+  };
+}
+
 // @param look  called now and then; false: nobody listens any more
 Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& named, const GridGeometry* scan,
                                   const MeshPlacing& asked, const std::function<bool()>& look) {
   // what their points say of how they lie; of files that say their axes each for itself
-  MeshSurvey survey(scan);
+  MeshSurvey survey(scan, asked.unit_mm);
   std::optional<MeshSpace> stated;
   bool first = true, alike = true;
   std::size_t meshes = 0;
@@ -151,12 +173,15 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
     }
     meshes += file->meshes.size();
   }
-  if (meshes >= kNumbers)
-    return bad_input(named.string(), "has more structures than there are numbers for", "take some of them");
-  if (!alike)
+  if (meshes > kMostMeshes)
     return bad_input(named.string(),
-                     "holds surfaces of which some say that their axes are LPS or RAS and others do not",
-                     "export all of them alike, or give them as files of their own");
+                     "has " + std::to_string(meshes) + " structures, and " + std::to_string(kMostMeshes) +
+                         " are read at most",
+                     "take some of them");
+  if (!alike && !asked.space)
+    return bad_input(named.string(),
+                     "holds surfaces that do not say the same of their axes: some LPS, others RAS or nothing",
+                     "export all of them alike, or say with --mesh-space how all are to be read");
   const auto placed = place_meshes(survey, asked, stated);
   if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
 
@@ -184,10 +209,12 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
         for (int a = 0; a < 3; ++a)
           beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
       }
-      const std::string name = name_of_mesh(mesh, n, file->meshes.size(), one.file, found.files.size() == 1);
+      const std::string name =
+          name_of_mesh(mesh, n, file->meshes.size(), one.file, found.files.size() == 1 && one.file == named);
       const std::string said = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
+      if (!look()) return bad_input("", "nobody reads it");
       labels.voxels.push_back(MeshVoxels::make(closed, grid, look));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
@@ -269,7 +296,15 @@ Result<MeshReader> open_meshes(const fs::path& file, const GridGeometry* scan, c
   std::vector<fs::path> names{file};
   for (const NamedMesh& one : found.files) names.push_back(one.file);
   auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    const auto labels = look_at_meshes(found, file, scan, placing, sign_of_life(parent));
+    const auto labels = [&]() -> Result<MeshLabels> {
+      try {
+        return look_at_meshes(found, file, scan, placing, now_and_then(sign_of_life(parent)));
+      } catch (const std::bad_alloc&) {
+        return bad_input(
+            file.string(), "does not fit into the memory that it is read in",
+            "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate), or take some of it");
+      }
+    }();
     return read_labels_for(parent, file, labels, [&](VoxelSink& sink) { return send_meshes(*labels, sink); });
   });
   for (const int descriptor : descriptors) ::close(descriptor);

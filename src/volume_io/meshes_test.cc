@@ -89,6 +89,37 @@ TEST(Meshes, OfAFolderEachFileIsAStructure) {
   EXPECT_EQ(refused.error().where, (folder / "patella.obj").string());
 }
 
+TEST(Meshes, AStructureIsCalledAfterItsFileAndNotAfterTheFolder) {
+  const TemporaryFolder folder;
+  const GridGeometry scan = scan_for_meshes();
+  write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(7)));
+  Result<LabelFile> labels = Error{};
+  warnings_of(folder.path(), &scan, labels);
+  ASSERT_TRUE(labels) << labels.error().message();
+  EXPECT_EQ(labels->labels.segments[0].name, "femur");
+
+  // files that say different axes are read as it is asked for
+  write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(7), "SPACE=LPS"));
+  write_text(folder / "tibia.stl", shapes::binary_stl(ball_in_scan(7), "SPACE=RAS"));
+  warnings_of(folder.path(), &scan, labels);
+  ASSERT_FALSE(labels);
+  EXPECT_THAT(labels.error().message(), HasSubstr("--mesh-space"));
+  warnings_of(folder.path(), &scan, labels, {MeshSpace::kLps, {}});
+  ASSERT_TRUE(labels) << labels.error().message();
+  EXPECT_EQ(labels->labels.segments.size(), 2u);
+}
+
+TEST(Meshes, MoreStructuresThanAreComparedAreRefused) {
+  const TemporaryFolder folder;
+  std::string objects;
+  for (int n = 0; n < 1025; ++n)
+    objects += "o part" + std::to_string(n) + "\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n";
+  write_text(folder / "many.obj", objects);
+  const auto labels = read_labels(folder / "many.obj");
+  ASSERT_FALSE(labels);
+  EXPECT_THAT(labels.error().message(), HasSubstr("has 1025 structures, and 1024 are read at most"));
+}
+
 TEST(Meshes, WithoutAScanTheyHaveAGridOfTheirOwn) {
   const TemporaryFolder folder;
   write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(9)));

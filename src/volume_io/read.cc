@@ -393,7 +393,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
                            Unpacked unpacked, std::optional<int> volume) try {
-  if (!volume && is_meshes(file))
+  if (!volume && !is_dicom(file) && is_meshes(file))
     return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
                      "give it as the labels, after the scan");
   auto reader = VolumeReader::open(file, progress, volume);

@@ -48,9 +48,10 @@ class Export(cli.PalpateTest):
         info = json.loads(self.succeed("info", path, "--json").stdout)
         return info["dims"], {label["name"]: label["voxels"] for label in info["labels"]}
 
-    def validated(self, path):
-        """dciodvfy's errors."""
+    def validated(self, path, kind):
+        """dciodvfy's errors in an object, which it takes for that kind."""
         done = subprocess.run([tool("dciodvfy"), str(path)], capture_output=True, text=True, errors="replace")
+        self.assertIn(kind, done.stdout + done.stderr)
         return [line for line in (done.stdout + done.stderr).splitlines() if line.startswith("Error")]
 
     def test_labels_become_a_segmentation_without_a_patient(self):
@@ -62,7 +63,7 @@ class Export(cli.PalpateTest):
         self.assertIn("7771000", text)
         self.assertIn("Not for clinical use", text)
         self.assertRegex(text, r"PN \(no value available\)")
-        self.assertEqual(self.validated(seg), [])
+        self.assertEqual(self.validated(seg, "Segmentation"), [])
         # back as .seg.nrrd
         back = self.folder / "back.seg.nrrd"
         self.succeed("export", seg, "-o", back)
@@ -75,13 +76,31 @@ class Export(cli.PalpateTest):
         self.assertIn(CANARY, text)
         self.assertIn("1.2.3.19570411", text)
         self.assertIn("[1.2.3.7]", text, "the images that it lies on")
-        self.assertEqual(self.validated(seg), [])
+        self.assertEqual(self.validated(seg, "Segmentation"), [])
         # the study takes it for its own
         done = self.succeed("scene", "new", self.study, seg)
         self.assertIn("was made on volume 1", done.stderr)
         self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, says="which study")
         self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", self.folder / "x.nrrd",
                           says="in DICOM alone")
+
+    def test_labels_of_somebody_else_are_not_attached(self):
+        out = self.folder / "x.dcm"
+        seg = self.folder / "attached.dcm"
+        self.succeed("export", self.labels, self.study, "--keep-identifiers", "-o", seg)
+        other = self.folder / "OTHER"
+        other.mkdir()
+        for k in range(N):
+            data = (self.study / f"IM{k}").read_bytes()
+            (other / f"IM{k}").write_bytes(data.replace(b"1.2.3.", b"1.2.4."))
+        for options in (), ("--keep-identifiers",):
+            self.fail_clearly(cli.BAD_INPUT, "export", seg, other, *options, "-o", out)
+            # elsewhere in space
+            away = self.folder / "away.seg.nrrd"
+            away.write_bytes(self.labels.read_bytes().replace(b"origin: (0,0,0)", b"origin: (900,0,0)"))
+            self.fail_clearly(cli.BAD_INPUT, "export", away, self.study, *options, "-o", out)
+        self.fail_clearly(cli.USAGE, "export", self.labels, "--volume", "1", "-o", out, says="--volume")
+        self.assertFalse(out.exists())
 
     def test_a_section_is_a_secondary_capture(self):
         for options, there in ((), False), (("--keep-identifiers",), True):
@@ -91,7 +110,8 @@ class Export(cli.PalpateTest):
             self.assertIn("SecondaryCaptureImageStorage", text)
             self.assertIn("Not for clinical use", text)
             self.assertEqual(CANARY in text, there)
-            self.assertEqual(self.validated(picture), [])
+            self.assertEqual(self.validated(picture, "SCImage"), [])
+            self.assertNotIn("BurnedInAnnotation", text, "nobody looked")
 
     def test_a_path_is_a_table_in_the_volume_s_space(self):
         run, path = self.folder / "run.h5", self.folder / "path.csv"
@@ -120,6 +140,9 @@ class Export(cli.PalpateTest):
         self.assertIn("CT, axial, 40 x 40 x 40, 1 x 1 x 1 mm", listed)
         self.assertEqual(json.loads(self.succeed("info", disc, "--json").stdout)["dims"], [N, N, N])
         self.succeed("section", disc / "DICOMDIR", "-o", self.folder / "x.png")
+        # it names patients itself
+        rows = json.loads(self.succeed("info", disc / "DICOMDIR", "--identifiers", "--json").stdout)
+        self.assertEqual(rows["files"], N + 1)
         # names in small letters, as some discs are mounted
         (disc / "STUDY").rename(disc / "lower")
         for k in range(N):

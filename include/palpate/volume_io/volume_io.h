@@ -62,7 +62,8 @@ enum class MeshSpace { kLps, kRas };
 
 /// How surfaces are to be read, which their files do not say. What is not given here is what the file says
 /// (3D Slicer's "SPACE=LPS"), else what the scan shows: of LPS and RAS, and of mm, cm and m, that in which
-/// all points lie within it and otherwise do not. Without a scan LPS, whose sides are then unknown, and mm.
+/// the points lie within it and otherwise do not; where several do, an error that asks. Without a scan LPS,
+/// whose sides are then unknown, and mm.
 struct MeshPlacing {
   std::optional<MeshSpace> space;
   std::optional<double> unit_mm;  ///< > 0
