@@ -12,6 +12,8 @@ namespace palpate::report {
 namespace {
 
 constexpr int kVolume_px = 560, kSearch_px = 128;
+/// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
+constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
 /// Of the picture's width: the least that a touched place and a force are wide.
 constexpr double kPlaceShare = 0.007, kArrowShare = 0.004;
 /// As in the sections; the places stand out from bone.
@@ -48,18 +50,19 @@ int places_seen(VolumeRenderer& renderer, const Run& run, const VolumeCamera& ca
 }
 
 /// From the side whence most touched places are seen.
-VolumePictureRequest best_view(VolumeRenderer& renderer, const Run& run, const GridGeometry& grid) {
-  VolumePictureRequest best;
+Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridGeometry& grid,
+                           const Progress& progress) {
+  ViewFrom best = ViewFrom::kAnterior;
   int most = -1;
   for (const ViewFrom from : {ViewFrom::kAnterior, ViewFrom::kLeft, ViewFrom::kRight, ViewFrom::kPosterior,
                               ViewFrom::kSuperior, ViewFrom::kInferior}) {
+    if (progress.stopped()) return Progress::interrupted();
     VolumePictureRequest request;
     request.from = from;
     request.pixels = kSearch_px;
     const int seen = places_seen(renderer, run, camera_of(grid, request));
-    if (seen > most) best = request, most = seen;
+    if (seen > most) best = from, most = seen;
   }
-  best.pixels = kVolume_px;
   return best;
 }
 
@@ -101,6 +104,12 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   return marks;
 }
 
+std::string too_large_html() {
+  return "<section class=\"card\" aria-labelledby=\"volume-title\"><h2 id=\"volume-title\">Where it was "
+         "touched</h2>\n<p>No picture of the whole: the volume has more than " +
+         std::to_string(kMostVoxels / 1'000'000) + " million voxels.</p></section>\n";
+}
+
 std::string figure_html(const Run& run, const Image& picture) {
   const std::string size = std::to_string(kVolume_px), count = std::to_string(run.shown.size());
   return "<section class=\"card\" aria-labelledby=\"volume-title\"><h2 id=\"volume-title\">Where it was "
@@ -119,13 +128,18 @@ std::string figure_html(const Run& run, const Image& picture) {
 
 Result<std::string> volume_html(const Run& run, const Progress& progress) {
   if (run.shown.empty() || run.model.labels == nullptr) return std::string();
+  if (run.model.labels->geometry().voxel_count() > kMostVoxels) return too_large_html();
   const auto left = model_left(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
   const Model& model = left != nullptr ? *left : run.model;
   const std::vector<StructureLook> looks = structure_looks(model);
   auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
   if (!renderer) return renderer.error();
   const GridGeometry& grid = model.labels->geometry();
-  const VolumePictureRequest request = best_view(*renderer, run, grid);
+  const auto from = best_view(*renderer, run, grid, progress);
+  if (!from) return from.error();
+  VolumePictureRequest request;
+  request.from = *from;
+  request.pixels = kVolume_px;
   return figure_html(
       run, volume_picture(*renderer, model, looks, request, marks_of(run, camera_of(grid, request))));
 }
