@@ -45,6 +45,10 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
                                             Console& console) {
   const auto study = find_study(scan, options.source, options.volume, console.progress());
   if (!study) return study.error();
+  if (options.keep_identifiers && !study->is_said)
+    return Error{ErrorKind::kBadInput, "does not say that it was made on images of " + scan.string(),
+                 options.source.string(),
+                 "name the study that it was made on, or leave --keep-identifiers out"};
   for (const std::string& note : study->notes) console.note(note);
   return study->volume;
 }

@@ -716,6 +716,7 @@ bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const Found
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
   out.put(static_cast<std::uint32_t>(chosen->index + 1));
+  out.put(static_cast<std::uint32_t>(chosen->is_said));
   out.put(static_cast<std::uint32_t>(chosen->notes.size()));
   for (const std::string& note : chosen->notes) out.put(note);
   return out.ok();
@@ -1048,8 +1049,9 @@ Result<Study> matched(Study study, const Progress& progress) {
   const std::array<fs::path, 2> named{study.scan, *study.labels};
   if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
-  std::uint32_t number = 0, notes = 0;
+  std::uint32_t number = 0, is_said = 0, notes = 0;
   in.get(number);
+  in.get(is_said);
   in.get(notes);
   constexpr std::uint32_t kMostNumber = 100'000, kMostStudyNotes = 10;
   if (number < 1 || number > kMostNumber || notes > kMostStudyNotes) return nonsense(named);
@@ -1059,6 +1061,7 @@ Result<Study> matched(Study study, const Progress& progress) {
   }
   if (!in.ok()) return about(in.error(), named);
   study.volume = static_cast<int>(number);
+  study.is_said = is_said == 1;
   return study;
 }
 
@@ -1067,7 +1070,7 @@ Result<Study> matched(Study study, const Progress& progress) {
 Result<Study> find_study(const std::filesystem::path& scan,
                          const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
                          const Progress& progress) try {
-  Study study{scan, volume, labels, {}};
+  Study study{.scan = scan, .volume = volume, .labels = labels, .notes = {}};
   std::error_code ignored;
   const bool images = is_dicom(scan);
   if (!labels) {
@@ -1091,6 +1094,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
   }
   if (!is_dicom_labels(*study.labels)) return study;
   if (images) return matched(std::move(study), progress);
+  study.is_said = false;
   study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
                         " does not say which it is: that they belong together was not checked");
   return study;

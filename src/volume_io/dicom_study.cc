@@ -64,7 +64,8 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
   if (number) {
     const auto asked = choose_volume(volumes, number);
     if (!asked) return asked.error();
-    SegmentedVolume chosen{*asked, {bond_in_words(bonds[*asked], numbered(volumes, *asked))}};
+    SegmentedVolume chosen{
+        *asked, {bond_in_words(bonds[*asked], numbered(volumes, *asked))}, bonds[*asked] <= Bond::kSpace};
     if (bonds[*asked] != closest)
       chosen.notes.insert(chosen.notes.begin(), bond_in_words(closest, numbered(volumes, best.front())) +
                                                     "; volume " + std::to_string(*number) + " was asked for");
@@ -94,7 +95,8 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
     return bad_input("", "belongs to " + std::to_string(usable.size()) + " volumes alike:" + list,
                      "choose one with --volume N");
   }
-  return SegmentedVolume{usable.front(), {bond_in_words(closest, numbered(volumes, usable.front()))}};
+  return SegmentedVolume{
+      usable.front(), {bond_in_words(closest, numbered(volumes, usable.front()))}, closest <= Bond::kSpace};
 }
 
 }  // namespace palpate::volume_io

@@ -39,6 +39,7 @@ std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector
 struct SegmentedVolume {
   std::size_t index = 0;
   std::vector<std::string> notes;  ///< of the segmentation: "was made on volume 2 (series 1: MR, ...)"
+  bool is_said = true;             ///< that they belong together, by images, series or frame of reference
 };
 /// Which of them is meant: the one of that number, from 1 on; without a number the only one with the closest
 /// bond. Errors, without `where`, about the segmentation: it was made on none of them, or on one that cannot

@@ -47,10 +47,21 @@ TEST(DicomStudy, TheVolumeThatItWasMadeOnIsChosen) {
   ASSERT_TRUE(chosen);
   EXPECT_EQ(chosen->index, 1u);
   EXPECT_THAT(chosen->notes, ElementsAre("was made on volume 2 (series 1)"));
+  EXPECT_TRUE(chosen->is_said);
   const auto space = choose_segmented(study(), {Bond::kNone, Bond::kNone, Bond::kSpace}, {});
   ASSERT_TRUE(space);
   EXPECT_EQ(space->index, 2u);
   EXPECT_THAT(space->notes, ElementsAre(HasSubstr("it does not say")));
+  EXPECT_TRUE(space->is_said);
+}
+
+TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
+  auto volumes = study();
+  volumes.resize(1);
+  const auto unsaid = choose_segmented(volumes, {Bond::kUnsaid}, {});
+  ASSERT_TRUE(unsaid);
+  EXPECT_FALSE(unsaid->is_said);
+  EXPECT_THAT(unsaid->notes, ElementsAre(HasSubstr("was not checked")));
 }
 
 TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
@@ -80,6 +91,7 @@ TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
   EXPECT_THAT(chosen->notes,
               ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was asked for")),
                           HasSubstr("another frame of reference than volume 3")));
+  EXPECT_FALSE(chosen->is_said);
   const auto closest = choose_segmented(study(), {Bond::kSeries, Bond::kImages, Bond::kNone}, 2);
   EXPECT_THAT(closest->notes, ElementsAre("was made on volume 2 (series 1)"));
   EXPECT_FALSE(choose_segmented(study(), {Bond::kSeries, Bond::kImages, Bond::kNone}, 4));

@@ -93,8 +93,9 @@ class Export(cli.PalpateTest):
         for k in range(N):
             data = (self.study / f"IM{k}").read_bytes()
             (other / f"IM{k}").write_bytes(data.replace(b"1.2.3.", b"1.2.4."))
+        self.fail_clearly(cli.BAD_INPUT, "export", seg, other, "--keep-identifiers", "-o", out,
+                          says="does not say that it was made on")
         for options in (), ("--keep-identifiers",):
-            self.fail_clearly(cli.BAD_INPUT, "export", seg, other, *options, "-o", out)
             # elsewhere in space
             away = self.folder / "away.seg.nrrd"
             away.write_bytes(self.labels.read_bytes().replace(b"origin: (0,0,0)", b"origin: (900,0,0)"))

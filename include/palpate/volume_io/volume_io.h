@@ -104,6 +104,9 @@ struct Study {
   std::optional<int> volume;                    ///< the scan's number, where it is DICOM's
   std::optional<std::filesystem::path> labels;  ///< none: the scan stands alone
   std::vector<std::string> notes;               ///< how they belong together, and what is not known of that
+  /// Whether labels of DICOM say by images, series or frame of reference that they were made on the scan; of
+  /// other labels nothing could, and it is true.
+  bool is_said = true;
 };
 /// Of DICOM's images and a segmentation of DICOM the volume that the segmentation was made on, by the images,
 /// the series and the frame of reference that it names; their identifiers are compared in the process that
