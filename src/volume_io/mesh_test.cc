@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <random>
 
 #include "base/test_files.h"
 #include "base/test_seed.h"
+#include "palpate/base/file.h"
 #include "volume_io/file_kind.h"
 #include "volume_io/test_meshes.h"
 
@@ -238,12 +241,20 @@ TEST(DamagedMesh, CutsAndFlippedBitsAreErrorsOrOtherMeshes) {
   EXPECT_LT(cuts_read, written.size() * 300 / 2 / 4);
 }
 
-// for mesh_fuzzer_corpus: PALPATE_WRITE_SEEDS=FOLDER
-TEST(MeshSeeds, AreWrittenWhereThatIsAskedFor) {
-  const char* folder = std::getenv("PALPATE_WRITE_SEEDS");
-  if (!folder) GTEST_SKIP() << "PALPATE_WRITE_SEEDS is not set";
-  for (const WrittenMesh& one : in_every_format(test_meshes::box_mesh({1, 2, 3})))
-    test::write_text(std::filesystem::path(folder) / one.name, one.bytes);
+// What mesh_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/mesh_fuzzer_corpus writes it anew.
+TEST(MeshSeeds, AreUnderstood) {
+  const std::filesystem::path folder =
+      std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/mesh_fuzzer_corpus";
+  const char* const target = std::getenv("PALPATE_WRITE_SEEDS");
+  for (const WrittenMesh& one : in_every_format(test_meshes::box_mesh({1, 2, 3}))) {
+    if (target != nullptr) test::write_text(std::filesystem::path(target) / one.name, one.bytes);
+    const auto seed = palpate::read_file(folder / one.name, 1 << 20);
+    ASSERT_TRUE(seed.ok()) << one.name;
+    const auto file = parse_mesh(*seed, one.format, one.name);
+    ASSERT_TRUE(file.ok()) << file.error().message();
+    ASSERT_EQ(file->meshes.size(), 1u) << one.name;
+    EXPECT_EQ(file->meshes[0].triangles.size(), 12u) << one.name;
+  }
 }
 
 }  // namespace
