@@ -322,7 +322,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
   const ScriptEdits edits{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
-                          [&viewed] { return viewed.script_stroke_led_to(); }};
+                          [&viewed] { return viewed.script_stroke_led_to(); },
+                          [&viewed](TissueLaw law) { viewed.change_law_by_script(law); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
   const Session session{model,        **loop, **recorder, **tip, watch, viewed, supervisor->get(),
                         carried.told, careful};

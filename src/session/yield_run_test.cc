@@ -372,6 +372,28 @@ TEST_F(YieldRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "none.h5"));
 }
 
+TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
+  const Script changing =
+      parse_script(
+          "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.6\n[[step]]\nhold = 0.3\n"
+          "[[step]]\nlaw = \"neo-hookean\"\n[[step]]\nhold = 0.3\n[[step]]\nleave = true\n",
+          "changing script")
+          .value();
+  ExploreOptions options;
+  options.loop.realtime = false;
+  options.loop.ring_s = 30;
+  const auto explored = explore(loaded_, changing, options, folder_ / "live.h5");
+  ASSERT_TRUE(explored.ok()) << explored.error().message();
+  recording_ = read_recording(folder_ / "live.h5").value();
+  std::vector<TissueLaw> laws;
+  for (const RecordingEvent& event : recording_.events)
+    if (event.kind == EventKind::kModel) laws.push_back(law_of(event.change));
+  EXPECT_THAT(laws, ::testing::ElementsAre(TissueLaw::kNeoHookean));
+  const auto result = replay(recording_, loaded_.model);
+  ASSERT_TRUE(result.ok()) << result.error().message();
+  EXPECT_TRUE(result->identical) << result->difference;
+}
+
 TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   ViewerHost* host = nullptr;
