@@ -938,6 +938,7 @@ class WithPointer(Viewer):
         self.page.wait("document.getElementById('flags').textContent.includes('whoever moves the tip rearms')")
         self.assertIn("stopped by this page", self.page.run("return document.getElementById('flags').textContent"))
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
+        self.assertIn("another viewer has the pointer", self.page.run("return document.getElementById('viewers').textContent"))
         for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "touches something")):
             self.page.run("window.hand.ask({ type: 'rearm', id: %d, stop: %s })" % (answer, stop))
             self.page.wait(f"window.hand.answers[{answer}]")
@@ -956,6 +957,7 @@ class WithPointer(Viewer):
         time.sleep(0.3)
         self.page.click("[data-tool=touch]")
         self.page.wait("palpateViewer.state.pointer && !document.getElementById('rearm').disabled")
+        self.page.wait("document.getElementById('viewers').textContent.includes('you have the pointer')")
         self.page.click("#rearm")
         self.page.wait("!palpateViewer.state.emergency_stop")
 

@@ -214,7 +214,7 @@ export class Controls {
     const flags = FLAGS.filter((name) => device.flags & Flag[name] && !(isResting && (name === "stale" || name === "ramp")));
     const told = flags.map((name) => (name === "emergencyStop" && state?.stopped_by ? words.stoppedBy[state.stopped_by] : words.flags[name]));
     if (state?.stop != null) return [...told, this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)];
-    if (isResting) told.push(state?.pointer ? words.holdToTouch : words.nobodyHolds);
+    if (isResting) told.push(state?.pointer ? words.holdToTouch : state?.pointer_by ? words.otherHolds : words.nobodyHolds);
     return told;
   }
   /** Never anything else: it can be pressed again and again. */
@@ -339,7 +339,7 @@ export class Controls {
     byId("stop").classList.toggle("stopped", state.emergency_stop);
     says(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
     write(byId("viewers"), [state.viewers === 1 ? words.viewer : words.viewers(String(state.viewers)),
-      ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
+      ...(state.pointer_by === null ? [] : [state.pointer ? words.youHold : words.viewerHolds]), ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
     this.structures.show(state, this.isAllowed);
     this.allow();
   }

@@ -309,7 +309,7 @@ function pose() {
 const sockets = new WebSocketServer({ server, path: options.refuse ? "/none" : "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
 const viewers = new Map();
 const tellState = () => {
-  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket }));
+  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket, pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer" }));
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;

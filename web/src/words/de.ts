@@ -176,6 +176,7 @@ export const de: Words = {
   rearmNow: "Freigeben bringt die Kraft zurück",
   holdToTouch: "zum Tasten die Maustaste im Bild halten",
   nobodyHolds: "niemand hält den Zeiger",
+  otherHolds: "ein anderer Betrachter hat den Zeiger und ruht",
 
   // force and loop
   forceAndLoop: "Kraft und Regelung",
@@ -190,6 +191,8 @@ export const de: Words = {
   viewer: "1 Betrachter",
   viewers: (count) => `${count} Betrachter`,
   sessionRecorded: "Sitzung aufgezeichnet",
+  youHold: "Sie haben den Zeiger",
+  viewerHolds: "ein anderer Betrachter hat den Zeiger",
   deviceArmed: "Gerät scharf",
 
   // structures

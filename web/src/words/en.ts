@@ -175,6 +175,7 @@ export const en = {
   rearmNow: "Rearm brings the force back",
   holdToTouch: "hold the button in a picture to touch",
   nobodyHolds: "nobody holds the pointer",
+  otherHolds: "another viewer has the pointer, and rests",
 
   // force and loop
   forceAndLoop: "Force and loop",
@@ -189,6 +190,8 @@ export const en = {
   viewer: "1 viewer",
   viewers: (count: string) => `${count} viewers`,
   sessionRecorded: "session recorded",
+  youHold: "you have the pointer",
+  viewerHolds: "another viewer has the pointer",
   deviceArmed: "device armed",
 
   // structures
