@@ -103,7 +103,8 @@ TEST(SceneJson, StateAndAnswers) {
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you"})"));
-  for (const auto& [holder, by] : {std::pair(0u, Json()), std::pair(1u, Json("you")), std::pair(2u, Json("viewer"))}) {
+  for (const auto& [holder, by] :
+       {std::pair(0u, Json()), std::pair(1u, Json("you")), std::pair(2u, Json("viewer"))}) {
     const Json held = Json::parse(state_json(cut, 2, holder, 1));
     EXPECT_EQ(held["pointer"], holder == 1);
     EXPECT_EQ(held["pointer_by"], by);
