@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "held.h"
 #include "inputs.h"
 #include "keys.h"
 #include "known_devices.h"
@@ -370,7 +371,9 @@ int explore_target(ExploreArguments options, Console& console) {
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
-  session.known = options.known;
+  const auto held = kept_held_hands();
+  if (!held) return console.fail(held.error());
+  session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, said, console));

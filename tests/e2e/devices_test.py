@@ -86,6 +86,31 @@ class Doctor(cli.PalpateTest):
             self.assertEqual(line["finding"], "fine", line)
             self.assertIn(str(library), line["found"])
 
+    def test_what_a_hand_holds(self):
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
+        self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
+        # a device at which nobody presses the key is not tried
+        library = f"touch={os.environ['FAKE_HD']}"
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--library", library, says="nobody has armed the device")
+        # the simulated one is always held; on a machine with much else to do it is late, and says so
+        environment = {**os.environ, "XDG_DATA_HOME": str(self.folder)}
+        kept = self.folder / "palpate" / "held-hands.txt"
+        done = cli.run("doctor", "--hold", "simulated", "--json", env=environment)
+        if done.returncode == cli.OK:
+            figures = json.loads(done.stdout)
+            self.assertGreater(figures["held_N_per_mm"], 0.09)
+            self.assertLess(abs(figures["delay_s"] - 0.002), 0.002)
+            self.assertIn(figures["device"], kept.read_text())
+        else:
+            self.assertIn("palpate doctor says of this computer", done.stderr)
+            self.assertFalse(kept.exists())
+        # what it kept is read when a session begins
+        kept.parent.mkdir(exist_ok=True)
+        kept.write_text("# fine\nspoon\n")
+        done = cli.run("explore", "knee-phantom", "--seconds", "0.2", "--no-viewer", env=environment)
+        self.assertEqual(done.returncode, cli.BAD_INPUT)
+        self.assertIn("held-hands.txt:2: ", done.stderr)
+
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")
         self.assertEqual(done.returncode, 1)
