@@ -79,31 +79,23 @@ struct WithCompany {
   std::string_view word, before, after;
 };
 constexpr std::array kWithCompany{
-    WithCompany{"white", "", "matter"},
-    WithCompany{"gray", "", "matter"},
-    WithCompany{"grey", "", "matter"},
-    WithCompany{"small", "", "bowel"},
-    WithCompany{"small", "", "intestine"},
-    WithCompany{"large", "", "bowel"},
-    WithCompany{"large", "", "intestine"},
-    WithCompany{"major", "teres", ""},
-    WithCompany{"minor", "teres", ""},
-    WithCompany{"major", "pectoralis", ""},
-    WithCompany{"minor", "pectoralis", ""},
-    WithCompany{"major", "psoas", ""},
-    WithCompany{"minor", "psoas", ""},
-    WithCompany{"major", "zygomaticus", ""},
-    WithCompany{"minor", "zygomaticus", ""},
-    WithCompany{"long", "biceps", "head"},
-    WithCompany{"short", "biceps", "head"},
-    WithCompany{"dc", "ventral", ""},
+    WithCompany{"white", "", "matter"},      WithCompany{"gray", "", "matter"},
+    WithCompany{"grey", "", "matter"},       WithCompany{"small", "", "bowel"},
+    WithCompany{"small", "", "intestine"},   WithCompany{"large", "", "bowel"},
+    WithCompany{"large", "", "intestine"},   WithCompany{"major", "teres", ""},
+    WithCompany{"minor", "teres", ""},       WithCompany{"major", "pectoralis", ""},
+    WithCompany{"minor", "pectoralis", ""},  WithCompany{"major", "psoas", ""},
+    WithCompany{"minor", "psoas", ""},       WithCompany{"major", "zygomaticus", ""},
+    WithCompany{"minor", "zygomaticus", ""}, WithCompany{"long", "biceps", "head"},
+    WithCompany{"short", "biceps", "head"},  WithCompany{"dc", "ventral", ""},
 };
 
 // what a file of anybody's is called besides
 constexpr std::string_view kSayNothing =
     "label labels labelmap seg segs dseg segment segmentation segmentations mask masks roi binary volume vol "
     "image img data file output out result pred prediction final new copy test sub subject ses patient case "
-    "untitled surface surf mesh model structure stl obj ply vtk vtp nii nrrd mha mhd gz x r l a b c d lps ras "
+    "untitled surface surf mesh model structure stl obj ply vtk vtp nii nrrd mha mhd gz x r l a b c d lps "
+    "ras "
     "smooth smoothed mm cm run ct mr mri acq desc space";
 
 std::set<std::string_view> set_of(std::string_view words) {

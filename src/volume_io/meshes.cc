@@ -89,7 +89,8 @@ Result<MeshFile> parse_file(const NamedMesh& named) {
   return parse_mesh(*bytes, named.format, named.file.string());
 }
 
-// its own name where that can be one, else the words of anatomy in its file's, numbered where there are several
+// its own name where that can be one, else the words of anatomy in its file's, numbered where there are
+// several
 struct MeshName {
   std::string name;
   bool left_out = false;  // of the file's name something
@@ -216,9 +217,8 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
         for (int a = 0; a < 3; ++a)
           beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
       }
-      const auto [name, left_out] =
-          name_of_mesh(mesh, n, file->meshes.size(), one.file, found.files.size() == 1 && one.file == named,
-                       labels.names);
+      const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one.file,
+                                                 found.files.size() == 1 && one.file == named, labels.names);
       if (left_out) named_in_part.push_back(name);
       const std::string said = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);

@@ -309,7 +309,8 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
 std::string left_out_of_name(const std::string& name) {
   const std::string taken =
       name.empty() ? "its structure has no name, because its file's has no word that is known to be anatomy"
-                   : "its structure is called \"" + name + "\", the words of its file's name that are known to be anatomy";
+                   : "its structure is called \"" + name +
+                         "\", the words of its file's name that are known to be anatomy";
   return taken +
          " and others might name a patient\n  a table of names gives it any (--names TABLE, or a table "
          "beside it of the same name)";
