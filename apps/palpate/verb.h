@@ -50,6 +50,7 @@ CLI::Validator number_between(double low, double high);
 CLI::Validator whole_between(std::uint64_t low, std::uint64_t high);
 
 void add_info(CLI::App& app, Run& run);
+void add_cohort(CLI::App& app, Run& run);
 void add_data(CLI::App& app, Run& run);
 void add_cache(CLI::App& app, Run& run);
 void add_scene(CLI::App& app, Run& run);

@@ -643,5 +643,15 @@ TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
   EXPECT_EQ(soft, 12);
 }
 
+// what suggests a preset comes through where a file's name gives a structure its name
+TEST(BuildModel, EveryWordOfAPresetIsKnownToBeAnatomy) {
+  for (const TissuePreset& preset : tissue_presets())
+    for (const auto* words : {&preset.kind_words, &preset.structure_names})
+      for (const std::string& word : *words) {
+        const std::string name = "left " + word + (word == "white matter" ? "" : " 3");
+        EXPECT_EQ(structure_in_name("DOE^CANARY_" + name), name);
+      }
+}
+
 }  // namespace
 }  // namespace palpate

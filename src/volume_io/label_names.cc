@@ -57,6 +57,10 @@ Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& fi
   return table->parse(*text, file.string());
 }
 
+std::string structure_in_name(std::string_view text) {
+  return anatomy_in(text).name;
+}
+
 namespace volume_io {
 
 std::optional<std::filesystem::path> table_beside(const std::filesystem::path& file) {
@@ -78,27 +82,8 @@ std::optional<std::filesystem::path> table_beside(const std::filesystem::path& f
   return tables.front();
 }
 
-std::optional<std::string> name_of_mask(const std::filesystem::path& file) {
-  const std::string stem = stem_of(file);
-  if (name_fault(stem)) return std::nullopt;
-  static constexpr std::string_view kGeneric[] = {
-      "label",        "labels",        "labelmap",   "seg",     "segs", "dseg",    "segment",
-      "segmentation", "segmentations", "mask",       "masks",   "roi",  "binary",  "volume",
-      "vol",          "image",         "img",        "data",    "file", "output",  "out",
-      "result",       "pred",          "prediction", "final",   "new",  "copy",    "test",
-      "sub",          "subject",       "ses",        "patient", "case", "untitled"};
-  // words of letters: is there one that says something?
-  std::string word;
-  const auto says_something = [&] {
-    return word.size() > 2 && std::find(std::begin(kGeneric), std::end(kGeneric), word) == std::end(kGeneric);
-  };
-  bool any = false;
-  for (const char c : lower_case(stem)) {
-    const bool letter = (c >= 'a' && c <= 'z') || static_cast<unsigned char>(c) >= 0x80;
-    if (!letter) any = any || says_something();
-    letter ? word.push_back(c) : word.clear();
-  }
-  return any || says_something() ? std::optional(stem) : std::nullopt;
+AnatomyInName name_of_mask(const std::filesystem::path& file) {
+  return anatomy_in(stem_of(file));
 }
 
 }  // namespace volume_io

@@ -13,6 +13,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
 #include "volume_io/formats.h"
+#include "volume_io/label_names.h"
 #include "volume_io/label_text.h"
 #include "volume_io/layered_labels.h"
 #include "volume_io/mesh_labels.h"
@@ -88,15 +89,22 @@ Result<MeshFile> parse_file(const NamedMesh& named) {
   return parse_mesh(*bytes, named.format, named.file.string());
 }
 
-// its own name where that can be one, else its file's, numbered where there are several
-std::string name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
-                         bool only_file) {
-  if (meshes > 1 && !name_fault(mesh.name)) return mesh.name;
-  // read_labels() calls a single structure after its file, if that says something
-  if (meshes == 1 && only_file) return "";
-  const std::string stem = file.stem().string();
-  const std::string own = name_fault(stem) ? "surface" : stem;
-  return meshes == 1 ? own : own + " " + std::to_string(n + 1);
+// its own name where that can be one, else the words of anatomy in its file's, numbered where there are
+// several
+struct MeshName {
+  std::string name;
+  bool left_out = false;  // of the file's name something
+};
+MeshName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
+                      bool only_file, const std::vector<std::string>& others) {
+  if (meshes > 1 && !name_fault(mesh.name)) return {mesh.name, false};
+  // read_labels() calls a single structure after its file
+  if (meshes == 1 && only_file) return {"", false};
+  const auto [words, left_out] = name_of_mask(file);
+  if (words.empty()) return {"structure " + std::to_string(others.size() + 1), left_out};
+  std::string own = meshes == 1 ? words : words + " " + std::to_string(n + 1);
+  if (std::ranges::find(others, own) != others.end()) own += " (" + std::to_string(others.size() + 1) + ")";
+  return {own, left_out};
 }
 
 std::string as_text(double value) {
@@ -195,7 +203,7 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
     grid = grid_around(a.cwiseMin(b), a.cwiseMax(b));
   }
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
-  std::vector<std::string> open, cut, empty;
+  std::vector<std::string> open, cut, empty, named_in_part;
   for (const NamedMesh& one : found.files) {
     auto file = parse_file(one);
     if (!file) return file.error();
@@ -209,8 +217,9 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
         for (int a = 0; a < 3; ++a)
           beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
       }
-      const std::string name =
-          name_of_mesh(mesh, n, file->meshes.size(), one.file, found.files.size() == 1 && one.file == named);
+      const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one.file,
+                                                 found.files.size() == 1 && one.file == named, labels.names);
+      if (left_out) named_in_part.push_back(name);
       const std::string said = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
@@ -253,6 +262,11 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
       open);
   tell("reaches beyond the scan and is cut off there", cut);
   tell("has surfaces of which no voxel's centre is in", empty);
+  tell(
+      "has files with words in their names that are not known to be anatomy and might name a patient; a "
+      "table gives their structures any name, numbered as their files stand in order (--names TABLE). They "
+      "are called",
+      named_in_part);
   return labels;
 }
 

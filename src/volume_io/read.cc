@@ -305,6 +305,17 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
   return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
 }
 
+// so that whoever expected the name learns why it is not there, and how it may be
+std::string left_out_of_name(const std::string& name) {
+  const std::string taken =
+      name.empty() ? "its structure has no name, because its file's has no word that is known to be anatomy"
+                   : "its structure is called \"" + name +
+                         "\", the words of its file's name that are known to be anatomy";
+  return taken +
+         " and others might name a patient\n  a table of names gives it any (--names TABLE, or a table "
+         "beside it of the same name)";
+}
+
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked) {
@@ -334,8 +345,11 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   if (!segments) return segments.error();
   apply_names(*table, *segments);
   // a mask of one structure is called after its file
-  if (segments->size() == 1 && segments->front().name.empty())
-    segments->front().name = name_of_mask(path).value_or("");
+  if (segments->size() == 1 && segments->front().name.empty()) {
+    const AnatomyInName own = name_of_mask(path);
+    segments->front().name = own.name;
+    if (own.left_out && warn) warn(path.string() + ": " + left_out_of_name(own.name));
+  }
   LabelFile result{file.header, {sink.take_layers(), std::move(*segments)}, {}};
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);

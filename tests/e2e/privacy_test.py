@@ -1,6 +1,7 @@
 """A patient's name in a path, in NRRD keys or in NIfTI's text leaves it nowhere but on the terminal."""
 
 import gzip
+import math
 import os
 import re
 import struct
@@ -70,6 +71,56 @@ def dicom_with_canary(path, n, k, values):
             (0x7fe0, 0x10, "OW", values)]
     path.write_bytes(b"\0" * 128 + b"DICM" + element(2, 0, "UL", struct.pack("<I", len(meta))) + meta
                      + b"".join(element(*one) for one in data))
+
+
+def sphere(centre, radius, around=24):
+    """Triangles of a sphere, counter-clockwise seen from outside."""
+    def point(u, v):
+        turn, fall = 2 * math.pi * (u % around) / around, math.pi * v / (around // 2)
+        ring = 0 if v in (0, around // 2) else radius * math.sin(fall)
+        return tuple(c + d for c, d in zip(centre, (ring * math.cos(turn), ring * math.sin(turn), radius * math.cos(fall))))
+
+    def faces(u, v):
+        a, b, c, d = point(u, v), point(u + 1, v), point(u, v + 1), point(u + 1, v + 1)
+        return ((a, c, d), (a, d, b))
+    return [triangle for v in range(around // 2) for u in range(around) for triangle in faces(u, v)]
+
+
+def stl(path, triangles):
+    lines = ["solid " + CANARY]
+    for triangle in triangles:
+        lines += ["facet normal 0 0 0", "outer loop", *(f"vertex {x} {y} {z}" for x, y, z in triangle), "endloop", "endfacet"]
+    path.write_text("\n".join(lines + ["endsolid " + CANARY]) + "\n")
+
+
+def obj(path, triangles):
+    lines = [f"# {CANARY}", f"o {CANARY}"] + [f"v {x} {y} {z}" for t in triangles for x, y, z in t]
+    path.write_text("\n".join(lines + [f"f {3 * n + 1} {3 * n + 2} {3 * n + 3}" for n in range(len(triangles))]) + "\n")
+
+
+def ply(path, triangles):
+    head = (f"ply\nformat ascii 1.0\ncomment {CANARY}\nelement vertex {3 * len(triangles)}\nproperty float x\nproperty float y\n"
+            f"property float z\nelement face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n")
+    path.write_text(head + "".join(f"{x} {y} {z}\n" for t in triangles for x, y, z in t)
+                    + "".join(f"3 {3 * n} {3 * n + 1} {3 * n + 2}\n" for n in range(len(triangles))))
+
+
+def vtk(path, triangles):
+    path.write_text(f"# vtk DataFile Version 3.0\n{CANARY}\nASCII\nDATASET POLYDATA\nPOINTS {3 * len(triangles)} float\n"
+                    + "".join(f"{x} {y} {z}\n" for t in triangles for x, y, z in t)
+                    + f"POLYGONS {len(triangles)} {4 * len(triangles)}\n"
+                    + "".join(f"3 {3 * n} {3 * n + 1} {3 * n + 2}\n" for n in range(len(triangles))))
+
+
+def vtp(path, triangles):
+    def array(kind, name, values, more=""):
+        return f'<DataArray type="{kind}" Name="{name}"{more} format="ascii">{" ".join(map(str, values))}</DataArray>'
+    points = [x for t in triangles for p in t for x in p]
+    path.write_text('<?xml version="1.0"?>\n<!-- ' + CANARY + ' -->\n<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian"><PolyData>'
+                    f'<Piece NumberOfPoints="{3 * len(triangles)}" NumberOfPolys="{len(triangles)}"><Points>'
+                    + array("Float32", "Points", points, ' NumberOfComponents="3"') + "</Points><Polys>"
+                    + array("Int32", "connectivity", range(3 * len(triangles)))
+                    + array("Int32", "offsets", range(3, 3 * len(triangles) + 1, 3)) + "</Polys></Piece></PolyData></VTKFile>\n")
 
 
 def everything_in(path):
@@ -166,6 +217,66 @@ class Privacy(cli.PalpateTest):
         for text in said + [content.decode("latin-1") for path in outputs for content in everything_in(path)]:
             for secret in ("CANARY", "19570411"):
                 self.assertNotIn(secret, text)
+
+    def test_a_structure_is_not_called_after_a_patient(self):
+        # masks and surfaces are called after their files: of the names of these only what is anatomy may come through
+        n = 40
+        ball = bytes(1 if (i - 20) ** 2 + (j - 20) ** 2 + (k - 20) ** 2 < 100 else 0
+                     for k in range(n) for j in range(n) for i in range(n))
+        out, home, named = (self.folder / name for name in ("out", "home", f"{CANARY}_1957"))
+        for folder in (out, home, named, named / "surfaces"):
+            folder.mkdir()
+        triangles = sphere((20, 20, 20), 10)
+        surfaces = []
+        for write, ending in ((stl, "stl"), (obj, "obj"), (ply, "ply"), (vtk, "vtk"), (vtp, "vtp")):
+            surfaces.append(named / f"{CANARY}.{ending}")
+            write(surfaces[-1], triangles)
+            write(named / "surfaces" / f"{CANARY}_{ending}.{ending}", triangles)
+        stl(named / "surfaces" / f"{CANARY}_femur_left.stl", sphere((32, 32, 32), 5))
+        mask, tidy = named / "doe_canary.nii.gz", named / f"{CANARY}_Femur-left_19570411.nii.gz"
+        for path in (mask, tidy):
+            nifti_with_canary(path, (n, n, n), b"".join(struct.pack("<h", v) for v in ball))
+        scan = named / f"{CANARY}_scan.nii.gz"
+        nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
+        environment = dict(os.environ, HOME=str(home), XDG_DATA_HOME=str(home / "data"),
+                           XDG_CACHE_HOME=str(home / "cache"), TMPDIR=str(home))
+        del environment["PALPATE_CACHE"]
+        script = named / "script.toml"
+        for number, labels in enumerate([*surfaces, named / "surfaces", mask, tidy]):
+            scene = named / "scene.toml"
+            placed = () if labels in (mask, tidy) else ("--mesh-space", "lps")
+            done = self.succeed("scene", "new", scan, labels, *placed, "--force", "-o", scene, env=environment)
+            self.assertIn("known to be anatomy", done.stderr)
+            # the scene names its data, and nothing else of the patient
+            told = [line for line in scene.read_text().splitlines() if not re.match(r"(scan|labels|#)", line)]
+            self.assertNotIn("canary", "\n".join(told).lower())
+            scene.write_text(scene.read_text().replace("felt = false", 'felt = true\npreset = "bone"'))
+            structure = "femur_left" if labels.is_dir() else "Femur-left" if labels == tidy else None
+            approach = structure or "#1"
+            script.write_text(f'[[step]]\napproach = "{approach}"\n[[step]]\npress = 0.5\n[[step]]\nleave = true\n')
+            self.succeed("simulate", scene, "--script", script, "-o", out / f"{number}.h5", "--report",
+                         out / f"{number}.html", env=environment)
+            if labels not in (surfaces[0], mask):
+                continue
+            self.succeed("section", scene, "-o", out / f"{number}.png", env=environment)
+            self.succeed("render", scene, "-o", out / f"{number}.render.png", env=environment)
+            self.succeed("export", out / f"{number}.h5", scene, "-o", out / f"{number}.seg.nrrd", env=environment)
+            self.succeed("export", labels, "-o", out / f"{number}.dcm", env=environment)
+            self.succeed("prepare", scene, "-o", out / f"{number}.nrrd", env=environment)
+            # a table names it what the user wants
+            table = named / "names.tsv"
+            table.write_text("value\tname\n1\tmy own\n")
+            self.assertIn("my own", self.succeed("info", labels, "--names", table, env=environment).stdout)
+            table.unlink()
+        outputs = [p for folder in (out, home) for p in folder.rglob("*") if p.is_file()]
+        self.assertGreaterEqual(len(outputs), 26)
+        for path in outputs:
+            for content in everything_in(path):
+                for secret in (b"canary", b"1957"):
+                    # a float's digits are no date
+                    if secret == b"1957" and path.suffix in (".h5", ".html"):
+                        secret = b"19570411"
+                    self.assertNotIn(secret, content.lower(), path.name)
 
     def test_the_search_itself_finds_what_is_hidden(self):
         # a search that finds nothing anywhere would prove nothing

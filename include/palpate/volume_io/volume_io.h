@@ -152,7 +152,8 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// Reads a segmentation. Voxel values must be whole and in 0 ... 65535. DICOM's images are none.
 /// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
 ///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
-///               in the same folder. A single label that is named nowhere is called after its file.
+///               in the same folder. A single label that is named nowhere is called after the words
+///               of its file's name that are known to be anatomy (structure_in_name).
 /// @param scan_grid  that of the scan, which the contours of a DICOM structure set are laid on; without one
 /// such a file is
 ///                   an error. Surfaces are laid on it too, and without one on a grid of their own. Other
@@ -189,6 +190,11 @@ Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const st
 /// Reads any of them by its ending: .ctbl, .txt and .lut (FreeSurfer's) are colour tables or, where the first
 /// line says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
 Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file);
+
+/// What of a file's name may name a structure without naming a patient: the words in it that are known to be
+/// anatomy (those of the tissue presets, TotalSegmentator and FreeSurfer), as "femur_left" of
+/// "doe_femur_left"; empty where there are none.
+std::string structure_in_name(std::string_view text);
 
 /// Slicer's SegmentN_* fields (key, value pairs of an NRRD header) become segments.
 /// Keys of other software are ignored. `source` names the file in errors.

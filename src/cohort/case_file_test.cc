@@ -1,0 +1,122 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "base/test_folder.h"
+#include "palpate/base/file.h"
+#include "palpate/cohort/cohort.h"
+
+namespace palpate {
+namespace {
+
+CaseResult example_result() {
+  CaseResult result;
+  result.key = "0123abcd";
+  result.dims = {40, 50, 60};
+  result.spacing_mm = {0.5, 0.6, 1.0 / 3};
+  StructureResult femur;
+  femur.name = "femur";
+  femur.volume_mm3 = 12345.678901;
+  femur.components = 2;
+  femur.gaps = 3;
+  femur.felt = true;
+  femur.held_s = 0.7;
+  femur.mean_force_N = 1.0 / 3;
+  femur.peak_force_N = 2;
+  result.structures = {femur};
+  result.structures.push_back({});
+  result.structures.back().name = "label 7";
+  result.palpated = 1;
+  result.held = 1;
+  result.largest_force_N = 2;
+  result.ticks = 4000;
+  result.run_hash = 0xfedcba9876543210u;
+  result.notes = {"a note", "another"};
+  return result;
+}
+
+TEST(CaseFile, ComesBackToTheLastBit) {
+  const CaseResult result = example_result();
+  const std::string text = case_json(result);
+  const auto back = parse_case_json(text);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(case_json(*back), text);
+  EXPECT_EQ(back->structures[0].mean_force_N, 1.0 / 3);
+  EXPECT_TRUE(std::isnan(back->structures[1].held_s));
+  EXPECT_EQ(back->run_hash, result.run_hash);
+  EXPECT_EQ(back->spacing_mm[2], 1.0 / 3);
+}
+
+TEST(CaseFile, BelievesNothing) {
+  const std::string text = case_json(example_result());
+  for (std::size_t end = 0; end + 2 < text.size(); ++end)
+    ASSERT_FALSE(parse_case_json(text.substr(0, end))) << end;
+  constexpr unsigned kSeed = 20;
+  std::mt19937 random(kSeed);
+  for (int round = 0; round < 3000; ++round) {
+    std::string spoilt = text;
+    for (int n = 0; n < 3; ++n) spoilt[random() % spoilt.size()] = static_cast<char>(random());
+    // a result or none, and no crash
+    (void)parse_case_json(spoilt).has_value();
+  }
+  for (const char* other : {"", "[]", "null", "{}", "{\"key\": 3}"}) EXPECT_FALSE(parse_case_json(other));
+}
+
+TEST(CaseFile, ItsKeyFollowsFilesRowAndProgram) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "a.nrrd";
+  ASSERT_TRUE(write_file(file, "voxels"));
+  CohortCase one;
+  one.target = file.string();
+  const auto key = [&] {
+    const auto made = case_key(one, "1.0");
+    EXPECT_TRUE(made);
+    return made ? *made : "";
+  };
+  const std::string first = key();
+  EXPECT_EQ(first.size(), 64u);
+  EXPECT_EQ(key(), first);
+  // the case's name and line say nothing of its result
+  one.name = "other";
+  one.line = 9;
+  EXPECT_EQ(key(), first);
+  EXPECT_NE(*case_key(one, "1.1"), first);
+  ASSERT_TRUE(write_file(file, "voxelz"));
+  EXPECT_NE(key(), first);
+  ASSERT_TRUE(write_file(file, "voxels"));
+  EXPECT_EQ(key(), first);
+  // a table beside it names its labels
+  ASSERT_TRUE(write_file(folder / "a.json", "{}"));
+  EXPECT_NE(key(), first);
+  one.seed = 0;
+  const std::string seeded = key();
+  one.seed = 1;
+  EXPECT_NE(key(), seeded);
+  one.target = (folder / "missing.nrrd").string();
+  EXPECT_FALSE(case_key(one, "1.0"));
+  one = {};
+  one.target = "knee-phantom:seed=1";
+  const std::string phantom = key();
+  one.target = "knee-phantom:seed=2";
+  EXPECT_NE(key(), phantom);
+}
+
+TEST(CaseFile, NamesOfFilesAreTakenOutOfTexts) {
+  CohortCase one;
+  one.target = "/data/DOE^CANARY/scan of doe.nii.gz";
+  one.segmentation = "seg/canary_labels.seg.nrrd";
+  for (const std::string text :
+       {"/data/DOE^CANARY/scan of doe.nii.gz: is damaged",
+        "scan of doe.nii.gz and seg/canary_labels.seg.nrrd do not lie together",
+        "the folder DOE^CANARY has none", "canary_labels has no voxel", "\"canary_labels.seg\": unknown"}) {
+    const std::string shown = without_names(text, one);
+    for (const char* secret : {"DOE", "doe", "CANARY", "canary"})
+      EXPECT_EQ(shown.find(secret), std::string::npos) << shown;
+  }
+  EXPECT_EQ(without_names("a segmentation of data", one), "a segmentation of \xe2\x80\xa6");
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,137 @@
+#include "cohort/process.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+
+#include "palpate/cohort/cohort.h"
+
+namespace palpate::cohort {
+namespace {
+
+/// A file in memory, for what a process says or reads.
+class MemoryFile {
+ public:
+  MemoryFile() : file_(::memfd_create("palpate", MFD_CLOEXEC)) {}
+  ~MemoryFile() {
+    if (file_ >= 0) ::close(file_);
+  }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  int descriptor() const { return file_; }
+
+  void write(const std::string& text) {
+    for (std::size_t done = 0; done < text.size();) {
+      const ssize_t some = ::write(file_, text.data() + done, text.size() - done);
+      if (some <= 0) return;
+      done += static_cast<std::size_t>(some);
+    }
+    ::lseek(file_, 0, SEEK_SET);
+  }
+  /// The last bytes.
+  std::string tail(std::size_t most) const {
+    const off_t size = ::lseek(file_, 0, SEEK_END);
+    if (size <= 0) return "";
+    const auto count = std::min(most, static_cast<std::size_t>(size));
+    std::string text(count, '\0');
+    const ssize_t got = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
+    text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+    return text;
+  }
+
+ private:
+  int file_;
+};
+
+}  // namespace
+
+Result<pid_t> start(const std::vector<std::string>& command, int in, int out, int err) {
+  std::vector<char*> arguments;
+  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  const pid_t parent = ::getpid();
+  const pid_t id = ::fork();
+  if (id < 0)
+    return Error{ErrorKind::kUnavailable, "no process is to be had", command.front(),
+                 "close other programs, or raise the limit of processes (ulimit -u)"};
+  if (id > 0) return id;
+  // nothing here but what is safe after a fork of several threads
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(127);
+  ::setpgid(0, 0);
+  const int nothing = ::open("/dev/null", O_RDWR);
+  int to = 0;
+  for (const int from : {in, out, err}) ::dup2(from >= 0 ? from : nothing, to++);
+  // handlers are gone by themselves; what is ignored would stay so
+  for (const int signal : {SIGPIPE, SIGXFSZ, SIGINT, SIGTERM, SIGHUP}) ::signal(signal, SIG_DFL);
+  ::execvp(arguments.front(), arguments.data());
+  ::_exit(127);
+}
+
+bool has_ended(pid_t id, Ended& how) {
+  int status = 0;
+  const pid_t got = ::waitpid(id, &status, WNOHANG);
+  if (got == 0 || (got < 0 && errno == EINTR)) return false;
+  how = {};
+  if (got < 0 || WIFSIGNALED(status)) {
+    how.exit_code = -1;
+    how.signal = got < 0 ? 0 : WTERMSIG(status);
+  } else {
+    how.exit_code = WEXITSTATUS(status);
+  }
+  return true;
+}
+
+void end_group(pid_t id) {
+  ::kill(id, SIGTERM);
+  Ended how;
+  for (int tries = 0; tries < 500; ++tries) {
+    if (has_ended(id, how)) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  ::kill(-id, SIGKILL);
+  while (!has_ended(id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+}
+
+Result<Said> ask(const std::vector<std::string>& command, const std::string& in) {
+  MemoryFile input, out, err;
+  input.write(in);
+  const auto id = start(command, input.descriptor(), out.descriptor(), err.descriptor());
+  if (!id) return id.error();
+  Ended how;
+  while (!has_ended(*id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  constexpr std::size_t kMost = 1 << 20;
+  return Said{how.exit_code, out.tail(kMost), err.tail(kMost)};
+}
+
+}  // namespace palpate::cohort
+
+namespace palpate {
+
+Result<EndedProcess> run_process(const std::vector<std::string>& command, const Progress& progress) {
+  using namespace cohort;
+  MemoryFile said;
+  const auto id = start(command, -1, -1, said.descriptor());
+  if (!id) return id.error();
+  Ended how;
+  while (!has_ended(*id, how)) {
+    if (progress.stopped()) {
+      end_group(*id);
+      return Progress::interrupted();
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  constexpr std::size_t kKept = 4096;
+  return EndedProcess{how.exit_code, how.signal, said.tail(kKept)};
+}
+
+}  // namespace palpate

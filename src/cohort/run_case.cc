@@ -1,0 +1,199 @@
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "palpate/base/file.h"
+#include "palpate/cohort/cohort.h"
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/rendering/volume_picture.h"
+#include "palpate/rendering/volume_renderer.h"
+#include "palpate/surfaces/surfaces.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
+constexpr std::size_t kMostVoxelsDrawn = std::size_t{1} << 28;
+constexpr int kPicture_px = 320;
+constexpr double kHeld_s = 0.1;
+
+class Clock {
+ public:
+  /// Seconds since the last call.
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const std::chrono::duration<double> passed = now - since_;
+    since_ = now;
+    return passed.count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
+};
+
+/// Volumes, parts, thin places and gaps of the model's structures.
+Result<void> check_structures(const Model& model, CaseResult& result, const Progress& progress) {
+  LabelMap map;
+  map.layers.push_back(model.labels->dense());
+  map.segments = model.segments;
+  // flattened: a voxel says which segment it is
+  for (Segment& segment : map.segments) {
+    segment.layer = 0;
+    segment.value = segment.id;
+  }
+  const auto statistics = segment_statistics(map);
+  std::vector<LabelId> felt;
+  for (const SegmentStatistics& s : statistics)
+    if (const Tissue* tissue = model.tissue_of(s.id); tissue != nullptr && tissue->felt) felt.push_back(s.id);
+  const auto leaks = find_leaks(*model.labels, felt, 0, progress);
+  if (!leaks) return leaks.error();
+  for (const SegmentStatistics& s : statistics) {
+    if (progress.stopped()) return Progress::interrupted();
+    StructureResult structure;
+    structure.name = model.name_of(s.id);
+    structure.volume_mm3 = s.volume_mm3;
+    structure.components = s.components;
+    if (const auto thin = thinnest_place(map.layers.front(), s)) structure.thinnest_mm = thin->thickness_mm;
+    for (const Leaks& leak : *leaks)
+      if (leak.label == s.id) structure.gaps = leak.joints;
+    structure.felt = std::ranges::find(felt, s.id) != felt.end();
+    result.structures.push_back(std::move(structure));
+  }
+  return {};
+}
+
+/// What the hand felt, put to the structures.
+void put_palpation(const SimulationResult& run, CaseResult& result) {
+  for (const HoldFigure& hold : run.holds) {
+    ++result.palpated;
+    result.held += hold.held_s >= kHeld_s;
+    const auto structure = std::ranges::find(result.structures, hold.structure, &StructureResult::name);
+    if (structure == result.structures.end()) continue;
+    structure->held_s = hold.held_s;
+    structure->mean_force_N = hold.mean_force_N;
+    structure->peak_force_N = hold.peak_force_N;
+  }
+  result.failed_steps = static_cast<int>(run.failed_steps);
+  result.largest_force_N = run.max_force_N;
+  result.ticks = run.summary.ticks;
+  result.run_hash = run.summary.run_hash;
+}
+
+Result<std::vector<std::uint8_t>> picture_of(const Model& model, const Progress& progress) {
+  const auto looks = structure_looks(model);
+  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
+  if (!renderer) return renderer.error();
+  VolumePictureRequest request;
+  request.pixels = kPicture_px;
+  return encode_png(volume_picture(*renderer, model, looks, request));
+}
+
+std::string times_json(const CaseTimes& times) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "{\"read_s\": %.3f, \"check_s\": %.3f, \"palpate_s\": %.3f, \"picture_s\": %.3f}\n",
+                times.read_s, times.check_s, times.palpate_s, times.picture_s);
+  return text;
+}
+
+Result<void> make_folder(const fs::path& folder) {
+  std::error_code failed;
+  fs::create_directories(folder, failed);
+  if (failed)
+    return Error{ErrorKind::kOutput, "the folder cannot be made: " + failed.message(), folder.string(),
+                 "is the disk full, or another one's?"};
+  return {};
+}
+
+}  // namespace
+
+Result<void> write_fault(const CohortCase& one, int number, const fs::path& cohort, const std::string& key,
+                         const std::string& fault) {
+  CaseResult result;
+  result.key = key;
+  result.fault = without_names(fault, one);
+  const fs::path folder = case_folder(cohort, number);
+  if (auto made = make_folder(folder); !made) return made;
+  std::error_code none;
+  fs::remove(folder / "picture.png", none);
+  return write_file(folder / "result.json", case_json(result));
+}
+
+Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& cohort,
+                            const CaseOptions& options, const Progress& progress) {
+  const fs::path folder = case_folder(cohort, number);
+  if (auto made = make_folder(folder); !made) return made.error();
+  std::error_code none;
+  // nothing of an earlier try stays beside a new result
+  for (const char* name : {"result.json", "times.json", "picture.png", "run.h5"})
+    fs::remove(folder / name, none);
+
+  CaseResult result;
+  CaseTimes times;
+  const auto key = case_key(one, options.program, progress);
+  // a file that cannot be read has no key, and is tried again each time
+  if (key)
+    result.key = *key;
+  else if (key.error().kind == ErrorKind::kInterrupted)
+    return key.error();
+  const Warn warn = [&](const std::string& text) { result.notes.push_back(without_names(text, one)); };
+  // in words without the file's name: the row says which case it is
+  const auto failed = [&](const Error& error) -> Result<void> {
+    if (error.kind == ErrorKind::kInterrupted || error.kind == ErrorKind::kOutput) return error;
+    result.fault = without_names(error.what, one);
+    return {};
+  };
+
+  const auto work = [&]() -> Result<void> {
+    Clock clock;
+    const auto loaded =
+        load_scene_or_data_set(one.target, progress, warn, {}, {}, one.volume, one.segmentation);
+    times.read_s = clock.lap();
+    if (!loaded) return failed(loaded.error());
+    const Model& model = *loaded->model;
+    if (model.labels == nullptr) {
+      result.fault = "has no structures: a scan by itself";
+      return {};
+    }
+    result.dims = model.labels->geometry().dims;
+    result.spacing_mm = model.labels->geometry().spacing_mm;
+    if (auto checked = check_structures(model, result, progress); !checked) return checked;
+    times.check_s = clock.lap();
+
+    if (model.labels->geometry().voxel_count() <= kMostVoxelsDrawn) {
+      const auto png = picture_of(model, progress);
+      if (!png) return png.error();
+      if (auto written =
+              write_file(folder / "picture.png", {reinterpret_cast<const char*>(png->data()), png->size()});
+          !written)
+        return written;
+    }
+    times.picture_s = clock.lap();
+
+    if (auto felt = check_felt(*loaded); !felt) return failed(felt.error());
+    const auto script =
+        one.script ? load_script(*one.script) : parse_script(default_script_text(model), "embedded script");
+    if (!script) return failed(script.error());
+    SimulationOptions simulation;
+    simulation.max_force_N = one.max_force_N;
+    simulation.seed = one.seed;
+    simulation.rate_hz = one.rate_hz;
+    simulation.method = one.method;
+    const auto run =
+        simulate(*loaded, *script, simulation, options.recording ? folder / "run.h5" : fs::path(), progress);
+    times.palpate_s = clock.lap();
+    if (!run) return failed(run.error());
+    put_palpation(*run, result);
+    for (const std::string& trouble : run->trouble) warn(trouble);
+    return {};
+  };
+  if (auto done = work(); !done) return done.error();
+  if (auto written = write_file(folder / "times.json", times_json(times)); !written) return written.error();
+  if (auto written = write_file(folder / "result.json", case_json(result)); !written) return written.error();
+  return result;
+}
+
+}  // namespace palpate

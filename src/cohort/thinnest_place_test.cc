@@ -1,0 +1,134 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "palpate/cohort/cohort.h"
+
+namespace palpate {
+namespace {
+
+GridGeometry grid_of_test(int n, const Eigen::Vector3d& spacing_mm) {
+  GridGeometry grid;
+  grid.dims = {n, n, n};
+  grid.spacing_mm = spacing_mm;
+  grid.origin = Point<Patient>(-20, 30, 5);
+  return grid;
+}
+
+/// Label 1 where `in` holds of a place relative to the volume's middle, mm.
+template <class In>
+Volume<LabelId> where(const GridGeometry& grid, const In& in) {
+  Volume<LabelId> labels(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Eigen::Vector3d at(i - 0.5 * (grid.dims[0] - 1), j - 0.5 * (grid.dims[1] - 1),
+                                 k - 0.5 * (grid.dims[2] - 1));
+        labels.at(i, j, k) = in(Eigen::Vector3d(at.cwiseProduct(grid.spacing_mm))) ? 1 : 0;
+      }
+  return labels;
+}
+
+std::optional<ThinPlace> thinnest_of(const Volume<LabelId>& labels) {
+  LabelMap map;
+  map.layers.push_back(labels);
+  Segment segment;
+  segment.id = segment.value = 1;
+  map.segments.push_back(segment);
+  const auto statistics = segment_statistics(map);
+  return statistics.empty() ? std::nullopt : thinnest_place(labels, statistics.front());
+}
+
+TEST(NearestOutside, IsThatOfTheSearchThroughAllOfThem) {
+  constexpr unsigned kSeed = 20;
+  std::mt19937 random(kSeed);
+  for (int round = 0; round < 30; ++round) {
+    std::uniform_int_distribution<int> size(1, 9);
+    const std::array<int, 3> dims{size(random), size(random), size(random)};
+    const Eigen::Vector3d spacing(0.3 + 0.1 * size(random), 0.3 + 0.1 * size(random),
+                                  0.3 + 0.1 * size(random));
+    const auto count = static_cast<std::size_t>(dims[0] * dims[1] * dims[2]);
+    std::vector<std::uint8_t> outside(count);
+    for (auto& one : outside) one = size(random) > 7;
+    const NearestOutside nearest = nearest_outside(dims, spacing, outside);
+    const auto at = [&](std::size_t n) -> Eigen::Vector3d {
+      const auto row = static_cast<std::size_t>(dims[0]), rows = static_cast<std::size_t>(dims[1]);
+      return Eigen::Vector3d(static_cast<double>(n % row), static_cast<double>(n / row % rows),
+                             static_cast<double>(n / (row * rows)))
+          .cwiseProduct(spacing);
+    };
+    for (std::size_t n = 0; n < count; ++n) {
+      double least = std::numeric_limits<double>::infinity();
+      for (std::size_t other = 0; other < count; ++other)
+        if (outside[other]) least = std::min(least, (at(n) - at(other)).squaredNorm());
+      if (std::isinf(least)) {
+        EXPECT_EQ(nearest.squared_mm2[n], -1) << "seed " << kSeed << ", round " << round;
+        continue;
+      }
+      ASSERT_NEAR(nearest.squared_mm2[n], least, 1e-4) << "seed " << kSeed << ", round " << round;
+      ASSERT_GE(nearest.index[n], 0);
+      const auto who = static_cast<std::size_t>(nearest.index[n]);
+      EXPECT_TRUE(outside[who]);
+      EXPECT_NEAR((at(n) - at(who)).squaredNorm(), least, 1e-4);
+    }
+  }
+}
+
+TEST(ThinnestPlace, OfAPlateIsItsThickness) {
+  for (const Eigen::Vector3d& spacing : {Eigen::Vector3d(0.5, 0.5, 0.5), Eigen::Vector3d(0.6, 0.6, 1.2)})
+    for (int voxels = 1; voxels <= 7; ++voxels) {
+      const double half = 0.5 * voxels * spacing[2];
+      const auto grid = grid_of_test(40 + voxels % 2, spacing);
+      const auto thin = thinnest_of(where(grid, [&](const Eigen::Vector3d& at) {
+        return std::abs(at[2]) < half && at.head<2>().norm() < 9;
+      }));
+      ASSERT_TRUE(thin) << voxels;
+      EXPECT_NEAR(thin->thickness_mm, voxels * spacing[2], 1e-3) << voxels;
+    }
+}
+
+TEST(ThinnestPlace, IsFoundWhereAPlateIsWornAndNotAtItsRim) {
+  const auto grid = grid_of_test(64, {0.5, 0.5, 0.5});
+  const Eigen::Vector3d worn(4, -3, 0);
+  // a disc of 4 mm that tapers off to nothing, worn to 2 mm at a place
+  const auto thin = thinnest_of(where(grid, [&](const Eigen::Vector3d& at) {
+    const double out = at.head<2>().norm(), top = out < 11 ? 2 : 2 * (13 - out) / 2;
+    const double pit = 2.0 * std::exp(-(at - worn).head<2>().squaredNorm() / 8);
+    return out < 13 && at[2] > -top && at[2] < top - pit;
+  }));
+  ASSERT_TRUE(thin);
+  EXPECT_NEAR(thin->thickness_mm, 2, 0.75);
+  const Eigen::Vector3d off = (thin->place - grid.centre()).eigen() - worn;
+  EXPECT_LT(off.head<2>().norm(), 2.5);
+}
+
+TEST(ThinnestPlace, OfASlantedPlateIsItsThicknessToAVoxel) {
+  const auto grid = grid_of_test(56, {0.5, 0.5, 0.5});
+  const Eigen::Vector3d normal = Eigen::Vector3d(1, 2, 3).normalized();
+  const auto thin = thinnest_of(where(
+      grid, [&](const Eigen::Vector3d& at) { return std::abs(at.dot(normal)) < 1.75 && at.norm() < 11; }));
+  ASSERT_TRUE(thin);
+  EXPECT_NEAR(thin->thickness_mm, 3.5, 0.75);
+}
+
+TEST(ThinnestPlace, EdgesAreNotThin) {
+  const auto grid = grid_of_test(36, {1, 1, 1});
+  const auto thin =
+      thinnest_of(where(grid, [](const Eigen::Vector3d& at) { return at.cwiseAbs().maxCoeff() < 10; }));
+  ASSERT_TRUE(thin);
+  EXPECT_NEAR(thin->thickness_mm, 20, 1);
+}
+
+TEST(ThinnestPlace, TheVolumesBorderIsNoSide) {
+  const auto grid = grid_of_test(24, {1, 1, 1});
+  // through the whole volume along i and j
+  const auto thin = thinnest_of(where(grid, [](const Eigen::Vector3d& at) { return std::abs(at[2]) < 3; }));
+  ASSERT_TRUE(thin);
+  EXPECT_NEAR(thin->thickness_mm, 6, 1e-3);
+  EXPECT_FALSE(thinnest_of(where(grid, [](const Eigen::Vector3d&) { return true; })));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,206 @@
+#include "volume_io/anatomy_words.h"
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <vector>
+
+#include "volume_io/label_text.h"
+
+namespace palpate::volume_io {
+namespace {
+
+// each names a structure or a kind of tissue by itself
+constexpr std::string_view kStructures =
+    // bone and joints
+    "bone bony osseous trabecular cortical cancellous femur femoral tibia tibial fibula fibular patella "
+    "patellar rib costa costae costal vertebra vertebrae vertebral sacrum sacral coccyx hip pelvis pelvic "
+    "ilium ischium pubis scapula scapular scapulae clavicula clavicle humerus humeral ulna ulnar radius "
+    "radial skull cranium cranial mandible mandibular maxilla maxillary sternum sternal carpal carpus "
+    "metacarpal tarsal tarsus metatarsal phalanx phalange phalanges talus calcaneus navicular cuboid "
+    "cuneiform acetabulum acetabular fabella sesamoid spine spinal hyoid jaw jawbone tooth teeth zygoma "
+    "zygomatic zygomaticus vomer ethmoid sphenoid scaphoid lunate triquetrum pisiform trapezium trapezoid "
+    "capitate hamate hipbone collarbone kneecap shinbone heel knee ankle elbow shoulder wrist thorax "
+    "thoracic lumbar cervical atlas condyle trochlea trochlear plateau incisor canine premolar molar "
+    "cartilage cartilago chondral labrum meniscus menisci meniscal disc disk discus intervertebral annulus "
+    "anulus fibrosus nucleus pulposus ligament ligamentum tendon tendo aponeurosis retinaculum fascia "
+    "fasciae iliotibial acl pcl mcl lcl cruciate collateral "
+    // muscle
+    "muscle muscular musculus musculature gluteus autochthon iliopsoas psoas quadriceps sartorius "
+    "gastrocnemius soleus gracilis semimembranosus semitendinosus deltoid trapezius pectoralis "
+    "supraspinatus infraspinatus subscapularis masseter temporalis vastus rectus femoris abdominis biceps "
+    "triceps brachialis brachioradialis adductor pectineus popliteus plantaris tibialis peroneus piriformis "
+    "obturator iliacus quadratus lumborum erector spinae multifidus latissimus dorsi rhomboid serratus "
+    "teres levator sternocleidomastoid scalene scalenus digastric mylohyoid geniohyoid pterygoid buccinator "
+    "orbicularis platysma diaphragm hamstring tensor latae intercostal tongue sphincter constrictor thigh "
+    "calf coracobrachialis "
+    // fat, skin, vessels, nerves
+    "fat fatty adipose hoffa omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
+    "arteria arteriole vein veins vena venae venous arterial vessel vascular choroid plexus aorta aortic "
+    "brachiocephalic celiac coeliac cava saphenous carotid jugular subclavian iliac iliaca portal coronary "
+    "pulmonary nerve nervus sciatic optic chiasm "
+    // organs and glands
+    "liver hepatic hepar kidney renal spleen splenic lien lung pulmo heart cardiac atrium atrial ventricle "
+    "ventricular appendage myocardium myocardial pericardium trachea bronchus bronchi bronchial "
+    "bronchie airway esophagus oesophagus stomach gastric duodenum bowel intestine colon rectum rectal "
+    "caecum cecum appendix jejunum ileum mesentery gallbladder biliary bladder urinary urethra ureter "
+    "uterus uterine ovary ovarian vagina penis bulb prostate testis scrotum thyroid parathyroid parotid "
+    "submandibular sublingual salivary adrenal pituitary hypophysis pancreas pancreatic thymus breast "
+    "mammary gland glandula glandular lymph node lymphnode lymphonodus tonsil pharynx larynx laryngeal "
+    "epiglottis glottis hypopharynx oropharynx nasopharynx arytenoid cricoid cricopharyngeus eye eyeball "
+    "lens cornea retina cochlea ear nose nasal sinus mouth oral cavity palate lips lip brachial thoracica "
+    // brain, as FreeSurfer and others name it
+    "brain cerebrum cerebral cerebellum cerebellar brainstem thalamus hypothalamus hippocampus hippocampal "
+    "amygdala putamen pallidum caudate accumbens midbrain medulla oblongata corpus callosum gyrus ctx "
+    "cortex matter csf ventraldc hypointensities pial pons wm gm dura lobe frontal parietal temporal "
+    "occipital cingulate insula cuneus precuneus entorhinal fusiform lingual parahippocampal paracentral "
+    "opercularis orbitalis triangularis pericalcarine postcentral precentral supramarginal orbitofrontal "
+    "bankssts caudalanteriorcingulate caudalmiddlefrontal inferiorparietal inferiortemporal "
+    "isthmuscingulate lateraloccipital lateralorbitofrontal medialorbitofrontal middletemporal "
+    "parsopercularis parsorbitalis parstriangularis posteriorcingulate rostralanteriorcingulate "
+    "rostralmiddlefrontal superiorfrontal superiorparietal superiortemporal frontalpole temporalpole "
+    "transversetemporal substantia nigra fornix tectum vermis cord myelum "
+    // what is ill, and what is hollow
+    "tumour tumor lesion carcinoma cancer metastasis metastases neoplasm nodule adenoma fibroadenoma "
+    "sarcoma glioma meningioma lymphoma gtv ctv ptv cyst effusion lumen aneurysm thrombus hematoma edema "
+    "oedema necrosis infarct plaque calcification";
+
+// of place, shape and number: names of nothing by themselves
+constexpr std::string_view kQualities =
+    "left right lt rt lh rh sin dex sinister dexter bilateral anterior posterior medial lateral superior "
+    "inferior upper lower middle proximal distal central deep superficial internal external interior "
+    "exterior interna externa ventral dorsal rostral caudal subcortical lateralis medialis intermedius "
+    "maximus medius minimus longus brevis magnus and of the tissue body head neck tail shaft wall trunk "
+    "trunc tract band muscles part pars pole isthmus quadrate inf sup lat vent ant post proper soft fluid "
+    "air gas choroidplexus extremities capsule common stem skeletal";
+
+// words that people are called, with those that must stand right before or after them
+struct WithCompany {
+  std::string_view word, before, after;
+};
+constexpr std::array kWithCompany{
+    WithCompany{"white", "", "matter"},      WithCompany{"gray", "", "matter"},
+    WithCompany{"grey", "", "matter"},       WithCompany{"small", "", "bowel"},
+    WithCompany{"small", "", "intestine"},   WithCompany{"large", "", "bowel"},
+    WithCompany{"large", "", "intestine"},   WithCompany{"major", "teres", ""},
+    WithCompany{"minor", "teres", ""},       WithCompany{"major", "pectoralis", ""},
+    WithCompany{"minor", "pectoralis", ""},  WithCompany{"major", "psoas", ""},
+    WithCompany{"minor", "psoas", ""},       WithCompany{"major", "zygomaticus", ""},
+    WithCompany{"minor", "zygomaticus", ""}, WithCompany{"long", "biceps", "head"},
+    WithCompany{"short", "biceps", "head"},  WithCompany{"dc", "ventral", ""},
+};
+
+// what a file of anybody's is called besides
+constexpr std::string_view kSayNothing =
+    "label labels labelmap seg segs dseg segment segmentation segmentations mask masks roi binary volume vol "
+    "image img data file output out result pred prediction final new copy test sub subject ses patient case "
+    "untitled surface surf mesh model structure stl obj ply vtk vtp nii nrrd mha mhd gz x r l a b c d lps "
+    "ras "
+    "smooth smoothed mm cm run ct mr mri acq desc space";
+
+std::set<std::string_view> set_of(std::string_view words) {
+  const auto list = split_spaces(words);
+  return {list.begin(), list.end()};
+}
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+bool is_capital(char c) {
+  return c >= 'A' && c <= 'Z';
+}
+// with every byte of what is no ASCII: its letters are words that are not known
+bool is_word(char c) {
+  return is_capital(c) || (c >= 'a' && c <= 'z') || static_cast<unsigned char>(c) >= 0x80;
+}
+
+struct Token {
+  std::string_view text;
+  std::string lower;
+  std::size_t begin = 0;
+  bool number = false;
+  bool kept = false;
+};
+
+std::vector<Token> tokens_of(std::string_view text) {
+  std::vector<Token> tokens;
+  for (std::size_t n = 0; n < text.size();) {
+    const std::size_t begin = n;
+    if (is_digit(text[n])) {
+      while (n < text.size() && is_digit(text[n])) ++n;
+    } else if (is_word(text[n])) {
+      ++n;
+      while (n < text.size() && is_word(text[n]) && !(is_capital(text[n]) && !is_capital(text[n - 1]))) ++n;
+    } else {
+      ++n;
+      continue;
+    }
+    Token token{text.substr(begin, n - begin), {}, begin, is_digit(text[begin]), false};
+    token.lower = lower_case(token.text);
+    tokens.push_back(std::move(token));
+  }
+  return tokens;
+}
+
+bool is_structure(const std::string& word) {
+  static const std::set<std::string_view> known = set_of(kStructures);
+  if (known.contains(word)) return true;
+  return word.size() > 3 && word.back() == 's' &&
+         known.contains(std::string_view(word).substr(0, word.size() - 1));
+}
+
+bool in_company(const std::vector<Token>& tokens, std::size_t n) {
+  return std::ranges::any_of(kWithCompany, [&](const WithCompany& one) {
+    if (tokens[n].lower != one.word) return false;
+    const bool before = one.before.empty() || (n > 0 && tokens[n - 1].lower == one.before);
+    return before && (one.after.empty() || (n + 1 < tokens.size() && tokens[n + 1].lower == one.after));
+  });
+}
+
+// L5, T12: a letter of the spine and a number, which stand as two tokens
+bool is_level(const std::vector<Token>& tokens, std::size_t n) {
+  static constexpr std::string_view kSpine = "ctls";
+  return tokens[n].lower.size() == 1 && kSpine.find(tokens[n].lower[0]) != kSpine.npos &&
+         n + 1 < tokens.size() && tokens[n + 1].number && tokens[n + 1].text.size() <= 2 &&
+         tokens[n + 1].begin == tokens[n].begin + 1;
+}
+
+}  // namespace
+
+AnatomyInName anatomy_in(std::string_view text) {
+  static const std::set<std::string_view> qualities = set_of(kQualities), say_nothing = set_of(kSayNothing);
+  std::vector<Token> tokens = tokens_of(text);
+  AnatomyInName found;
+  bool any = false;
+  for (std::size_t n = 0; n < tokens.size(); ++n) {
+    Token& token = tokens[n];
+    if (token.number) {
+      // dates and numbers of patients have more digits, or more numbers
+      const bool follows = n > 0 && tokens[n - 1].kept && !tokens[n - 1].number;
+      const bool last = n + 1 == tokens.size() || !tokens[n + 1].number;
+      token.kept = follows && last && token.text.size() <= 2;
+      found.left_out = found.left_out || (!token.kept && token.text.size() > 2);
+      continue;
+    }
+    const bool structure = is_structure(token.lower) || in_company(tokens, n);
+    any = any || structure;
+    token.kept = structure || qualities.contains(token.lower) || is_level(tokens, n);
+    found.left_out = found.left_out || (!token.kept && !say_nothing.contains(token.lower));
+  }
+  if (!any) return found;
+  std::size_t end = 0;
+  bool row = false;  // the token before is kept as well
+  for (const Token& token : tokens) {
+    if (token.kept) {
+      const std::string_view between = text.substr(end, token.begin - end);
+      const bool plain = between.empty() || between == " " || between == "_" || between == "-";
+      if (!found.name.empty()) found.name += row && plain ? between : "_";
+      found.name += token.text;
+    }
+    row = token.kept;
+    end = token.begin + token.text.size();
+  }
+  return found;
+}
+
+}  // namespace palpate::volume_io
