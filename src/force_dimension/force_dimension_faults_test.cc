@@ -19,50 +19,8 @@ using testing::DhdRig;
 using testing::FakeDhdDevice;
 using testing::soon;
 
-struct DhdFault {
-  const char* name;
-  std::function<void(FakeDhdDevice&)> begin, end;
-  const char* words;
-};
-
-const std::vector<DhdFault>& dhd_faults() {
-  const auto flag = [](const char* name, std::atomic<bool> FakeDhdDevice::*member, bool faulty,
-                       const char* words) {
-    return DhdFault{name, [=](FakeDhdDevice& device) { device.*member = faulty; },
-                    [=](FakeDhdDevice& device) { device.*member = !faulty; }, words};
-  };
-  const auto trip = [](const char* name, int cause, const char* words) {
-    return DhdFault{name, [=](FakeDhdDevice& device) { device.trip = cause; },
-                    [](FakeDhdDevice& device) { device.restored = true; }, words};
-  };
-  static const std::vector<DhdFault> faults{
-      flag("unplugged", &FakeDhdDevice::plugged, false, "not there any more"),
-      flag("failing", &FakeDhdDevice::fails, true, "cannot be opened"),
-      flag("mute", &FakeDhdDevice::mute, true, "does not answer"),
-      flag("deaf", &FakeDhdDevice::deaf, true, "does not answer"),
-      flag("power", &FakeDhdDevice::power, false, "no power"),
-      flag("calibration", &FakeDhdDevice::initialised, false, "not initialised"),
-      flag("error", &FakeDhdDevice::error, true, "an error"),
-      flag("nowhere", &FakeDhdDevice::nowhere, true, "a place that is none"),
-      flag("crooked", &FakeDhdDevice::crooked, true, "a place that is none"),
-      trip("button", 1, "switched off at the device"),
-      trip("velocity", 2, "faster than it allows"),
-      trip("watchdog", 3, "nobody spoke to it"),
-      trip("usb", 5, "USB"),
-      trip("deadman", 6, "nobody holds"),
-      {"replugged uninitialised",
-       [](FakeDhdDevice& device) {
-         device.plugged = false;
-         device.initialised = false;
-       },
-       [](FakeDhdDevice& device) {
-         device.plugged = true;
-         device.initialised = true;
-       },
-       "not there any more"},
-  };
-  return faults;
-}
+using testing::dhd_faults;
+using testing::DhdFault;
 
 class DhdFaults : public ::testing::TestWithParam<DhdFault> {};
 INSTANTIATE_TEST_SUITE_P(Each, DhdFaults, ::testing::ValuesIn(dhd_faults()), [](const auto& tested) {
@@ -77,8 +35,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.device);
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.device.force_N == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words))
-      << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.said();
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   EXPECT_EQ(rig.device.force_N, 0);
@@ -86,7 +43,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const bool is_reached = rig.device.plugged && !rig.device.fails;
   EXPECT_TRUE(!is_reached || soon([&] { return !rig.device.forces_on; }));
   GetParam().end(rig.device);
-  EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.presses()) << rig.said();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   rig.driver.reset();
@@ -185,40 +142,12 @@ TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
   EXPECT_TRUE(rig.presses());
 }
 
-// any faults, one after another and together: no force while there is one, none above the wall's, and it is
-// felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
+// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
 TEST(DhdFaultsAlone, AnySequenceOfThemIsOutlived) {
-  const unsigned seed = test::test_seed();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
-  const int sequences = asked ? std::atoi(asked) : 6;
-  std::mt19937 random(seed);
   DhdRig rig(35);
-  for (int n = 0; n < sequences; ++n) {
-    SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
-    std::vector<const DhdFault*> there;
-    for (unsigned step = 1 + random() % 4; step > 0; --step) {
-      const DhdFault& fault = dhd_faults()[random() % dhd_faults().size()];
-      fault.begin(rig.device);
-      there.push_back(&fault);
-      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
-      if (random() % 4 == 0) rig.driver->halt();
-    }
-    ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
-    while (!there.empty()) {
-      const std::size_t next = random() % there.size();
-      there[next]->end(rig.device);
-      there.erase(there.begin() + static_cast<std::ptrdiff_t>(next));
-    }
-    rig.driver->resume(0);
-  }
-  ASSERT_TRUE(rig.presses());
-  rig.end();
-  EXPECT_EQ(rig.device.force_N, 0);
+  testing::outlive_any(rig, rig.device, dhd_faults(), 6);
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
-  EXPECT_FALSE(rig.wall.twice_at_once);
   EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 

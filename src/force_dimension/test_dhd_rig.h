@@ -3,14 +3,10 @@
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cmath>
 #include <memory>
-#include <string>
-#include <thread>
+#include <vector>
 
-#include "base/test_wait.h"
-#include "device/test_wall.h"
+#include "device/test_driver_rig.h"
 #include "force_dimension/test_fake_dhd.h"
 #include "palpate/force_dimension/force_dimension_driver.h"
 
@@ -31,48 +27,56 @@ inline ForceDimensionSettings fake_dhd_settings(const char* file = PALPATE_FAKE_
   return settings;
 }
 
-/// A driver that runs with the stand-in, its first device pressing the wall.
-class DhdRig {
+struct DhdSide {
+  FakeDhd& fake = fake_dhd();
+  FakeDhdDevice& device = fake.device[0];
+};
+
+/// A driver that runs with the stand-in.
+class DhdRig : public DhdSide, public DriverRig<ForceDimensionDriver> {
  public:
   explicit DhdRig(int type = 33, bool begins = true)
-      : fake(fake_dhd()),
-        device(fake.device[0]),
-        driver(std::make_unique<ForceDimensionDriver>(fake_dhd_settings())) {
+      : DriverRig(std::make_unique<ForceDimensionDriver>(fake_dhd_settings()),
+                  [this] { return device.force_N.load(); }) {
     device.type = type;
-    if (!begins) return;
-    const auto opened = driver->open(false);
-    EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message());
-    if (opened) begin();
+    if (begins) open_and_begin();
   }
-  ~DhdRig() { end(); }
-  void begin() {
-    clock.stop = false;
-    thread_ = std::thread([this] { driver->run(wall, clock); });
-  }
-  void end() {
-    clock.stop = true;
-    if (thread_.joinable()) thread_.join();
-  }
-  bool presses() {
-    return thread_.joinable() && soon([&] {
-             return std::abs(wall.tip_x_mm - kWallPressed_mm) < 0.02 && device.force_N > 0.5 && !wall.fault;
-           });
-  }
-  bool says(const char* words) {
-    return soon([&] {
-      const auto trouble = driver->trouble();
-      return trouble && trouble->what.find(words) != std::string::npos && !trouble->remedy.empty();
-    });
-  }
-
-  FakeDhd& fake;
-  FakeDhdDevice& device;
-  std::unique_ptr<ForceDimensionDriver> driver;
-  GuardedWall wall;
-  UntilStopped clock;
-
- private:
-  std::thread thread_;
 };
+
+using DhdFault = DriverFault<FakeDhdDevice>;
+
+inline const std::vector<DhdFault>& dhd_faults() {
+  const auto trip = [](const char* name, int cause, const char* words) {
+    return DhdFault{name, [=](FakeDhdDevice& device) { device.trip = cause; },
+                    [](FakeDhdDevice& device) { device.restored = true; }, words};
+  };
+  static const std::vector<DhdFault> faults{
+      flag_fault("unplugged", &FakeDhdDevice::plugged, false, "not there any more"),
+      flag_fault("failing", &FakeDhdDevice::fails, true, "cannot be opened"),
+      flag_fault("mute", &FakeDhdDevice::mute, true, "does not answer"),
+      flag_fault("deaf", &FakeDhdDevice::deaf, true, "does not answer"),
+      flag_fault("power", &FakeDhdDevice::power, false, "no power"),
+      flag_fault("calibration", &FakeDhdDevice::initialised, false, "not initialised"),
+      flag_fault("error", &FakeDhdDevice::error, true, "an error"),
+      flag_fault("nowhere", &FakeDhdDevice::nowhere, true, "a place that is none"),
+      flag_fault("crooked", &FakeDhdDevice::crooked, true, "a place that is none"),
+      trip("button", 1, "switched off at the device"),
+      trip("velocity", 2, "faster than it allows"),
+      trip("watchdog", 3, "nobody spoke to it"),
+      trip("usb", 5, "USB"),
+      trip("deadman", 6, "nobody holds"),
+      {"replugged uninitialised",
+       [](FakeDhdDevice& device) {
+         device.plugged = false;
+         device.initialised = false;
+       },
+       [](FakeDhdDevice& device) {
+         device.plugged = true;
+         device.initialised = true;
+       },
+       "not there any more"},
+  };
+  return faults;
+}
 
 }  // namespace palpate::testing

@@ -21,32 +21,23 @@ using testing::FakeInverseService;
 using testing::HaplyRig;
 using testing::soon;
 
-struct HaplyFault {
-  const char* name;
-  std::function<void(FakeInverseService&)> begin, end;
-  const char* words;
-};
+using HaplyFault = testing::DriverFault<FakeInverseService>;
 
 const std::vector<HaplyFault>& haply_faults() {
-  const auto flag = [](const char* name, std::atomic<bool> FakeInverseService::*member, bool faulty,
-                       const char* words) {
-    return HaplyFault{name, [=](FakeInverseService& service) { service.*member = faulty; },
-                      [=](FakeInverseService& service) { service.*member = !faulty; }, words};
-  };
   static const std::vector<HaplyFault> faults{
-      flag("silent", &FakeInverseService::silent, true, "silent"),
-      flag("deaf", &FakeInverseService::deaf, true, "silent"),
-      flag("broken", &FakeInverseService::breaks_json, true, "no state"),
-      flag("other", &FakeInverseService::says_other, true, "no state"),
-      flag("place", &FakeInverseService::odd_place, true, "no state"),
-      flag("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
-      flag("power", &FakeInverseService::power, false, "no power"),
-      flag("ready", &FakeInverseService::ready, false, "not ready"),
-      flag("gone", &FakeInverseService::present, false, "lost the device"),
+      testing::flag_fault("silent", &FakeInverseService::silent, true, "silent"),
+      testing::flag_fault("deaf", &FakeInverseService::deaf, true, "silent"),
+      testing::flag_fault("broken", &FakeInverseService::breaks_json, true, "no state"),
+      testing::flag_fault("other", &FakeInverseService::says_other, true, "no state"),
+      testing::flag_fault("place", &FakeInverseService::odd_place, true, "no state"),
+      testing::flag_fault("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
+      testing::flag_fault("power", &FakeInverseService::power, false, "no power"),
+      testing::flag_fault("ready", &FakeInverseService::ready, false, "not ready"),
+      testing::flag_fault("gone", &FakeInverseService::present, false, "lost the device"),
       {"killed", [](FakeInverseService& service) { service.stop(); },
-       [](FakeInverseService& service) { service.start("3.1.1"); }, "does not answer"},
+       [](FakeInverseService& service) { service.start("3.1.1"); }, "does not answer", true},
       {"updated", [](FakeInverseService& service) { service.stop(); },
-       [](FakeInverseService& service) { service.start("3.5.0"); }, "does not answer"},
+       [](FakeInverseService& service) { service.start("3.5.0"); }, "does not answer", true},
   };
   return faults;
 }
@@ -60,14 +51,13 @@ TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.service);
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words))
-      << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.said();
   // without force, and the servo is told all the while
   const int updates = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > updates + 20; }));
   EXPECT_EQ(rig.service.force_N(), 0);
   GetParam().end(rig.service);
-  EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.presses()) << rig.said();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
@@ -120,7 +110,7 @@ TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
   EXPECT_TRUE(rig.presses());
   rig.service.tell_event(R"({"event":"device-safety-triggered","cause":"ebrake_triggered"})");
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says("brake")) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.says("brake")) << rig.said();
   EXPECT_TRUE(rig.presses()) << "and is over";
   rig.end();
   EXPECT_EQ(rig.service.violations(), 0);
@@ -137,45 +127,15 @@ TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
   EXPECT_TRUE(rig.presses());
 }
 
-// any faults, one after another and together: no force while there is one, none above the wall's, and it is
-// felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
+// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
 TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
-  const unsigned seed = test::test_seed();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
-  const int sequences = asked ? std::atoi(asked) : 20;
-  std::mt19937 random(seed);
   HaplyRig rig;
-  for (int n = 0; n < sequences; ++n) {
-    SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
-    std::vector<const HaplyFault*> there;
-    bool listens = true;
-    for (unsigned step = 1 + random() % 4; step > 0; --step) {
-      const HaplyFault& fault = haply_faults()[random() % haply_faults().size()];
-      const bool stops = fault.words == std::string("does not answer");
-      if (stops && !listens) continue;
-      listens = listens && !stops;
-      fault.begin(rig.service);
-      there.push_back(&fault);
-      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
-      if (random() % 3 == 0) rig.service.close_connections();
-      if (random() % 4 == 0) rig.driver->halt();
-    }
-    ASSERT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
-    while (!there.empty()) {
-      const std::size_t next = random() % there.size();
-      there[next]->end(rig.service);
-      there.erase(there.begin() + static_cast<std::ptrdiff_t>(next));
-    }
-    rig.driver->resume(0);
-  }
-  ASSERT_TRUE(rig.presses());
-  rig.end();
-  EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
+  testing::outlive_any(rig, rig.service, haply_faults(), 20, [&](std::mt19937& random) {
+    if (random() % 3 == 0) rig.service.close_connections();
+  });
   EXPECT_EQ(rig.service.violations(), 0);
   for (const testing::Delivery& delivery : rig.service.delivered())
-    ASSERT_LE(delivery.command.force_N.norm(), testing::kHaplyWall_N_per_mm * 4 * testing::kHaplyIntended_mm);
+    ASSERT_LE(delivery.command.force_N.norm(), testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 
 // sends a force for ever

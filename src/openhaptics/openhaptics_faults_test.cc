@@ -13,43 +13,10 @@ namespace palpate {
 namespace {
 
 using testing::FakeHd;
+using testing::hd_faults;
+using testing::HdFault;
 using testing::HdRig;
 using testing::soon;
-
-struct HdFault {
-  const char* name;
-  std::function<void(FakeHd&)> begin, end;
-  const char* words;
-};
-
-const std::vector<HdFault>& hd_faults() {
-  const auto flag = [](const char* name, std::atomic<bool> testing::FakeHdDevice::*member, bool faulty,
-                       const char* words) {
-    return HdFault{name, [=](FakeHd& fake) { fake.device[0].*member = faulty; },
-                   [=](FakeHd& fake) { fake.device[0].*member = !faulty; }, words};
-  };
-  const auto error = [](const char* name, unsigned code, const char* words) {
-    return HdFault{name, [=](FakeHd& fake) { fake.device[0].error = code; }, [](FakeHd&) {}, words};
-  };
-  static const std::vector<HdFault> faults{
-      flag("unplugged", &testing::FakeHdDevice::plugged, false, "not reach"),
-      flag("communication", &testing::FakeHdDevice::communication, false, "not reach"),
-      flag("nowhere", &testing::FakeHdDevice::nowhere, true, "a place that is none"),
-      flag("crooked", &testing::FakeHdDevice::crooked, true, "a place that is none"),
-      flag("mute", &testing::FakeHdDevice::mute, true, "a place that is none"),
-      flag("calibration", &testing::FakeHdDevice::never_calibrates, true, "not calibrated"),
-      error("warm", 0x200, "motors are warm"),
-      error("force", 0x201, "force was too high"),
-      error("impulse", 0x202, "force was too high"),
-      error("velocity", 0x203, "faster than it allows"),
-      error("forceError", 0x204, "force was too high"),
-      error("deviceFault", 0x300, "not reach"),
-      error("timer", 0x304, "not reach"),
-      {"stalled", [](FakeHd& fake) { fake.stalled = true; }, [](FakeHd& fake) { fake.stalled = false; },
-       "stands still"},
-  };
-  return faults;
-}
 
 class HdFaults : public ::testing::TestWithParam<HdFault> {};
 INSTANTIATE_TEST_SUITE_P(Each, HdFaults, ::testing::ValuesIn(hd_faults()),
@@ -74,7 +41,7 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   GetParam().end(rig.fake);
-  EXPECT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
+  EXPECT_TRUE(rig.presses()) << rig.said();
   EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
   rig.end();
   rig.driver.reset();
@@ -141,40 +108,12 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
   rig.fake.reset();
 }
 
-// any faults, one after another and together: no force while there is one, none above the wall's, and it is
-// felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
+// and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
 TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
-  const unsigned seed = test::test_seed();
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
-  const int sequences = asked ? std::atoi(asked) : 6;
-  std::mt19937 random(seed);
   HdRig rig;
-  for (int n = 0; n < sequences; ++n) {
-    SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.presses()) << (rig.driver->trouble() ? rig.driver->trouble()->what : "nothing");
-    std::vector<const HdFault*> there;
-    for (unsigned step = 1 + random() % 4; step > 0; --step) {
-      const HdFault& fault = hd_faults()[random() % hd_faults().size()];
-      fault.begin(rig.fake);
-      there.push_back(&fault);
-      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
-      if (random() % 4 == 0) rig.driver->halt();
-    }
-    ASSERT_TRUE(soon([&] { return rig.device.force_N == 0; }));
-    while (!there.empty()) {
-      const std::size_t next = random() % there.size();
-      there[next]->end(rig.fake);
-      there.erase(there.begin() + static_cast<std::ptrdiff_t>(next));
-    }
-    rig.driver->resume(0);
-  }
-  ASSERT_TRUE(rig.presses());
-  rig.end();
-  EXPECT_EQ(rig.device.force_N, 0);
+  testing::outlive_any(rig, rig.fake, hd_faults(), 6);
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
-  EXPECT_FALSE(rig.wall.twice_at_once);
   EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
 }
 

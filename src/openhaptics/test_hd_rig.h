@@ -3,14 +3,10 @@
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cmath>
 #include <memory>
-#include <string>
-#include <thread>
+#include <vector>
 
-#include "base/test_wait.h"
-#include "device/test_wall.h"
+#include "device/test_driver_rig.h"
 #include "openhaptics/test_fake_hd.h"
 #include "palpate/openhaptics/openhaptics_driver.h"
 
@@ -31,45 +27,49 @@ inline OpenHapticsSettings fake_hd_settings(const char* file = PALPATE_FAKE_HD) 
   return settings;
 }
 
-/// A driver that runs with the stand-in, its first device pressing the wall.
-class HdRig {
+struct HdSide {
+  FakeHd& fake = fake_hd();
+  FakeHdDevice& device = fake.device[0];
+};
+
+/// A driver that runs with the stand-in.
+class HdRig : public HdSide, public DriverRig<OpenHapticsDriver> {
  public:
   explicit HdRig(bool begins = true, const OpenHapticsSettings& settings = fake_hd_settings())
-      : fake(fake_hd()), device(fake.device[0]), driver(std::make_unique<OpenHapticsDriver>(settings)) {
-    if (!begins) return;
-    const auto opened = driver->open(false);
-    EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message());
-    if (opened) begin();
+      : DriverRig(std::make_unique<OpenHapticsDriver>(settings), [this] { return device.force_N.load(); }) {
+    if (begins) open_and_begin();
   }
-  ~HdRig() { end(); }
-  void begin() {
-    clock.stop = false;
-    thread_ = std::thread([this] { driver->run(wall, clock); });
-  }
-  void end() {
-    clock.stop = true;
-    if (thread_.joinable()) thread_.join();
-  }
-  bool presses() {
-    return thread_.joinable() && soon([&] {
-             return std::abs(wall.tip_x_mm - kWallPressed_mm) < 0.02 && device.force_N > 0.5 && !wall.fault;
-           });
-  }
-  bool says(const char* words) {
-    return soon([&] {
-      const auto trouble = driver->trouble();
-      return trouble && trouble->what.find(words) != std::string::npos && !trouble->remedy.empty();
-    });
-  }
-
-  FakeHd& fake;
-  FakeHdDevice& device;
-  std::unique_ptr<OpenHapticsDriver> driver;
-  GuardedWall wall;
-  UntilStopped clock;
-
- private:
-  std::thread thread_;
 };
+
+using HdFault = DriverFault<FakeHd>;
+
+inline const std::vector<HdFault>& hd_faults() {
+  const auto flag = [](const char* name, std::atomic<bool> FakeHdDevice::*member, bool faulty,
+                       const char* words) {
+    return HdFault{name, [=](FakeHd& fake) { fake.device[0].*member = faulty; },
+                   [=](FakeHd& fake) { fake.device[0].*member = !faulty; }, words};
+  };
+  const auto error = [](const char* name, unsigned code, const char* words) {
+    return HdFault{name, [=](FakeHd& fake) { fake.device[0].error = code; }, [](FakeHd&) {}, words};
+  };
+  static const std::vector<HdFault> faults{
+      flag("unplugged", &FakeHdDevice::plugged, false, "not reach"),
+      flag("communication", &FakeHdDevice::communication, false, "not reach"),
+      flag("nowhere", &FakeHdDevice::nowhere, true, "a place that is none"),
+      flag("crooked", &FakeHdDevice::crooked, true, "a place that is none"),
+      flag("mute", &FakeHdDevice::mute, true, "a place that is none"),
+      flag("calibration", &FakeHdDevice::never_calibrates, true, "not calibrated"),
+      error("warm", 0x200, "motors are warm"),
+      error("force", 0x201, "force was too high"),
+      error("impulse", 0x202, "force was too high"),
+      error("velocity", 0x203, "faster than it allows"),
+      error("forceError", 0x204, "force was too high"),
+      error("deviceFault", 0x300, "not reach"),
+      error("timer", 0x304, "not reach"),
+      {"stalled", [](FakeHd& fake) { fake.stalled = true; }, [](FakeHd& fake) { fake.stalled = false; },
+       "stands still"},
+  };
+  return faults;
+}
 
 }  // namespace palpate::testing

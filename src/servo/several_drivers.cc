@@ -195,6 +195,8 @@ void SeveralDrivers::arrange() {
     infos_.insert(infos_.end(), devices.begin(), devices.end());
   }
   PALPATE_CHECK(infos_.size() <= static_cast<std::size_t>(kMaxDevices));
+  // some know what they have once they are opened
+  if (std::ranges::any_of(parts_, [](const Part& part) { return part.count == 0; })) return;
 
   const auto clock_of = [&](const Part& part) -> const DeviceInfo& {
     return infos_[part.first + part.driver->clock_owner()];

@@ -1,0 +1,160 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/test_seed.h"
+#include "base/test_wait.h"
+#include "device/test_wall.h"
+
+/// What drivers of makers' devices are tried with, each against a stand-in for its maker's side.
+namespace palpate::testing {
+
+/// A driver that runs in a thread of its own, its first device pressing the wall. Who derives from it has the
+/// maker's side as a base before it, which then outlives the driver.
+template <class Driver>
+class DriverRig {
+ public:
+  /// @param force_N  of the first device, which acts now
+  DriverRig(std::unique_ptr<Driver> made, std::function<double()> force_N)
+      : driver(std::move(made)), force_N_(std::move(force_N)) {}
+  ~DriverRig() { end(); }
+
+  void open_and_begin() {
+    const auto opened = driver->open(false);
+    EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message());
+    if (opened) begin();
+  }
+  void begin() {
+    clock.stop = false;
+    thread_ = std::thread([this] { driver->run(wall, clock); });
+  }
+  void end() {
+    clock.stop = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  bool presses() {
+    return thread_.joinable() && soon([&] {
+             return std::abs(wall.tip_x_mm - kWallPressed_mm) < 0.02 && force_N_() > 0.5 && !wall.fault;
+           });
+  }
+  bool lets_go() {
+    return soon([&] { return force_N_() == 0; });
+  }
+  bool says(const char* words) {
+    return soon([&] {
+      const auto trouble = driver->trouble();
+      return trouble && trouble->what.find(words) != std::string::npos && !trouble->remedy.empty();
+    });
+  }
+  std::string said() const {
+    const auto trouble = driver->trouble();
+    return trouble ? trouble->what : "nothing";
+  }
+
+  std::unique_ptr<Driver> driver;
+  GuardedWall wall;
+  UntilStopped clock;
+
+ private:
+  const std::function<double()> force_N_;
+  std::thread thread_;
+};
+
+/// What may break at a maker's side, and is mended again.
+template <class Side>
+struct DriverFault {
+  const char* name;
+  std::function<void(Side&)> begin, end;
+  const char* words;   ///< of what the driver says then
+  bool alone = false;  ///< one of these at a time
+};
+
+template <class Side>
+DriverFault<Side> flag_fault(const char* name, std::atomic<bool> Side::*member, bool faulty,
+                             const char* words) {
+  return {name, [=](Side& side) { side.*member = faulty; }, [=](Side& side) { side.*member = !faulty; },
+          words};
+}
+
+/// Faults that are there at once.
+template <class Side>
+class BegunFaults {
+ public:
+  BegunFaults(Side& side, const std::vector<DriverFault<Side>>& known) : side_(side), known_(known) {}
+  /// One to four, one after another within 30 ms each.
+  void begin_any(std::mt19937& random, const std::function<void()>& meanwhile) {
+    for (unsigned step = 1 + random() % 4; step > 0; --step) {
+      const DriverFault<Side>& fault = known_[random() % known_.size()];
+      if (fault.alone && std::ranges::any_of(there_, [](const auto* each) { return each->alone; })) continue;
+      fault.begin(side_);
+      there_.push_back(&fault);
+      std::this_thread::sleep_for(std::chrono::milliseconds(random() % 30));
+      meanwhile();
+    }
+  }
+  /// In any order.
+  void end_all(std::mt19937& random) {
+    while (!there_.empty()) {
+      const std::size_t next = random() % there_.size();
+      there_[next]->end(side_);
+      there_.erase(there_.begin() + static_cast<std::ptrdiff_t>(next));
+    }
+  }
+  std::string names() const {
+    std::string all;
+    for (const auto* fault : there_) all += std::string(" ") + fault->name;
+    return all;
+  }
+
+ private:
+  Side& side_;
+  const std::vector<DriverFault<Side>>& known_;
+  std::vector<const DriverFault<Side>*> there_;
+};
+
+/// PALPATE_TEST_FAULTS takes that many.
+inline int fault_sequences(int by_default) {
+  const char* asked = std::getenv("PALPATE_TEST_FAULTS");
+  return asked ? std::atoi(asked) : by_default;
+}
+
+/// Any faults, one after another and together, with halts in between: no force while there is one, and it is
+/// felt again when all is well.
+template <class Driver, class Side>
+void outlive_any(DriverRig<Driver>& rig, Side& side, const std::vector<DriverFault<Side>>& faults,
+                 int by_default, const std::function<void(std::mt19937&)>& meanwhile = {}) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int n = 0; n < fault_sequences(by_default); ++n) {
+    SCOPED_TRACE("sequence " + std::to_string(n));
+    ASSERT_TRUE(rig.presses()) << rig.said();
+    BegunFaults<Side> there(side, faults);
+    there.begin_any(random, [&] {
+      if (meanwhile) meanwhile(random);
+      if (random() % 4 == 0) rig.driver->halt();
+    });
+    ASSERT_TRUE(rig.lets_go()) << there.names();
+    there.end_all(random);
+    rig.driver->resume(0);
+  }
+  ASSERT_TRUE(rig.presses()) << rig.said();
+  rig.end();
+  EXPECT_TRUE(rig.lets_go());
+  EXPECT_FALSE(rig.wall.twice_at_once);
+}
+
+}  // namespace palpate::testing
