@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "held.h"
 #include "known_devices.h"
 #include "text.h"
 #include "verb.h"
@@ -16,6 +17,8 @@ struct DoctorArguments {
   DoctorSettings settings;
   DeviceOptions about_devices;
   bool json = false;
+  std::string hold;
+  double hold_rate_hz = 1000;
 };
 
 nlohmann::ordered_json report_json(const DoctorReport& report) {
@@ -88,11 +91,19 @@ void add_doctor(CLI::App& app, Run& run) {
                    "whichever are")
       ->allow_extra_args(false);
   add_device_options(*verb, options->about_devices);
+  verb->add_option("--hold", options->hold,
+                   "Measure what a hand holds with a device, or simulated: it pushes, with 1 N at most");
+  verb->add_option("--rate", options->hold_rate_hz, "Of --hold: ticks a second; default: 1000")
+      ->check(number_between(250, 10000));
   verb->footer(
       "Examples:\n"
       "  palpate doctor\n"
-      "  palpate doctor --device haply --json\n\n"
-      "Nothing is moved, nothing pushes and nothing is changed. Every line that is not fine says what to "
+      "  palpate doctor --device haply --json\n"
+      "  palpate doctor --hold touch\n\n"
+      "Nothing is moved, nothing pushes and nothing is changed, but by --hold, which asks first: it "
+      "measures\n"
+      "the delay and the stiffness that a hand really holds, and explore goes by that. Every line that is "
+      "not fine says what to "
       "do.\n"
       "The exit code is 1 where something is missing: rights of the account, a clock that is punctual, what "
       "a\n"
@@ -102,6 +113,8 @@ void add_doctor(CLI::App& app, Run& run) {
     run = [options](Console& console) -> int {
       const auto known = known_devices(options->about_devices);
       if (!known) return console.fail(known.error());
+      if (!options->hold.empty())
+        return hold_by_hand(*known, options->hold, options->hold_rate_hz, options->json, console);
       const auto report = examine(*known, options->settings, console.progress());
       if (!report) return console.fail(report.error());
       if (options->json)

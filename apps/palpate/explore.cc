@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "held.h"
 #include "inputs.h"
 #include "keys.h"
 #include "known_devices.h"
@@ -186,7 +187,8 @@ std::string state_of(std::uint32_t flags, bool pointer) {
 // what whoever looks at it may do about a stop
 std::string cure_of(const ExploreStatus& status) {
   if (!status.stop) return "";
-  return status.rearmed_in_page ? ": see page" : ": r rearms";
+  if (status.rearmed_in_page) return ": see page";
+  return ": r rearms" + (status.arming_code.empty() ? "" : ", page: " + status.arming_code);
 }
 
 // What is usual, the structure in what is left, and on the right what is not usual, the most serious first.
@@ -369,7 +371,9 @@ int explore_target(ExploreArguments options, Console& console) {
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
-  session.known = options.known;
+  const auto held = kept_held_hands();
+  if (!held) return console.fail(held.error());
+  session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, said, console));
@@ -451,7 +455,8 @@ void add_explore(CLI::App& app, Run& run) {
       "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
       "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
       "method (docs/methods.md). Of a burr b switches the motor, u puts back what was cut last and d does\n"
-      "it again (docs/burr.md). While a device may push, a viewer's wish to change something is shown\n"
+      "it again (docs/burr.md). While a device that pushes is stopped, six digits are shown by which it can\n"
+      "be armed from the page, once. While a device may push, a viewer's wish to change something is shown\n"
       "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"

@@ -216,8 +216,12 @@ void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
   if (pointer_ == &viewer) host_.move_pointer(tip.tip_patient_mm);
 }
 
+std::uint32_t Hub::holder() const {
+  return pointer_ ? pointer_->identity().number : 0;
+}
+
 std::string Hub::state_for(const Viewer& viewer) const {
-  return state_json(state_, welcomed_, pointer_ == &viewer, viewer.identity().number);
+  return state_json(state_, welcomed_, holder(), viewer.identity().number);
 }
 
 std::string Hub::sweeps_after(SweepsHad& had) const {
@@ -249,7 +253,7 @@ void Hub::look_at_state() {
   const std::uint64_t in_common = sweeps_in_common(before, state_);
   if (in_common < before.sweeps)
     for (const auto& viewer : viewers_) viewer->keep_sweeps(in_common);
-  std::string text = state_json(state_, welcomed_, false, 0);
+  std::string text = state_json(state_, welcomed_, holder(), 0);
   if (text == last_state_) return;
   last_state_ = std::move(text);
   for (const auto& viewer : viewers_) viewer->show_state();

@@ -121,6 +121,9 @@ class Hub {
   int welcomed_ = 0;
   std::uint32_t greeted_ = 0;  ///< viewers that have said hello so far
   bool posing_ = false, ended_ = false;
+  /// The number of the viewer that moves the tip, 0 where none does.
+  std::uint32_t holder() const;
+
   const Viewer* pointer_ = nullptr;  ///< who moves the tip
   ViewedState state_;
   std::string last_state_;

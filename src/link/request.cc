@@ -14,6 +14,7 @@ constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
 constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024;
 constexpr int kMostTissues = 1 << 16;
 // how far from 1 a quaternion's length may be that was computed in floats
+constexpr std::size_t kMostCode_bytes = 16;
 constexpr double kUnitTolerance = 1e-3;
 
 /// Takes a text off the front of another, blanks before it left out; false where it does not stand there.
@@ -218,6 +219,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     fields.want("stop");
     RearmRequest rearm;
     rearm.stop = static_cast<std::uint32_t>(fields.whole("stop", 0, 0xffffffff).value_or(0));
+    rearm.code = fields.name("code", kMostCode_bytes).value_or("");
     request.what = rearm;
     fields.end();
   } else {

@@ -69,6 +69,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(refused_at(R"({"type": "undo", "id": 8, "stroke": 1})"), "");
   EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->stop, 7u);
+  EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->code, "");
+  EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7, "code": "012345"})")->code,
+            "012345");
   EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);
   const auto play =
       parsed<PlayRequest>(R"({"type": "play", "id": 6, "at_s": 12.5, "playing": true, "speed": -2})");
@@ -105,6 +108,8 @@ TEST(Request, WrongValuesAreRefusedByTheirKey) {
   EXPECT_EQ(refused_at(R"({"type":"pointer","id":1,"take":"yes"})"), "take");
   EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":1,"more":1})"), "");
   EXPECT_EQ(refused_at(R"({"type":"rearm","id":1})"), "stop");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":1,"code":12})"), "code");
+  EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":1,"code":"01234567890123456"})"), "code");
   EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":-1})"), "stop");
   EXPECT_EQ(refused_at(R"({"type":"rearm","id":1,"stop":4294967296})"), "stop");
   EXPECT_EQ(refused_at(R"({"type":"format the disk","id":1})"), "type");

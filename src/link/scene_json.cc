@@ -193,7 +193,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   return text_of(json);
 }
 
-std::string state_json(const ViewedState& state, int viewers, bool pointer, std::uint32_t reader) {
+std::string state_json(const ViewedState& state, int viewers, std::uint32_t holder, std::uint32_t reader) {
   Json json;
   json["type"] = "state";
   json["method"] = state.method;
@@ -224,7 +224,8 @@ std::string state_json(const ViewedState& state, int viewers, bool pointer, std:
   json["recording"] = state.recording;
   json["playback"] = state.playback ? playback_json(*state.playback) : Json();
   json["viewers"] = viewers;
-  json["pointer"] = pointer;
+  json["pointer"] = holder != 0 && holder == reader;
+  json["pointer_by"] = holder == 0 ? Json() : Json(holder == reader ? "you" : "viewer");
   return text_of(json);
 }
 

@@ -29,9 +29,9 @@ std::string hash_text(std::uint64_t hash);
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
                        Role role);
 
-/// @param pointer  whether the viewer that gets it moves the tip
-/// @param reader  the number of the viewer that gets it
-std::string state_json(const ViewedState& state, int viewers, bool pointer, std::uint32_t reader);
+/// @param holder  the number of the viewer that moves the tip, 0 where none does
+/// @param reader  the number of the viewer that gets it, from 1; 0 for none of them
+std::string state_json(const ViewedState& state, int viewers, std::uint32_t holder, std::uint32_t reader);
 
 std::string welcome_json(Role role);
 /// @param first  number of the first of them, from 0

@@ -85,7 +85,7 @@ TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
     "events_left_out": 0, "force_N": [0.0, 1.25]})"));
   ViewedState state = host.state();
   state.playback = {true, -2, Error{ErrorKind::kBadInput, "has changed", "run.h5", "open it again"}};
-  EXPECT_EQ(Json::parse(state_json(state, 1, false, 1))["playback"],
+  EXPECT_EQ(Json::parse(state_json(state, 1, 0, 1))["playback"],
             Json::parse(R"({"playing": true, "speed": -2.0,
                             "failed": {"what": "has changed", "where": "run.h5", "how": "open it again"}})"));
 }
@@ -97,30 +97,36 @@ TEST(SceneJson, StateAndAnswers) {
   cut.nearest_mm = {{1, 0.5}};
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
-  EXPECT_EQ(Json::parse(state_json(cut, 2, true, 1)), Json::parse(R"({
+  EXPECT_EQ(Json::parse(state_json(cut, 2, 1, 1)), Json::parse(R"({
     "type": "state", "method": "proxy", "law": "elastic", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
-    "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true})"));
+    "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you"})"));
+  for (const auto& [holder, by] :
+       {std::pair(0u, Json()), std::pair(1u, Json("you")), std::pair(2u, Json("viewer"))}) {
+    const Json held = Json::parse(state_json(cut, 2, holder, 1));
+    EXPECT_EQ(held["pointer"], holder == 1);
+    EXPECT_EQ(held["pointer_by"], by);
+  }
   ViewedState state = host.state();
   state.method_awaited = "trilinear";
   state.method_failure = Error{ErrorKind::kUnavailable, "no memory", "b-spline", "choose another"};
-  const Json json = Json::parse(state_json(state, 2, true, 1));
+  const Json json = Json::parse(state_json(state, 2, 1, 1));
   EXPECT_EQ(json["method_awaited"], "trilinear");
   EXPECT_EQ(json["method_failed"],
             Json::parse(R"({"what": "no memory", "where": "b-spline", "how": "choose another"})"));
   // who stopped, as the one that reads it sees it; of a stop that does not hold nothing
   state.stopped_by = StoppedBy::kViewer;
   state.stopped_by_viewer = 3;
-  EXPECT_TRUE(Json::parse(state_json(state, 2, true, 3))["stopped_by"].is_null());
+  EXPECT_TRUE(Json::parse(state_json(state, 2, 1, 3))["stopped_by"].is_null());
   state.stop = 7;
-  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "you");
-  EXPECT_EQ(Json::parse(state_json(state, 2, true, 1))["stopped_by"], "viewer");
+  EXPECT_EQ(Json::parse(state_json(state, 2, 1, 3))["stopped_by"], "you");
+  EXPECT_EQ(Json::parse(state_json(state, 2, 1, 1))["stopped_by"], "viewer");
   state.stopped_by = StoppedBy::kKey;
-  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "key");
+  EXPECT_EQ(Json::parse(state_json(state, 2, 1, 3))["stopped_by"], "key");
   state.stopped_by = StoppedBy::kSession;
-  EXPECT_EQ(Json::parse(state_json(state, 2, true, 3))["stopped_by"], "palpate");
+  EXPECT_EQ(Json::parse(state_json(state, 2, 1, 3))["stopped_by"], "palpate");
   EXPECT_EQ(Json::parse(welcome_json(Role::kView)),
             Json::parse(R"({"type": "welcome", "role": "view", "protocol": 3})"));
   EXPECT_EQ(Json::parse(done_json(7)), Json::parse(R"({"type": "done", "id": 7})"));

@@ -135,7 +135,6 @@ void Viewer::take(const Request& request) {
   // first the answer, then what it changed
   if (room) say(std::move(answer));
   deaf_ = deaf_ && !room;
-  if (std::holds_alternative<PointerRequest>(request.what)) show_state();
   hub_.look_at_state();
 }
 

@@ -227,6 +227,32 @@ TEST(Viewer, WhatOthersChangeIsTold) {
   EXPECT_EQ(viewer.text("state")["paused"], true);
 }
 
+TEST(Viewer, EachIsToldWhoMovesTheTip) {
+  GuardedServer guarded;
+  std::optional<TestViewer> one(std::in_place, guarded.test.port());
+  TestViewer other(guarded.test.port());
+  const Json control{{"token", kControlToken}};
+  one->greet(control);
+  EXPECT_TRUE(one->text("state").at("pointer_by").is_null());
+  other.greet(control);
+  // states that tell of something else may come before
+  const auto is_told = [](TestViewer& viewer, const Json& by) {
+    for (int n = 0; n < 10; ++n)
+      if (const Json state = viewer.text("state"); state.is_null() || state.at("pointer_by") == by)
+        return !state.is_null();
+    return false;
+  };
+  one->send({{"type", "pointer"}, {"id", 1}, {"take", true}});
+  EXPECT_TRUE(is_told(*one, "you"));
+  EXPECT_TRUE(is_told(other, "viewer"));
+  other.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
+  EXPECT_EQ(other.text("refused")["what"], "another viewer moves the tip");
+  one.reset();
+  EXPECT_TRUE(is_told(other, Json()));
+  other.send({{"type", "pointer"}, {"id", 2}, {"take", true}});
+  EXPECT_TRUE(is_told(other, "you"));
+}
+
 TEST(Viewer, RolesAreKept) {
   GuardedServer guarded;
   const int port = guarded.test.port();

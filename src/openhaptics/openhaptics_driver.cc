@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <iterator>
+#include <mutex>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -62,7 +63,7 @@ using HdUnit = hd::Unit;
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
 constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000,
-                       kLastFrame_ns = 1'000'000'000;
+                       kLastCall_ns = 1'000'000'000;
 // errors are told one by one: of a stack that never ends no more
 constexpr int kMostErrors = 64;
 constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
@@ -205,16 +206,18 @@ hd::Handle init(const hd::Library& library, const std::string& config, unsigned&
 class OpenHapticsDriver::Core {
  public:
   explicit Core(const OpenHapticsSettings& settings) : settings_(settings) {}
-  ~Core() {
-    end();
-    disable_all();
-  }
-  void end() {
+  /// Lets the library go, which is waited for no longer than a second.
+  /// @return false: threads have been left alone in it, and may come back to this object at any time
+  bool end() {
+    if (!finder_.joinable()) return true;
     end_.store(true);
-    if (finder_.joinable()) finder_.join();
+    if (came_in_time([&] { return is_finder_done_.load(); })) {
+      finder_.join();
+    } else {
+      finder_.detach();
+    }
+    return !abandoned_.load();
   }
-  /// Whether the vendor's thread has been left alone in its library, from which it may come back.
-  bool is_abandoned() const { return abandoned_.load(); }
 
   std::span<const DeviceInfo> devices() const { return infos_; }
 
@@ -247,7 +250,10 @@ class OpenHapticsDriver::Core {
       infos_.push_back(units_[d].info);
     }
     try {
-      finder_ = std::thread([this] { begin_anew(); });
+      finder_ = std::thread([this] {
+        stop_and_begin_anew();
+        is_finder_done_.store(true);
+      });
     } catch (const std::system_error& error) {
       disable_all();
       return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "touch",
@@ -384,7 +390,6 @@ class OpenHapticsDriver::Core {
   }
 
   void disable_all() {
-    if (abandoned_.load()) return;
     for (std::size_t d = 0; d < count_; ++d)
       if (units_[d].handle != hd::kNobody) {
         library_->hdDisableDevice(units_[d].handle);
@@ -434,23 +439,22 @@ class OpenHapticsDriver::Core {
     if (lost_.load() == Lost::kNo) {
       const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
       while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
-      if (zeros_.load() < 2) switch_off();
-      stop_scheduler();
+      stop_.store(true);
+      came_in_time([&] { return !running_.load(); });
     }
+    // a frame that comes to the servo after this passes it by; one that is in it is waited for without an end
+    while (in_servo_.load()) std::this_thread::sleep_for(kOwnPeriod);
   }
-  void stop_scheduler() {
-    if (!running_.exchange(false)) return;
-    library_->hdStopScheduler();
-    library_->hdUnschedule(scheduled_);
-    // what it had still begun: for the servo without an end, for a library that hangs no longer than
-    const std::int64_t until_ns = monotonic_ns() + kLastFrame_ns;
-    while (inside_.load()) {
+
+  /// Waits for what needs the library to come back, and leaves the threads in it alone where it does not.
+  template <class Condition>
+  bool came_in_time(Condition&& condition) {
+    const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
+    while (!condition() && !abandoned_.load()) {
+      if (monotonic_ns() > until_ns) abandoned_.store(true);
       std::this_thread::sleep_for(kOwnPeriod);
-      if (monotonic_ns() < until_ns) continue;
-      abandoned_.store(true);
-      // a frame that comes to the servo after this passes it by
-      if (!in_servo_.load()) return;
     }
+    return !abandoned_.load();
   }
 
   // ---- any thread
@@ -606,14 +610,17 @@ class OpenHapticsDriver::Core {
   }
 
   // ---- the finder's thread
-  void begin_anew() {
+  void stop_and_begin_anew() {
     auto next = std::chrono::steady_clock::now();
-    while (!end_.load()) {
+    while (!end_.load() && !abandoned_.load()) {
       std::this_thread::sleep_for(kFindPoll);
+      if (stop_.exchange(false)) {
+        if (zeros_.load() < 2) switch_off();
+        stop_scheduler();
+      }
       if (lost_.load() != Lost::kYes || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
-      stop_scheduler();
-      if (abandoned_.load()) continue;
+      if (!stop_scheduler()) continue;
       disable_all();
       bool all = true;
       for (std::size_t d = 0; d < count_ && all; ++d) {
@@ -632,7 +639,20 @@ class OpenHapticsDriver::Core {
       }
       if (all) lost_.store(Lost::kBack);
     }
-    stop_scheduler();
+    // one that came back after it was left alone is let be: whoever left may have ended the program
+    if (!abandoned_.load() && stop_scheduler()) disable_all();
+  }
+
+  /// @return false: it was left alone meanwhile
+  bool stop_scheduler() {
+    if (running_.load()) {
+      library_->hdStopScheduler();
+      library_->hdUnschedule(scheduled_);
+      // what it had still begun
+      while (inside_.load() && !abandoned_.load()) std::this_thread::sleep_for(kOwnPeriod);
+      running_.store(false);
+    }
+    return !abandoned_.load();
   }
 
   const OpenHapticsSettings settings_;
@@ -649,7 +669,7 @@ class OpenHapticsDriver::Core {
   std::atomic<Owner> owner_{Owner::kOwn};
   std::atomic<Lost> lost_{Lost::kNo};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
-      inside_{false}, in_servo_{false}, abandoned_{false}, end_{false};
+      inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false}, is_finder_done_{false};
   std::atomic<int> zeros_{0};
   std::atomic<std::int64_t> last_frame_ns_{0};
   std::atomic<HdTrouble> trouble_{HdTrouble::kNone};
@@ -660,9 +680,13 @@ class OpenHapticsDriver::Core {
 OpenHapticsDriver::OpenHapticsDriver(const OpenHapticsSettings& settings)
     : core_(std::make_unique<Core>(settings)) {}
 OpenHapticsDriver::~OpenHapticsDriver() {
-  core_->end();
-  // the vendor's thread may come back to it: it is left to it
-  if (core_->is_abandoned()) (void)core_.release();
+  if (core_->end()) return;
+  // whoever is left in the library may come back to it at any time, and so it stays: until the process ends,
+  // and past the end of main()
+  static std::mutex mutex;
+  static auto* const left = new std::vector<std::unique_ptr<Core>>;
+  const std::lock_guard lock(mutex);
+  left->push_back(std::move(core_));
 }
 
 std::span<const DeviceInfo> OpenHapticsDriver::devices() const {

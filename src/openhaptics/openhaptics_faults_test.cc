@@ -119,6 +119,28 @@ TEST(HdFaultsAlone, ALibraryThatHangsDoesNotKeepTheEnd) {
   rig.fake.reset();
 }
 
+TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
+  HdRig rig;
+  ASSERT_TRUE(rig.presses());
+  rig.fake.stop_hangs = true;
+  const std::int64_t since_ns = monotonic_ns();
+  rig.end();
+  // frames go on meanwhile, with zeros
+  EXPECT_EQ(rig.device.force_N, 0);
+  const int then = rig.wall.updates;
+  rig.driver->run(rig.wall, rig.clock);
+  rig.driver.reset();
+  EXPECT_LT(monotonic_ns() - since_ns, std::int64_t{20'000'000'000}) << "a second, on a machine with time";
+  EXPECT_TRUE(rig.fake.running);
+  rig.fake.stop_hangs = false;
+  // the next session finds the library as it was
+  EXPECT_TRUE(soon([&] { return !rig.fake.running && !rig.fake.scheduled; }));
+  EXPECT_EQ(rig.wall.updates, then);
+  EXPECT_EQ(rig.device.force_N, 0);
+  EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
+  rig.fake.reset();
+}
+
 // any faults, one after another and together: no force while there is one, none above the wall's, and it is
 // felt again when all is well. PALPATE_TEST_FAULTS=200 takes that many.
 TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {

@@ -116,7 +116,7 @@ void reset_all() {
   const std::lock_guard lock(mutex);
   for (Behind& known : behind) known.initialised = false;
   fake().licence = fake().null_name = true;
-  fake().stalled = fake().hangs = false;
+  fake().stalled = fake().hangs = fake().stop_hangs = false;
   fake().violations = 0;
   fake().first_violation = "";
   errors.clear();
@@ -376,6 +376,7 @@ unsigned long hdScheduleAsynchronous(Callback called, void* data, unsigned short
   if (priority != 0x7FFF) violated("another priority than the default one");
   callback_data = data;
   callback = called;
+  fake().scheduled = true;
   return 7;
 }
 void hdUnschedule(unsigned long handle) {
@@ -383,6 +384,7 @@ void hdUnschedule(unsigned long handle) {
   if (handle != 7 || !callback) violated("unscheduled what was not");
   if (fake().running) violated("unscheduled while the scheduler runs");
   callback = nullptr;
+  fake().scheduled = false;
 }
 void hdStartScheduler() {
   const Guard lock(mutex);
@@ -395,6 +397,7 @@ void hdStartScheduler() {
 }
 void hdStopScheduler() {
   if (!fake().running) return violated("stopped what does not run");
+  while (fake().stop_hangs) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   stop_scheduler = true;
   if (!fake().hangs && scheduler.joinable()) scheduler.join();
   fake().running = false;

@@ -42,10 +42,11 @@ struct FakeHdDevice {
 struct FakeHd {
   std::array<FakeHdDevice, 2> device;
   std::atomic<bool> licence{true};
-  std::atomic<bool> null_name{true};  ///< NULL is a name
-  std::atomic<bool> stalled{false};   ///< the scheduler calls nobody
-  std::atomic<bool> hangs{false};     ///< a frame's beginning does not come back, nor is it waited for
-  std::atomic<bool> running{false};
+  std::atomic<bool> null_name{true};    ///< NULL is a name
+  std::atomic<bool> stalled{false};     ///< the scheduler calls nobody
+  std::atomic<bool> hangs{false};       ///< a frame's beginning does not come back, nor is it waited for
+  std::atomic<bool> stop_hangs{false};  ///< the scheduler's stop does not come back
+  std::atomic<bool> running{false}, scheduled{false};
   /// Rules of the documentation that were broken, and the first of them.
   std::atomic<int> violations{0};
   std::atomic<const char*> first_violation{""};

@@ -172,12 +172,19 @@ class VolumeOracle {
       begin = std::max(begin, std::min(a, b));
       end = std::min(end, std::max(a, b));
     }
+    // and as far as the clip plane, exactly: a solid is opaque within less than a step
+    if (style.clip) {
+      const double rise = way.dot(style.clip->away), here = (from - style.clip->at).dot(style.clip->away);
+      if (rise == 0 && here > 0) end = begin;
+      if (rise > 0) end = std::min(end, -here / rise);
+      if (rise < 0) begin = std::max(begin, -here / rise);
+    }
     Eigen::Vector3d rgb = Eigen::Vector3d::Zero();
     double clear = 1, depth = std::numeric_limits<double>::infinity();
     const long count = begin < end ? std::lround(std::ceil((end - begin) / step_mm)) : 0;
+    if (count > 0) step_mm = (end - begin) / static_cast<double>(count);
     for (long n = 0; n < count && clear > 1e-6; ++n) {
       const double t = begin + (static_cast<double>(n) + 0.5) * step_mm;
-      if (style.clip && (from + way * t - style.clip->at).dot(style.clip->away) > 0) continue;
       const Eigen::Vector3d at = origin + along * t;
       double extinction = 0;
       Eigen::Vector3d light = Eigen::Vector3d::Zero();

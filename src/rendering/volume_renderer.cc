@@ -45,7 +45,7 @@ namespace {
 
 /// Samples along a ray, in the grid's shortest spacing, are at most so far apart; where a clip plane cuts
 /// between two of them, nearer.
-constexpr double kMostApart = 1, kMostApartClipped = 0.25;
+constexpr double kMostApart = 1, kMostApartClipped = 0.5;
 using internal::volume_picture::kNoPlane;
 /// Rays of a row that are traced together.
 constexpr std::size_t kMostRays = 64;

@@ -163,8 +163,7 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
     const Difference difference = compare(oracle.render(camera, style, 5), drawn.rgb, drawn.depth_mm,
                                           style.background, grid.spacing_mm.maxCoeff());
     EXPECT_LE(difference.rms, 2) << number;
-    // a plane that cuts between two samples is less exact
-    EXPECT_LE(difference.p999, style.clip ? 16 : 12) << number;
+    EXPECT_LE(difference.p999, 12) << number;
     EXPECT_GE(difference.coverage, 0.2) << number;
     EXPECT_LE(difference.too_deep, 0.05) << number;
   }

@@ -41,6 +41,7 @@ struct Session {
   Supervisor* supervisor;  // nullptr: there is none
   const std::string& coarser_tissue;
   const std::string& careful_bounds;
+  bool asks_here;
 };
 
 /// What was shown last: a key answers nothing that nobody has seen.
@@ -110,6 +111,8 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.device_trouble = session.tip.driver().trouble();
   status.stop = session.viewed.stop_that_holds();
   status.rearmed_in_page = session.viewed.rearmed_in_page();
+  // told to nobody who does not see the device
+  if (session.asks_here) status.arming_code = session.viewed.arming_code();
   status.question = session.viewed.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
   shown.stop = status.stop.value_or(0);
@@ -325,8 +328,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                           [&viewed] { return viewed.script_stroke_led_to(); },
                           [&viewed](TissueLaw law) { viewed.change_law_by_script(law); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
-  const Session session{model,        **loop, **recorder, **tip, watch, viewed, supervisor->get(),
-                        carried.told, careful};
+  const Session session{model,        **loop,  **recorder,       **tip, watch, viewed, supervisor->get(),
+                        carried.told, careful, options.asks_here};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);

@@ -697,10 +697,18 @@ std::optional<std::uint32_t> ViewedSession::stop_that_holds() const {
 }
 
 Result<void> ViewedSession::rearm(const RearmRequest& request) {
-  if (physical())
+  if (physical() && request.code.empty())
     return refused("a device that may push is armed at the device, not from afar", "",
-                   "press r where palpate runs, with the tip free");
+                   "press r where palpate runs, with the tip free, or enter the code that is shown there");
+  if (physical() && !arming_code_.take(request.stop, request.code))
+    return refused("the code is not the one that is shown where palpate runs", "code",
+                   "each is good once, for a minute and for the last stop: enter the one that is shown now");
   return rearm(request.stop, asked_by(request.by));
+}
+
+std::string ViewedSession::arming_code() {
+  const auto stop = stop_that_holds();
+  return stop && physical() ? arming_code_.shown(*stop) : std::string();
 }
 
 Result<void> ViewedSession::rearm_here(std::uint32_t stop) {

@@ -23,6 +23,7 @@
 #include "palpate/servo/servo_loop.h"
 #include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
+#include "session/arming_code.h"
 #include "session/consent.h"
 #include "session/cut_list.h"
 #include "session/explore_watch.h"
@@ -108,6 +109,9 @@ class ViewedSession final : public ViewerHost {
   /// What a viewer wants and somebody here is to agree to.
   std::optional<ConsentQuestion> question() { return consent_.question(); }
   void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
+  /// By which a page arms a physical device after the stop that holds; from the first call on it is taken.
+  /// Empty: nothing is stopped, there is no such device, or there were too many wrong ones.
+  std::string arming_code();
   /// A pointer's force is given back in the page, where nothing else can push.
   bool rearmed_in_page() const { return parts_.pointer != nullptr && !physical(); }
   /// The number of the stop that holds.
@@ -180,6 +184,7 @@ class ViewedSession final : public ViewerHost {
   mutable ViewedScene scene_;
 
   EventLog told_;
+  ArmingCode arming_code_;
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
   mutable std::mutex stop_mutex_;        // of who stops, and of what is stopped before there is a loop

@@ -844,10 +844,32 @@ TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
   const std::uint32_t stop = stopped();
   EXPECT_THAT(error_in(viewed_->rearm({stop, {4, true}})).what, HasSubstr("at the device"));
   EXPECT_EQ(viewed_->state().stop, stop);
+  // a code that nobody was shown is none
+  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, "000000"})).where, "code");
+  EXPECT_EQ(viewed_->state().stop, stop);
   EXPECT_EQ(error_in(viewed_->rearm_here(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
   EXPECT_TRUE(viewed_->state().armed);
   EXPECT_EQ(error_in(viewed_->take_pointer(true, {1, true})).kind, ErrorKind::kUsage);
+}
+
+TEST_F(Viewed, ACodeThatIsShownThereArmsAPhysicalDeviceOnce) {
+  start(false);
+  EXPECT_EQ(viewed_->arming_code(), "") << "nothing is stopped";
+  viewed_->emergency_stop({3, false});
+  std::uint32_t stop = stopped();
+  const std::string code = viewed_->arming_code();
+  ASSERT_EQ(code.size(), 6u);
+  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, code})).what, "no error");
+  EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
+  EXPECT_EQ(viewed_->arming_code(), "");
+  viewed_->emergency_stop({3, false});
+  stop = stopped();
+  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, code})).where, "code") << "of the stop before";
+  EXPECT_EQ(viewed_->state().stop, stop);
+  const std::string next = viewed_->arming_code();
+  EXPECT_EQ(error_in(viewed_->rearm({stop - 1, {4, true}, next})).where, "code") << "of another stop";
+  EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, viewed_->arming_code()})).what, "no error");
 }
 
 // ---- a stop, and its end

@@ -938,6 +938,7 @@ class WithPointer(Viewer):
         self.page.wait("document.getElementById('flags').textContent.includes('whoever moves the tip rearms')")
         self.assertIn("stopped by this page", self.page.run("return document.getElementById('flags').textContent"))
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
+        self.assertIn("another viewer has the pointer", self.page.run("return document.getElementById('viewers').textContent"))
         for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "touches something")):
             self.page.run("window.hand.ask({ type: 'rearm', id: %d, stop: %s })" % (answer, stop))
             self.page.wait(f"window.hand.answers[{answer}]")
@@ -956,6 +957,7 @@ class WithPointer(Viewer):
         time.sleep(0.3)
         self.page.click("[data-tool=touch]")
         self.page.wait("palpateViewer.state.pointer && !document.getElementById('rearm').disabled")
+        self.page.wait("document.getElementById('viewers').textContent.includes('you have the pointer')")
         self.page.click("#rearm")
         self.page.wait("!palpateViewer.state.emergency_stop")
 
@@ -2924,7 +2926,7 @@ class WithSphere(Viewer):
 
 
 class WithDevice(Viewer):
-    """A physical device, of which somebody agrees to everything after a while: the mock's alone, for palpate drives none yet."""
+    """A physical device, of which somebody agrees to everything after a while: the mock's."""
 
     draws_seldom = False
 
@@ -2956,13 +2958,67 @@ class WithDevice(Viewer):
         self.page.wait("palpateViewer.state.rotation_wxyz[0] < 0.99")
         self.assertEqual(self.page.run("return window.asked.length"), 1)
 
-    def test_it_is_stopped_from_here_and_armed_there(self):
+    def stop_here(self):
         self.page.wait("palpateViewer.state.armed")
         self.page.press(" ")
         self.page.wait("palpateViewer.state.emergency_stop && !palpateViewer.state.armed")
+
+    def test_it_is_stopped_from_here_and_armed_there(self):
+        self.stop_here()
         self.page.wait("document.getElementById('flags').textContent.includes('stopped by this page · armed again where palpate runs')")
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
         self.assertEqual(self.text("stop"), "Stopped")
+
+    def test_it_is_armed_from_here_by_the_code_that_is_shown_there(self):
+        hidden = "return document.getElementById('arm-line').hidden"
+        disabled = "return document.getElementById('rearm').disabled"
+        self.page.wait("palpateViewer.state.armed")
+        self.assertTrue(self.page.run(hidden), "nothing is stopped")
+        self.stop_here()
+        self.page.wait("!document.getElementById('arm-line').hidden")
+        self.assertEqual(self.page.run("return document.getElementById('arm-code').labels[0].textContent.trim()"), "Six digits")
+
+        def enter(code):
+            self.page.click("#arm-code")
+            for digit in code:
+                self.page.press(digit)
+
+        enter("12345")
+        self.assertTrue(self.page.run(disabled), "five digits are no code")
+        self.assertEqual(self.page.run("return document.getElementById('arm-code').value"), "12345")
+        # a wrong one is told of, and gone
+        enter("7")
+        self.page.click("#rearm")
+        self.page.wait("document.getElementById('toast').textContent.includes('not the one that is shown')")
+        self.assertEqual(self.page.run("return document.getElementById('arm-code').value"), "")
+        self.assertTrue(self.page.run("return palpateViewer.state.emergency_stop"))
+        self.assertTrue(self.page.run(disabled))
+        # where a code is entered the space bar is still the stop, and no character
+        enter("12 3")
+        self.assertEqual(self.page.run("return document.getElementById('arm-code').value"), "123")
+        enter("456")
+        self.page.press("\ue007")  # Enter
+        self.page.wait("palpateViewer.state.armed && !palpateViewer.state.emergency_stop")
+        self.page.wait("document.getElementById('arm-line').hidden")
+
+    def test_the_field_of_the_code_fits_on_every_screen(self):
+        self.addCleanup(self.page.resize, *SIZE)
+        self.stop_here()
+        self.page.wait("!document.getElementById('arm-line').hidden")
+        for language, width, height in [(language, *size) for language in ("de", "en") for size in ((390, 844), (768, 1024), (1920, 1080))]:
+            with self.subTest(language=language, width=width):
+                self.page.run("const choice = document.getElementById('language'); choice.value = arguments[0]; choice.dispatchEvent(new Event('change')); palpateViewer.draw()", language)
+                self.page.resize(width, height)
+                self.page.wait(f"innerWidth <= {width}")
+                self.assertLessEqual(self.page.run("return document.documentElement.scrollWidth"), width)
+                panel, *boxes = self.page.run("""return ["#panel", "#pause", "#rearm", "#arm-line span", "#arm-code"].map((name) => {
+                    const one = document.querySelector(name), r = one.getBoundingClientRect();
+                    return [name, r.left, r.top, r.right, r.bottom, one.scrollWidth - one.clientWidth];
+                })""")
+                self.assertEqual([a[0] for a in (panel, *boxes) if a[5] > 0], [], "clipped")
+                self.assertEqual([a for a in boxes if a[1] < panel[1] or a[3] > panel[3] or a[4] - a[2] < 12], [])
+                self.assertEqual([(a[0], b[0]) for n, a in enumerate(boxes) for b in boxes[n + 1:]
+                                  if min(a[3], b[3]) > max(a[1], b[1]) and min(a[4], b[4]) > max(a[2], b[2])], [])
 
 
 class WithManyVoxels(Viewer):

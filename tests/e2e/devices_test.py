@@ -1,11 +1,15 @@
-"""palpate devices and palpate doctor: what there is and what is missing, without a device on the machine."""
+"""palpate devices and palpate doctor: what there is and what is missing, without a device on the machine. A stand-in for a
+maker's library is felt with, where somebody sees it and from a page."""
 
 import json
 import os
+import re
 import shutil
+import signal
 import subprocess
 
 import cli
+import explore_test
 
 
 class Devices(cli.PalpateTest):
@@ -82,6 +86,31 @@ class Doctor(cli.PalpateTest):
             self.assertEqual(line["finding"], "fine", line)
             self.assertIn(str(library), line["found"])
 
+    def test_what_a_hand_holds(self):
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
+        self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
+        # a device at which nobody presses the key is not tried
+        library = f"touch={os.environ['FAKE_HD']}"
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--library", library, says="nobody has armed the device")
+        # the simulated one is always held; on a machine with much else to do it is late, and says so
+        environment = {**os.environ, "XDG_DATA_HOME": str(self.folder)}
+        kept = self.folder / "palpate" / "held-hands.txt"
+        done = cli.run("doctor", "--hold", "simulated", "--json", env=environment)
+        if done.returncode == cli.OK:
+            figures = json.loads(done.stdout)
+            self.assertGreater(figures["held_N_per_mm"], 0.09)
+            self.assertLess(abs(figures["delay_s"] - 0.002), 0.002)
+            self.assertIn(figures["device"], kept.read_text())
+        else:
+            self.assertIn("palpate doctor says of this computer", done.stderr)
+            self.assertFalse(kept.exists())
+        # what it kept is read when a session begins
+        kept.parent.mkdir(exist_ok=True)
+        kept.write_text("# fine\nspoon\n")
+        done = cli.run("explore", "knee-phantom", "--seconds", "0.2", "--no-viewer", env=environment)
+        self.assertEqual(done.returncode, cli.BAD_INPUT)
+        self.assertIn("held-hands.txt:2: ", done.stderr)
+
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")
         self.assertEqual(done.returncode, 1)
@@ -91,6 +120,68 @@ class Doctor(cli.PalpateTest):
 
     def test_of_a_device_that_is_not_known(self):
         self.fail_clearly(cli.USAGE, "doctor", "--device", "spoon", says="haply")
+
+
+class Arming(cli.PalpateTest):
+    """A device that pushes, as far as palpate can tell: 3D Systems' library is a stand-in."""
+
+    def setUp(self):
+        super().setUp()
+        self.succeed("data", "fetch", "knee-phantom", "-o", self.folder / "knee", "--voxel", cli.KNEE_MM)
+        self.scene = self.folder / "scene.toml"
+        self.succeed("scene", "new", next((self.folder / "knee").glob("*.seg.nrrd")), "-o", self.scene)
+        # far from the knee
+        self.scene.write_text(self.scene.read_text() + "\n[workspace]\nhome = [0, 0, 500]\n")
+        terminal = explore_test.Terminal("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
+                                         "--port", "0", "-o", self.folder / "run.h5", keyboard=True)
+        self.addCleanup(terminal.close)
+        self.terminal = terminal
+        terminal.wait_for(r"http://[\d.]+:\d+/")
+        self.viewer = explore_test.Viewer(re.search(r"http://[\d.]+:\d+/", terminal.shown).group())
+        self.addCleanup(self.viewer.close)
+        self.wait_for_state(lambda state: state.get("armed"))
+
+    def wait_for_state(self, is_it):
+        while not is_it(self.viewer.state):
+            self.viewer.next()
+
+    def code_of_a_stop(self):
+        self.terminal.press(b" ")
+        self.terminal.wait_for(r"EMERGENCY STOP: r rearms, page: \d{6}\b")
+        self.wait_for_state(lambda state: state["emergency_stop"])
+        return re.findall(r"page: (\d{6})\b", self.terminal.shown)[-1]
+
+    def rearm(self, **answer):
+        return self.viewer.ask(type="rearm", stop=self.viewer.state["stop"], **answer)
+
+    def test_from_a_page_by_the_code_that_the_terminal_shows_once(self):
+        code = self.code_of_a_stop()
+        self.assertIn("at the device", self.rearm()["what"])
+        wrong = str((int(code) + 1) % 1000000).zfill(6)
+        self.assertEqual(self.rearm(code=wrong)["where"], "code")
+        self.assertTrue(self.viewer.state["emergency_stop"])
+        self.assertEqual(self.rearm(code=code)["type"], "done")
+        self.wait_for_state(lambda state: state["armed"])
+        self.terminal.shown = ""
+        self.terminal.wait_for(r" N  [^E]*\r")
+        # the next stop has a code of its own, and three wrong ones leave none
+        another = self.code_of_a_stop()
+        self.assertNotEqual(another, code)
+        for _ in range(3):
+            self.assertEqual(self.rearm(code=code)["type"], "refused")
+        self.assertEqual(self.rearm(code=another)["where"], "code")
+        self.terminal.shown = ""
+        self.terminal.wait_for(r"EMERGENCY STOP: r rearms *\r")
+        # the key needs none
+        self.terminal.press(b"r")
+        self.wait_for_state(lambda state: state["armed"])
+        self.terminal.process.send_signal(signal.SIGINT)
+        ended, out = self.terminal.finish()
+        self.assertEqual(ended, cli.OK, self.terminal.shown)
+        # nobody reads later what was shown
+        for text in (out.encode(), (self.folder / "run.h5").read_bytes(), *self.viewer.texts):
+            for shown in (code, another):
+                self.assertNotIn(shown.encode(), text)
 
 
 if __name__ == "__main__":

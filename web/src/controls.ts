@@ -63,7 +63,15 @@ export class Controls {
     byId("theme").addEventListener("click", nextTheme);
     byId("stop").addEventListener("click", () => this.stop());
     byId("rearm").addEventListener("click", () => {
-      if (session.state?.stop != null) void requests.once({ type: "rearm", stop: session.state.stop });
+      if (session.state?.stop == null) return;
+      const code = byId<HTMLInputElement>("arm-code");
+      void requests.once({ type: "rearm", stop: session.state.stop, ...(this.wantsCode ? { code: code.value } : {}) });
+      code.value = "";
+      this.allow();
+    });
+    byId("arm-code").addEventListener("input", () => this.allow());
+    byId("arm-code").addEventListener("keydown", (event) => {
+      if ((event as KeyboardEvent).key === "Enter") byId("rearm").click();
     });
     byId("pause").addEventListener("click", () => this.togglePause());
     byId("motor").addEventListener("click", () => void requests.once({ type: "set", motor: !session.state?.motor }));
@@ -153,8 +161,8 @@ export class Controls {
   /** The space bar stops wherever the focus is, a text field excepted; so switches and buttons are worked with Enter. A number has no spaces. */
   private key(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
-    const hasSpaces = target.matches("input[type=password], input[type=text], input[type=search]");
-    const writes = hasSpaces || target.matches("input[type=number]");
+    const hasSpaces = target.matches("input[type=password], input[type=text]:not(#arm-code), input[type=search]");
+    const writes = hasSpaces || target.matches("input[type=number], #arm-code");
     if ((event.key === " " || event.code === "Space") && !hasSpaces) {
       event.preventDefault();
       event.stopPropagation();
@@ -192,10 +200,16 @@ export class Controls {
     else if (box.contains(document.activeElement) || document.activeElement === document.body) byId("help").focus();
   }
 
-  /** Whoever has the hand; a physical device is armed where it is. */
+  /** A physical device is armed where it is, or by who was told the code that is shown there. */
+  private get wantsCode(): boolean {
+    return this.session.scene?.device.simulated === false;
+  }
+  /** Whoever has the hand. */
   private get mayRearm(): boolean {
     const { scene, state } = this.session;
-    return this.isAllowed && state?.stop != null && scene?.device.simulated === true && (scene.device.input !== "pointer" || state.pointer);
+    if (!this.isAllowed || state?.stop == null || !scene) return false;
+    if (this.wantsCode) return /^[0-9]{6}$/.test(byId<HTMLInputElement>("arm-code").value);
+    return scene.device.input !== "pointer" || state.pointer;
   }
   /** What is to be done about a stop, the tip being where it is. */
   private rearmHint(touches: boolean): string {
@@ -214,7 +228,7 @@ export class Controls {
     const flags = FLAGS.filter((name) => device.flags & Flag[name] && !(isResting && (name === "stale" || name === "ramp")));
     const told = flags.map((name) => (name === "emergencyStop" && state?.stopped_by ? words.stoppedBy[state.stopped_by] : words.flags[name]));
     if (state?.stop != null) return [...told, this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)];
-    if (isResting) told.push(state?.pointer ? words.holdToTouch : words.nobodyHolds);
+    if (isResting) told.push(state?.pointer ? words.holdToTouch : state?.pointer_by ? words.otherHolds : words.nobodyHolds);
     return told;
   }
   /** Never anything else: it can be pressed again and again. */
@@ -339,7 +353,7 @@ export class Controls {
     byId("stop").classList.toggle("stopped", state.emergency_stop);
     says(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
     write(byId("viewers"), [state.viewers === 1 ? words.viewer : words.viewers(String(state.viewers)),
-      ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
+      ...(state.pointer_by === null ? [] : [state.pointer ? words.youHold : words.viewerHolds]), ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
     this.structures.show(state, this.isAllowed);
     this.allow();
   }
@@ -347,6 +361,7 @@ export class Controls {
   allow(): void {
     for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
+    byId("arm-line").hidden = !(this.wantsCode && this.isAllowed && this.session.state?.stop != null);
     const { state } = this.session;
     for (const [id, count, title] of [["undo-stroke", state?.strokes.undo, "undoStrokeTitle"], ["redo-stroke", state?.strokes.redo, "redoStrokeTitle"]] as const) {
       const button = byId<HTMLButtonElement>(id);

@@ -121,6 +121,7 @@ export interface State {
   playback: { playing: boolean; speed: number; failed: Refusal | null } | null; // of a recording that is looked at
   viewers: number;
   pointer: boolean;
+  pointer_by: "you" | "viewer" | null; // who moves the tip
 }
 
 

@@ -309,7 +309,7 @@ function pose() {
 const sockets = new WebSocketServer({ server, path: options.refuse ? "/none" : "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
 const viewers = new Map();
 const tellState = () => {
-  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket }));
+  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket, pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer" }));
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;
@@ -319,7 +319,7 @@ function refusal(message, viewer) {
     return { what: "That stiffness is out of range.", where: "stiffness_N_per_mm", how: "0.001 to 10 N/mm." };
   }
   if (message.type === "rearm") {
-    if (options.input === "device") return { what: "A device that may push is armed at the device.", how: "Press r where palpate runs." };
+    if (options.input === "device" && message.code !== "123456") return { what: "The code is not the one that is shown where palpate runs.", where: "code", how: "Enter the one that is shown now." };
     if (message.stop !== state.stop) return { what: "There was another stop after the one that this answers.", where: "stop", how: "See why, and rearm again." };
     if (labelAt(tip) !== 0 && options.input === "pointer") return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
   }
@@ -370,7 +370,7 @@ sockets.on("connection", (socket) => {
       stopper = socket;
       Object.assign(state, { emergency_stop: true, stop: ++stops, armed: false });
     }
-    if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null });
+    if (type === "rearm") Object.assign(state, { emergency_stop: false, stop: null, armed: options.input === "device" });
     if (type === "pointer") pointer = values.take ? socket : null;
     if (type === "set" && values.motor && !state.motor) {
       undone.length = 0;

@@ -198,6 +198,7 @@ struct StrokeRequest {
 struct RearmRequest {
   std::uint32_t stop = 0;  ///< which stop it answers: that of the state that whoever rearms has seen
   ViewerIdentity by;
+  std::string code = {};  ///< that is shown where a device that may push is; empty: none was given
 };
 
 /// What is to be seen of a recording.

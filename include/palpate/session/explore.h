@@ -115,6 +115,8 @@ struct ExploreStatus {
   /// Why the force method that was asked for last is not felt.
   std::optional<Error> method_failure;
   std::optional<std::uint32_t> stop;  ///< which one holds; empty: none
+  /// That arms a physical device from a page after that stop, once; empty: there is none.
+  std::string arming_code;
   bool rearmed_in_page = false;  ///< and not by kRearm: a viewer's pointer moves the tip, and nothing pushes
   std::optional<ConsentQuestion> question;  ///< to be answered by kAgree or kDecline
   std::optional<Error> refusal;             ///< of a request since the last status

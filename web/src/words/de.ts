@@ -148,6 +148,8 @@ export const de: Words = {
   redoStrokeTitle: "Was zuletzt wiederkam, wird wieder abgetragen (Umschalt+U)",
   motorOffFirst: "Erst den Motor ausschalten oder sein Pedal loslassen",
   rearm: "Freigeben",
+  armCode: "Sechs Ziffern",
+  armCodeTitle: "Sie stehen auf dem Terminal, wo palpate läuft, solange das Gerät angehalten ist; gültig einmal, eine Minute lang",
   rearmTitle: "Kraft nach einem Not-Halt wieder an, wo die Spitze nichts berührt",
   free: "frei",
   outside: "außerhalb des Volumens",
@@ -169,13 +171,14 @@ export const de: Words = {
     you: "angehalten von dieser Seite", viewer: "angehalten von einem anderen Betrachter", key: "angehalten durch eine Taste, wo palpate läuft",
     palpate: "angehalten von palpate: niemand wachte darüber",
   },
-  rearmThere: "wird freigegeben, wo palpate läuft: r, mit freier Spitze",
+  rearmThere: "wird freigegeben, wo palpate läuft: r, mit freier Spitze; oder mit den sechs Ziffern, die dort stehen",
   rearmOther: "wer die Spitze führt, gibt frei",
   rearmWhenFree: "die Hand verlässt, was sie berührt, dann Freigeben",
   rearmAfterWay: "die Spitze ins Freie führen, dann Freigeben",
   rearmNow: "Freigeben bringt die Kraft zurück",
   holdToTouch: "zum Tasten die Maustaste im Bild halten",
   nobodyHolds: "niemand hält den Zeiger",
+  otherHolds: "ein anderer Betrachter hat den Zeiger und ruht",
 
   // force and loop
   forceAndLoop: "Kraft und Regelung",
@@ -190,6 +193,8 @@ export const de: Words = {
   viewer: "1 Betrachter",
   viewers: (count) => `${count} Betrachter`,
   sessionRecorded: "Sitzung aufgezeichnet",
+  youHold: "Sie haben den Zeiger",
+  viewerHolds: "ein anderer Betrachter hat den Zeiger",
   deviceArmed: "Gerät scharf",
 
   // structures

@@ -147,6 +147,8 @@ export const en = {
   redoStrokeTitle: "What came back last is taken away again (Shift+U)",
   motorOffFirst: "Switch the motor off, or let go of its pedal, first",
   rearm: "Rearm",
+  armCode: "Six digits",
+  armCodeTitle: "They stand on the terminal where palpate runs while the device is stopped; good once, for a minute",
   rearmTitle: "Force back after an emergency stop, where the tip touches nothing",
   free: "free",
   outside: "outside the volume",
@@ -168,13 +170,14 @@ export const en = {
     you: "stopped by this page", viewer: "stopped by another viewer", key: "stopped by a key where palpate runs",
     palpate: "stopped by palpate: nothing watched over it",
   },
-  rearmThere: "armed again where palpate runs: r, with the tip free",
+  rearmThere: "armed again where palpate runs: r, with the tip free; or by the six digits that are shown there",
   rearmOther: "whoever moves the tip rearms",
   rearmWhenFree: "the hand leaves what it touches, then Rearm",
   rearmAfterWay: "lead the tip to where it is free, then Rearm",
   rearmNow: "Rearm brings the force back",
   holdToTouch: "hold the button in a picture to touch",
   nobodyHolds: "nobody holds the pointer",
+  otherHolds: "another viewer has the pointer, and rests",
 
   // force and loop
   forceAndLoop: "Force and loop",
@@ -189,6 +192,8 @@ export const en = {
   viewer: "1 viewer",
   viewers: (count: string) => `${count} viewers`,
   sessionRecorded: "session recorded",
+  youHold: "you have the pointer",
+  viewerHolds: "another viewer has the pointer",
   deviceArmed: "device armed",
 
   // structures

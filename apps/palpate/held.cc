@@ -1,0 +1,137 @@
+#include "held.h"
+
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <thread>
+
+#include "keys.h"
+#include "palpate/base/file.h"
+#include "palpate/catalog/catalog.h"
+#include "palpate/device/simulated_device.h"
+#include "palpate/session/explore.h"
+#include "palpate/supervisor/supervisor.h"
+
+namespace palpate::app {
+namespace {
+
+constexpr std::size_t kMostFile_bytes = 1 << 20;
+
+// in a light grip, and after the delay of a usual USB device
+std::unique_ptr<DeviceDriver> simulated() {
+  constexpr double kDelay_s = 0.002;
+  SimulatedDevice device(*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), kDelay_s);
+  device.reset(Point<Device>(0, 0, 0));
+  return std::make_unique<SimulatedDriver>(device);
+}
+
+Error not_agreed(const std::string& name) {
+  return {ErrorKind::kUsage, "nobody has armed the device", name,
+          "run it at a terminal, hold the tip and press a"};
+}
+
+// somebody's word who holds it
+bool agreed(Console& console) {
+  Keys keys;
+  if (!keys.active()) return false;
+  std::fprintf(
+      stderr,
+      "Hold the tip lightly, in free air, at one place, and keep holding it. It pushes with up to 1 N for\n"
+      "up to 15 s, and may buzz at the end. Letting go ends nothing: Ctrl-C does.\n"
+      "a arms it, any other key does not.\n");
+  const Progress progress = console.progress();
+  while (!progress.stopped()) {
+    if (const auto key = keys.next()) return *key == 'a';
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return false;
+}
+
+Result<void> keep(const HeldHandFigures& figures) {
+  auto hands = kept_held_hands();
+  if (!hands) return hands.error();
+  (*hands)[figures.device] = figures;
+  std::error_code failed;
+  std::filesystem::create_directories(held_hands_file().parent_path(), failed);
+  return write_file(held_hands_file(), held_hands_text(*hands));
+}
+
+void print_json(const HeldHandFigures& figures) {
+  nlohmann::ordered_json json{{"device", figures.device},   {"rate_hz", figures.rate_hz},
+                              {"delay_s", figures.delay_s}, {"held_N_per_mm", figures.held_N_per_mm},
+                              {"swings_N_per_mm", nullptr}, {"advised_N_per_mm", figures.advised_N_per_mm}};
+  if (figures.swings_N_per_mm) json["swings_N_per_mm"] = *figures.swings_N_per_mm;
+  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+}
+
+void print_text(const HeldHandFigures& figures) {
+  std::printf("%s, %.0f updates a second\n", figures.device.c_str(), figures.rate_hz);
+  std::printf("from a command to its force   %.2f ms\n", 1e3 * figures.delay_s);
+  std::printf("held at                       %.3g N/mm\n", figures.held_N_per_mm);
+  if (figures.swings_N_per_mm)
+    std::printf("swings at                     %.3g N/mm\n", *figures.swings_N_per_mm);
+  else
+    std::printf("swings at                     none that was tried\n");
+  std::printf("explore makes it no stiffer than %.3g N/mm; what its maker vouches for holds, too\n",
+              figures.advised_N_per_mm);
+}
+
+}  // namespace
+
+std::filesystem::path held_hands_file() {
+  return user_data_folder() / "held-hands.txt";
+}
+
+Result<HeldHands> kept_held_hands() {
+  const std::filesystem::path file = held_hands_file();
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored)) return HeldHands{};
+  const auto text = read_file(file, kMostFile_bytes);
+  if (!text) return text.error();
+  return parse_held_hands(*text, file.string());
+}
+
+DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& hands, double rate_hz) {
+  DeviceRegistry all;
+  for (const DeviceMaker& maker : known.all()) {
+    DeviceMaker held = maker;
+    held.make = [make = maker.make, hands, rate_hz] {
+      return palpate::with_held_hands(make(), hands, rate_hz);
+    };
+    all.add(std::move(held));
+  }
+  return all;
+}
+
+int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
+                 Console& console) {
+  const DeviceMaker* maker = known.find(name);
+  const bool is_simulated = name == kSimulatedHand;
+  if (!is_simulated && !maker) return console.fail(check_devices({name}, known).error());
+  // a file that cannot be read would be lost
+  if (const auto kept = kept_held_hands(); !kept) return console.fail(kept.error());
+  std::unique_ptr<DeviceDriver> driver = is_simulated ? simulated() : maker->make();
+  if (auto opened = driver->open(false); !opened) return console.fail(opened.error());
+  if (driver->devices()[0].degrees_of_freedom_out == 0)
+    return console.fail({ErrorKind::kUsage, "it gives no force", name, "there is nothing to hold against"});
+  if (!is_simulated && !agreed(console)) return console.fail(not_agreed(name));
+
+  SupervisorSettings watching;
+  watching.command = {"/proc/self/exe", "supervise"};
+  watching.kill_frozen = true;
+  const auto supervisor = Supervisor::start(watching);
+  if (!supervisor) return console.fail(supervisor.error());
+  HeldHandSettings settings;
+  settings.rate_hz = rate_hz;
+  settings.heartbeat = &(*supervisor)->heartbeat();
+  const auto figures = try_held_hand(*driver, settings, console.progress());
+  if (!figures) return console.fail(figures.error());
+  if (auto written = keep(*figures); !written) return console.fail(written.error());
+  json ? print_json(*figures) : print_text(*figures);
+  console.note("kept in " + held_hands_file().string());
+  return kExitOk;
+}
+
+}  // namespace palpate::app

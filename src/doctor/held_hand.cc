@@ -1,0 +1,413 @@
+#include "palpate/doctor/held_hand.h"
+
+#include <time.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <system_error>
+#include <thread>
+
+#include "doctor/held_hand_trial.h"
+#include "palpate/base/clock.h"
+#include "palpate/device/bounds.h"
+#include "palpate/servo/realtime.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kWindow_s = 0.5, kMostDelay_s = 0.02, kDelayStep_s = 0.25e-3;
+// dry friction of 0.3 N is overcome; of another delay that far off the force explains the way clearly worse
+constexpr double kPush_N = 0.8, kDirection_s = 0.008, kOtherDelay_s = 0.0015, kClearly = 1.5;
+constexpr double kKnock_N = 0.4, kKnock_s = 0.01;
+// what a hand does by itself is slower
+constexpr double kSlow_s = 0.008;
+// a swing is four steps of the encoder, and what a fingertip feels
+constexpr double kSteps = 4, kLeast_mm = 0.03;
+// it does not die away
+constexpr double kStays = 0.7;
+constexpr double kMostWay_mm = 15, kMostSpeed_mm_s = 500, kMostAge_s = 0.01, kMostRest_mm = 3;
+constexpr std::int64_t kLate_ns = 9'000'000;
+constexpr auto kLook = std::chrono::milliseconds(1);
+
+/// Even ticks of the thread that waits.
+class EvenClock final : public ServoClock {
+ public:
+  explicit EvenClock(double rate_hz) : period_ns_(std::llround(1e9 / rate_hz)) {}
+  bool wait() noexcept override {
+    const std::int64_t now_ns = monotonic_ns();
+    next_ns_ = std::max(next_ns_ + period_ns_, now_ns);
+    const timespec until{next_ns_ / 1'000'000'000, next_ns_ % 1'000'000'000};
+    ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
+    return !stop_.load();
+  }
+  bool stopped() const noexcept override { return stop_.load(); }
+  void stop() { stop_.store(true); }
+
+ private:
+  const std::int64_t period_ns_;
+  std::int64_t next_ns_ = 0;
+  std::atomic<bool> stop_{false};
+};
+
+// the force at a time, by ticks whose force holds until the next
+class TwiceIntegrated {
+ public:
+  TwiceIntegrated(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to, double delay_s) {
+    const double begun_s = ticks[from].time_s;
+    double once = 0, twice = 0, last_s = begun_s;
+    // what was said before the window acts in it
+    std::size_t said = 0;
+    const auto force_at = [&](double time_s) {
+      while (said + 1 < ticks.size() && ticks[said + 1].time_s + delay_s <= time_s) ++said;
+      return ticks[said].time_s + delay_s <= time_s ? ticks[said].force_N : 0.0;
+    };
+    for (std::size_t n = from; n < to; ++n) {
+      // through every change within the tick
+      while (last_s < ticks[n].time_s) {
+        const double force_N = force_at(last_s);
+        double next_s = ticks[n].time_s;
+        if (said + 1 < ticks.size())
+          next_s =
+              std::clamp(ticks[said + 1].time_s + delay_s, last_s + 1e-9, std::max(next_s, last_s + 1e-9));
+        next_s = std::min(next_s, ticks[n].time_s);
+        const double dt = next_s - last_s;
+        if (!(dt > 0)) break;
+        twice += once * dt + 0.5 * force_N * dt * dt;
+        once += force_N * dt;
+        last_s = next_s;
+      }
+      last_s = ticks[n].time_s;
+      values_.push_back(twice);
+    }
+  }
+  const std::vector<double>& values() const { return values_; }
+
+ private:
+  std::vector<double> values_;
+};
+
+// once and twice integrated over the ticks' times, evenly between two
+struct Integrals {
+  std::vector<double> once, twice;
+  Integrals(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to,
+            const std::vector<double>& values) {
+    double first = 0, second = 0;
+    for (std::size_t n = from; n < to; ++n) {
+      if (n > from) {
+        const double dt = ticks[n].time_s - ticks[n - 1].time_s;
+        const double mean = 0.5 * (values[n] + values[n - 1]);
+        second += first * dt + 0.5 * mean * dt * dt;
+        first += mean * dt;
+      }
+      once.push_back(first);
+      twice.push_back(second);
+    }
+  }
+};
+
+// Which way the tip goes at each tick, -1 ... 1: dry friction's direction. Looked for in what comes before
+// and after it; slower than an encoder's step in that time is rest.
+std::vector<double> directions(const std::vector<PushedTick>& ticks, double step_m) {
+  std::vector<double> found(ticks.size(), 0.0);
+  std::size_t before = 0, after = 0;
+  for (std::size_t n = 0; n < ticks.size(); ++n) {
+    while (ticks[before].time_s < ticks[n].time_s - kDirection_s) ++before;
+    while (after + 1 < ticks.size() && ticks[after].time_s < ticks[n].time_s + kDirection_s) ++after;
+    found[n] = std::clamp((ticks[after].tip_m - ticks[before].tip_m) / (1.5 * step_m), -1.0, 1.0);
+  }
+  return found;
+}
+
+/// A piece of the way, and what of its equation no delay changes.
+class Window {
+ public:
+  Window(const std::vector<PushedTick>& ticks, const std::vector<double>& directions, std::size_t from,
+         std::size_t to)
+      : ticks_(ticks), from_(from), to_(to) {
+    const auto size = static_cast<Eigen::Index>(to - from);
+    std::vector<double> way(ticks.size());
+    for (std::size_t n = from; n < to; ++n) way[n] = ticks[n].tip_m - ticks[from].tip_m;
+    const Integrals of_way(ticks, from, to, way), of_direction(ticks, from, to, directions);
+    terms_.resize(size, 7);
+    way_.resize(size);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const double t = ticks[from + k].time_s - ticks[from].time_s;
+      // the spring's rest is not where the window begins
+      terms_.row(i) << 0, of_way.once[k], of_way.twice[k], of_direction.twice[k], 1, t, t * t;
+      way_[i] = way[from + k];
+    }
+    normalise(terms_.rightCols(6));
+  }
+  /// How much of the way a force with this delay does not explain, m^2.
+  double unexplained(double delay_s) {
+    const auto force = TwiceIntegrated(ticks_, from_, to_, delay_s).values();
+    terms_.col(0) = Eigen::Map<const Eigen::VectorXd>(force.data(), static_cast<Eigen::Index>(force.size()));
+    normalise(terms_.leftCols(1));
+    const Eigen::VectorXd fitted = terms_.colPivHouseholderQr().solve(way_);
+    return (terms_ * fitted - way_).squaredNorm();
+  }
+
+ private:
+  // columns of a like size
+  static void normalise(Eigen::Ref<Eigen::MatrixXd> terms) {
+    for (Eigen::Index c = 0; c < terms.cols(); ++c)
+      if (const double size = terms.col(c).norm(); size > 0) terms.col(c) /= size;
+  }
+
+  const std::vector<PushedTick>& ticks_;
+  std::size_t from_, to_;
+  Eigen::MatrixXd terms_;
+  Eigen::VectorXd way_;
+};
+
+}  // namespace
+
+std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step_m) {
+  const std::vector<double> directed = directions(ticks, step_m);
+  std::vector<Window> windows;
+  for (std::size_t from = 0, n = 0; n < ticks.size(); ++n)
+    if (ticks[n].time_s - ticks[from].time_s >= kWindow_s) {
+      windows.emplace_back(ticks, directed, from, n);
+      from = n;
+    }
+  std::vector<double> left;
+  for (int d = 0; d * kDelayStep_s <= kMostDelay_s; ++d) {
+    left.push_back(0);
+    for (Window& window : windows) left.back() += window.unexplained(d * kDelayStep_s);
+  }
+  const auto best = std::ranges::min_element(left);
+  const auto place = best - left.begin();
+  double others = std::numeric_limits<double>::infinity();
+  for (std::ptrdiff_t d = 0; d < std::ssize(left); ++d)
+    if (static_cast<double>(std::abs(d - place)) * kDelayStep_s >= kOtherDelay_s)
+      others = std::min(others, left[static_cast<std::size_t>(d)]);
+  if (!(others > kClearly * *best)) return std::nullopt;
+  return static_cast<double>(place) * kDelayStep_s;
+}
+
+HeldHandTrial::HeldHandTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now)
+    : settings_(settings),
+      now_(now),
+      step_mm_(step_mm),
+      threshold_mm_(std::max(kSteps * step_mm, kLeast_mm)),
+      stiffness_N_per_mm_(settings.first_N_per_mm) {
+  pushed_.reserve(static_cast<std::size_t>(2 * rate_hz * kPushed_s) + 16);
+}
+
+void HeldHandTrial::end(Ended why) noexcept {
+  Ended none = Ended::kNot;
+  ended_.compare_exchange_strong(none, why);
+}
+
+void HeldHandTrial::update(std::span<const DeviceSample> samples,
+                           std::span<DeviceCommand> commands) noexcept {
+  for (DeviceCommand& command : commands) command = {};
+  const DeviceSample& sample = samples[0];
+  const std::int64_t now_ns = now_();
+  last_update_ns_.store(now_ns);
+  if (ended_.load() != Ended::kNot) return;
+  // none yet
+  if (begun_ns_ == 0 && (sample.fault || sample.taken_ns == 0)) return;
+  if (sample.fault) return end(Ended::kFault);
+  if (!sample.tip.all_finite()) return end(Ended::kNoNumber);
+  if (1e-9 * static_cast<double>(now_ns - sample.taken_ns) > kMostAge_s) return end(Ended::kOld);
+  if (begun_ns_ == 0) {
+    begun_ns_ = sample.taken_ns;
+    last_mm_ = slow_mm_ = sample.tip.eigen();
+  }
+  const double time_s = 1e-9 * static_cast<double>(sample.taken_ns - begun_ns_);
+  const double passed_s = 1e-9 * static_cast<double>(sample.taken_ns - last_taken_ns_);
+  // a command to a state that is the same is the same
+  Eigen::Vector3d wanted = force(sample, time_s);
+  if (ticks_ > 0 && passed_s > 0) {
+    // of some ticks: a step of the encoder within one is no speed
+    const double most_mm = std::max(kMostSpeed_mm_s * passed_s, 4 * threshold_mm_);
+    if ((sample.tip.eigen() - last_mm_).norm() > most_mm) end(Ended::kFast);
+    slow_mm_ += (sample.tip.eigen() - slow_mm_) * std::min(1.0, passed_s / kSlow_s);
+  }
+  last_mm_ = sample.tip.eigen();
+  last_taken_ns_ = sample.taken_ns;
+  ++ticks_;
+  ended_at_s_ = time_s;
+  if (!wanted.allFinite()) end(Ended::kNoNumber);
+  if (ended_.load() != Ended::kNot) return;
+  if (const double size = wanted.norm(); size > settings_.most_force_N)
+    wanted *= settings_.most_force_N / size;
+  if (time_s >= kRest_s && time_s < kRest_s + kPushed_s && pushed_.size() < pushed_.capacity())
+    pushed_.push_back({time_s, 1e-3 * sample.tip.x(), wanted.x()});
+  commands[0].force_N = Vector<Device>(wanted);
+}
+
+Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) {
+  const Eigen::Vector3d& tip_mm = sample.tip.eigen();
+  const double steps =
+      std::log(settings_.most_N_per_mm / settings_.first_N_per_mm) / std::log(settings_.growth);
+  part_done_.store(std::min(1.0, time_s / (kRest_s + kPushed_s + std::max(1.0, steps) * kSpring_s)));
+  if (time_s < kRest_s) {
+    rest_mm_ += (tip_mm - rest_mm_) / static_cast<double>(++rested_);
+    if ((tip_mm - rest_mm_).norm() > kMostRest_mm) end(Ended::kMoved);
+    return Eigen::Vector3d::Zero();
+  }
+  if ((tip_mm - rest_mm_).norm() > kMostWay_mm) {
+    end(Ended::kMoved);
+    return Eigen::Vector3d::Zero();
+  }
+  return time_s < kRest_s + kPushed_s ? push(time_s - kRest_s) : spring(tip_mm, time_s);
+}
+
+// to and fro, in unlike lengths, so that no delay looks like another
+Eigen::Vector3d HeldHandTrial::push(double time_s) {
+  constexpr double kLengths_s[] = {0.03, 0.05, 0.02, 0.07, 0.04, 0.06};
+  double sign = 1, left_s = std::fmod(time_s, 0.27 * 2);
+  for (int n = 0;; ++n) {
+    const double length_s = kLengths_s[n % 6];
+    if (left_s < length_s) break;
+    left_s -= length_s;
+    sign = -sign;
+  }
+  return {sign * std::min(kPush_N, settings_.most_force_N), 0, 0};
+}
+
+Eigen::Vector3d HeldHandTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) {
+  const double within_s = time_s - spring_begun_s_;
+  if (within_s >= kSpring_s) {
+    judge();
+    if (ended_.load() != Ended::kNot) return Eigen::Vector3d::Zero();
+    spring_begun_s_ = time_s;
+    // where the hand holds it now: a hand drifts
+    rest_mm_ = slow_mm_;
+  }
+  const double swing_mm = (tip_mm - slow_mm_).norm();
+  if (within_s >= 0.5 * kSpring_s && within_s < 0.75 * kSpring_s) {
+    early_mm2_ += swing_mm * swing_mm;
+    ++early_;
+  } else if (within_s >= 0.75 * kSpring_s && within_s < kSpring_s) {
+    late_mm2_ += swing_mm * swing_mm;
+    ++late_;
+    late_most_mm_ = std::max(late_most_mm_, swing_mm);
+  }
+  Eigen::Vector3d wanted = -stiffness_N_per_mm_ * (tip_mm - rest_mm_);
+  if (within_s < kKnock_s) wanted.x() += kKnock_N;
+  return wanted;
+}
+
+void HeldHandTrial::judge() {
+  const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
+  const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
+  if (late_most_mm_ > threshold_mm_ && late > kStays * early) {
+    swings_N_per_mm_ = stiffness_N_per_mm_;
+    return end(Ended::kDone);
+  }
+  held_N_per_mm_ = stiffness_N_per_mm_;
+  if (stiffness_N_per_mm_ >= settings_.most_N_per_mm) return end(Ended::kDone);
+  stiffness_N_per_mm_ = std::min(settings_.most_N_per_mm, stiffness_N_per_mm_ * settings_.growth);
+  early_mm2_ = late_mm2_ = late_most_mm_ = 0;
+  early_ = late_ = 0;
+}
+
+std::optional<HeldHandFigures> HeldHandTrial::figures() const {
+  const auto delay_s = delay_of(pushed_, 1e-3 * step_mm_);
+  if (!delay_s) return std::nullopt;
+  HeldHandFigures figures;
+  figures.rate_hz = ended_at_s_ > 0 ? static_cast<double>(ticks_) / ended_at_s_ : 0;
+  figures.delay_s = *delay_s;
+  figures.held_N_per_mm = held_N_per_mm_;
+  figures.swings_N_per_mm = swings_N_per_mm_;
+  figures.advised_N_per_mm = kStiffnessMargin * swings_N_per_mm_.value_or(held_N_per_mm_);
+  return figures;
+}
+
+namespace {
+
+Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::string& device) {
+  const auto error = [&](const char* what, const char* cure) {
+    return Error{ErrorKind::kUnavailable, what, device, cure};
+  };
+  using Ended = HeldHandTrial::Ended;
+  switch (why) {
+    case Ended::kMoved:
+      return error("the tip was moved away", "hold it at one place, lightly, and try again");
+    case Ended::kFast:
+      return error("the tip was too fast", "hold it a little firmer, and try again");
+    case Ended::kOld:
+      return error("the device's states came too late", "see what palpate doctor says of this computer");
+    case Ended::kNoNumber:
+      return error("the device said a place that is none", "switch it off and on again");
+    case Ended::kLate:
+      return error("a tick came too late, and the device was halted",
+                   "see what palpate doctor says of this computer");
+    default:
+      break;
+  }
+  if (auto trouble = driver.trouble()) return *trouble;
+  return error("the device has withheld its force", "see what it shows, and try again");
+}
+
+}  // namespace
+
+Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettings& settings,
+                                      const Progress& progress) {
+  PALPATE_CHECK(settings.most_force_N > 0 && settings.most_force_N <= 1 && settings.rate_hz >= 250 &&
+                settings.rate_hz <= 10000 && settings.first_N_per_mm > 0 && settings.growth > 1 &&
+                settings.most_N_per_mm >= settings.first_N_per_mm);
+  if (auto opened = driver.open(false); !opened) return opened.error();
+  const DeviceInfo info = driver.devices()[0];
+  const double rate_hz =
+      info.drive == DeviceInfo::Drive::kPulled ? settings.rate_hz : info.rate_hz.value_or(settings.rate_hz);
+  HeldHandTrial trial(settings, rate_hz, info.position_step_mm.value_or(0.06), monotonic_ns);
+  EvenClock clock(settings.rate_hz);
+  std::atomic<bool> gone{false};
+  std::thread running;
+  try {
+    running = std::thread([&] {
+      RealtimeRequest request;
+      request.fifo = settings.realtime && info.drive != DeviceInfo::Drive::kCallback;
+      request.lock_memory = settings.realtime;
+      request.name = "palpate-hold";
+      make_this_thread_realtime(request);
+      driver.run(trial, clock);
+      gone.store(true);
+    });
+  } catch (const std::system_error& error) {
+    return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), info.name,
+                 "close other programs, or raise the limit of processes (ulimit -u)"};
+  }
+  // the watchdog
+  bool interrupted = false;
+  while (trial.ended() == HeldHandTrial::Ended::kNot && !gone.load()) {
+    std::this_thread::sleep_for(kLook);
+    const std::int64_t now_ns = monotonic_ns(), last_ns = trial.last_update_ns();
+    if (settings.heartbeat && last_ns != 0) {
+      settings.heartbeat->beat_ns.store(last_ns);
+      settings.heartbeat->looked_ns.store(now_ns);
+    }
+    if (last_ns != 0 && now_ns - last_ns > kLate_ns) {
+      driver.halt();
+      trial.end(HeldHandTrial::Ended::kLate);
+    }
+    if (progress.stopped()) {
+      interrupted = true;
+      break;
+    }
+    progress.report("holding " + info.name, std::min(0.99, trial.part_done()));
+  }
+  if (interrupted) trial.end(HeldHandTrial::Ended::kFault);
+  if (settings.heartbeat) settings.heartbeat->beat_ns.store(Heartbeat::kResting);
+  clock.stop();
+  running.join();
+  if (interrupted) return Error{ErrorKind::kInterrupted, "stopped", "", ""};
+  if (trial.ended() != HeldHandTrial::Ended::kDone) return ended_by(trial.ended(), driver, info.name);
+  progress.report("holding " + info.name, 1);
+  auto figures = trial.figures();
+  if (!figures)
+    return Error{ErrorKind::kUnavailable, "the tip moved too little to tell the delay", info.name,
+                 "hold it more lightly, at one place, and try again"};
+  figures->device = info.name;
+  return *std::move(figures);
+}
+
+}  // namespace palpate

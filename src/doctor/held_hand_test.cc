@@ -1,0 +1,207 @@
+#include "palpate/doctor/held_hand.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "doctor/held_hand_trial.h"
+#include "palpate/device/bounds.h"
+#include "palpate/device/simulated_device.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::int64_t trial_ns = 0;
+
+/// A trial on a virtual clock, with a hand that wants to stay.
+HeldHandFigures tried(const char* device, const char* hand, double delay_s, HeldHandSettings settings = {},
+                      double* largest_N = nullptr, HeldHandTrial::Ended* ended = nullptr) {
+  SimulatedDevice plant(*find_plant_device(device), *find_plant_hand(hand), delay_s);
+  plant.reset(Point<Device>(3, -2, 10));
+  trial_ns = 1'000'000'000;
+  HeldHandTrial trial(settings, settings.rate_hz, plant.info().position_step_mm.value_or(0.06),
+                      []() noexcept { return trial_ns; });
+  DeviceCommand command;
+  for (int n = 0; n < 60 * settings.rate_hz && trial.ended() == HeldHandTrial::Ended::kNot; ++n) {
+    DeviceSample sample = plant.read();
+    sample.taken_ns = trial_ns;
+    trial.update({&sample, 1}, {&command, 1});
+    if (largest_N) *largest_N = std::max(*largest_N, command.force_N.norm());
+    plant.advance(command, 1 / settings.rate_hz);
+    trial_ns += std::llround(1e9 / settings.rate_hz);
+  }
+  if (ended) *ended = trial.ended();
+  const auto figures = trial.figures();
+  EXPECT_TRUE(figures) << device << ' ' << hand;
+  return figures.value_or(HeldHandFigures{});
+}
+
+struct HeldCase {
+  const char *device, *hand;
+  double delay_s;
+};
+class HeldTrials : public ::testing::TestWithParam<HeldCase> {};
+INSTANTIATE_TEST_SUITE_P(Each, HeldTrials,
+                         ::testing::Values(HeldCase{"premium-1.5", "light-grip", 0.002},
+                                           HeldCase{"premium-1.5", "firm-grip", 0.003},
+                                           HeldCase{"touch", "light-grip", 0.005},
+                                           HeldCase{"touch", "firm-grip", 0},
+                                           HeldCase{"premium-1.5", "light-grip", 0.008}),
+                         [](const auto& tested) { return "case" + std::to_string(tested.index); });
+
+// against what is known of what is simulated: its delay, and that it rests at what is advised
+TEST_P(HeldTrials, AreToldByTheirDelayAndWhatTheyHold) {
+  const HeldCase& tested = GetParam();
+  double largest_N = 0;
+  HeldHandTrial::Ended ended = HeldHandTrial::Ended::kNot;
+  const HeldHandFigures figures = tried(tested.device, tested.hand, tested.delay_s, {}, &largest_N, &ended);
+  EXPECT_EQ(ended, HeldHandTrial::Ended::kDone);
+  EXPECT_NEAR(figures.delay_s, tested.delay_s, 0.001);
+  EXPECT_NEAR(figures.rate_hz, 1000, 1);
+  EXPECT_LE(largest_N, 1 + 1e-12);
+  EXPECT_GT(figures.held_N_per_mm, 0.09);
+  if (figures.swings_N_per_mm) {
+    EXPECT_NEAR(*figures.swings_N_per_mm / figures.held_N_per_mm, 1.15, 1e-9) << "the next one";
+    EXPECT_NEAR(figures.advised_N_per_mm, kStiffnessMargin * *figures.swings_N_per_mm, 1e-12);
+  }
+}
+
+// a delay costs stiffness, as b / (T/2 + t) says
+TEST(HeldHand, ALongerDelayHoldsLess) {
+  const auto at = [](double delay_s) { return tried("premium-1.5", "light-grip", delay_s).held_N_per_mm; };
+  const double none = at(0), some = at(0.004), much = at(0.012);
+  EXPECT_GT(none, some);
+  EXPECT_GT(some, much);
+  EXPECT_TRUE(tried("premium-1.5", "light-grip", 0.012).swings_N_per_mm);
+}
+
+TEST(HeldHand, NothingIsPushedWhereSomethingIsWrong) {
+  const auto after = [](const DeviceSample& wrong, std::int64_t later_ns) {
+    trial_ns = 1'000'000'000;
+    HeldHandTrial trial({}, 1000, 0.05, []() noexcept { return trial_ns; });
+    DeviceSample sample;
+    DeviceCommand command;
+    for (int n = 0; n < 700; ++n, trial_ns += 1'000'000) {
+      sample.taken_ns = trial_ns;
+      trial.update({&sample, 1}, {&command, 1});
+    }
+    EXPECT_GT(command.force_N.norm(), 0.1) << "it pushes by now";
+    DeviceSample then = wrong;
+    then.taken_ns = trial_ns;
+    trial_ns += later_ns;
+    trial.update({&then, 1}, {&command, 1});
+    EXPECT_EQ(command.force_N, Vector<Device>());
+    // and never again
+    sample.taken_ns = trial_ns;
+    trial.update({&sample, 1}, {&command, 1});
+    EXPECT_EQ(command.force_N, Vector<Device>());
+    return trial.ended();
+  };
+  DeviceSample wrong;
+  wrong.fault = true;
+  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kFault);
+  wrong = {};
+  wrong.tip = Point<Device>(std::nan(""), 0, 0);
+  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kNoNumber);
+  wrong = {};
+  wrong.tip = Point<Device>(0, 16, 0);
+  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kMoved);
+  wrong.tip = Point<Device>(5, 0, 0);
+  EXPECT_EQ(after(wrong, 0), HeldHandTrial::Ended::kFast);
+  EXPECT_EQ(after({}, 11'000'000), HeldHandTrial::Ended::kOld);
+}
+
+TEST(HeldHand, IsTriedOnTheRealClock) {
+  SimulatedDevice plant(*find_plant_device("touch"), *find_plant_hand("light-grip"), 0.012);
+  plant.reset(Point<Device>(0, 0, 0));
+  SimulatedDriver driver(plant);
+  HeldHandSettings settings;
+  settings.realtime = false;
+  settings.growth = 2;
+  settings.first_N_per_mm = 0.2;
+  settings.most_N_per_mm = 0.4;
+  const auto figures = try_held_hand(driver, settings);
+  // a machine with much else to do may be late, and says so
+  if (!figures) {
+    EXPECT_FALSE(figures.error().remedy.empty());
+    EXPECT_THAT(figures.error().remedy, HasSubstr("palpate doctor"));
+    return;
+  }
+  EXPECT_NE(figures->device, "");
+  EXPECT_GT(figures->rate_hz, 100);
+  EXPECT_NEAR(figures->delay_s, 0.012, 0.003);
+
+  const std::atomic<bool> stop{true};
+  const auto stopped = try_held_hand(driver, settings, Progress({}, &stop));
+  ASSERT_FALSE(stopped.ok());
+  EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
+}
+
+// says what a test tells it to
+class SaidDriver final : public DeviceDriver {
+ public:
+  explicit SaidDriver(const DeviceInfo& info) : info_(info) {}
+  std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
+  Result<void> open(bool /*may_move*/) override { return {}; }
+  void run(ServoFunction& /*servo*/, ServoClock& /*clock*/) noexcept override {}
+  void halt() noexcept override {}
+  void resume(std::uint64_t /*newest*/) noexcept override {}
+
+ private:
+  DeviceInfo info_;
+};
+
+TEST(HeldHand, IsKeptAsText) {
+  const HeldHands hands{{"Touch no. 4711", {"Touch no. 4711", 1000, 0.0025, 0.8, 0.92, 0.552}},
+                        {"omega.3", {"omega.3", 4000, 0.001, 2, {}, 1.2}}};
+  const auto read = parse_held_hands(held_hands_text(hands), "held");
+  ASSERT_TRUE(read.ok()) << read.error().message();
+  ASSERT_EQ(read->size(), 2u);
+  const HeldHandFigures& touch = read->at("Touch no. 4711");
+  EXPECT_EQ(touch.rate_hz, 1000);
+  EXPECT_EQ(touch.delay_s, 0.0025);
+  EXPECT_EQ(touch.held_N_per_mm, 0.8);
+  EXPECT_EQ(touch.swings_N_per_mm, 0.92);
+  EXPECT_NEAR(touch.advised_N_per_mm, 0.552, 1e-12);
+  EXPECT_FALSE(read->at("omega.3").swings_N_per_mm);
+  EXPECT_NEAR(read->at("omega.3").advised_N_per_mm, 1.2, 1e-12);
+  for (const char* bad :
+       {"1000 0.002 1 1.1", "x 0.002 1 1.1 A", "1000 -1 1 1.1 A", "1000 0.002 nan - A", "1000 0.002 1e9 - A",
+        "1000 1 1 - A", "1000 0.002 1 + A", " ", "1 0 1 - A\n1 0 1 - A"}) {
+    const auto refused = parse_held_hands(std::string("# fine\n") + bad, "held");
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_THAT(refused.error().where, HasSubstr("held:")) << bad;
+    EXPECT_FALSE(refused.error().remedy.empty());
+  }
+}
+
+// what was measured bounds a device; its maker's word and a slower loop do, too
+TEST(HeldHand, BoundsTheDeviceThatItWasMeasuredWith) {
+  const HeldHands hands{{"arm", {"arm", 1000, 0.0015, 1, 1.15, 0.69}}};
+  const auto said = [&](const DeviceInfo& info, double rate_hz) {
+    const auto driver = with_held_hands(std::make_unique<SaidDriver>(info), hands, rate_hz);
+    EXPECT_TRUE(driver->open(false).ok());
+    return driver->devices()[0];
+  };
+  DeviceInfo info;
+  info.name = "arm";
+  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.69);
+  EXPECT_EQ(said(info, 1000).delay_s, 0.0015);
+  EXPECT_FALSE(said(info, 500).stiffness_N_per_mm) << "a slower loop holds less";
+  info.stiffness_N_per_mm = 0.5;
+  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.5) << "the maker's word";
+  info.stiffness_N_per_mm = 2;
+  EXPECT_EQ(said(info, 1000).stiffness_N_per_mm, 0.69);
+  info.stiffness_N_per_mm = {};
+  info.name = "another";
+  EXPECT_FALSE(said(info, 1000).stiffness_N_per_mm);
+  info.name = "arm";
+  info.simulated = true;
+  EXPECT_FALSE(said(info, 1000).stiffness_N_per_mm);
+}
+
+}  // namespace
+}  // namespace palpate

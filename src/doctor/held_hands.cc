@@ -1,0 +1,128 @@
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/printable.h"
+#include "palpate/device/bounds.h"
+#include "palpate/doctor/held_hand.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMostHeld_N_per_mm = 100, kMostDelaySaid_s = 0.1, kMostRate_hz = 20'000;
+// a session's rate is met but for this part
+constexpr double kRatePlay = 0.9;
+
+// the next word of a line, which becomes shorter
+std::string_view word_of(std::string_view& line) {
+  const std::size_t end = std::min(line.find(' '), line.size());
+  const std::string_view word = line.substr(0, end);
+  line.remove_prefix(std::min(end + 1, line.size()));
+  return word;
+}
+
+std::optional<double> number_of(std::string_view word, double most) {
+  double value = 0;
+  const auto [end, failed] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (failed != std::errc() || end != word.data() + word.size()) return std::nullopt;
+  return value >= 0 && value <= most ? std::optional(value) : std::nullopt;
+}
+
+std::optional<HeldHandFigures> figures_of(std::string_view line) {
+  HeldHandFigures figures;
+  const auto rate_hz = number_of(word_of(line), kMostRate_hz),
+             delay_s = number_of(word_of(line), kMostDelaySaid_s),
+             held = number_of(word_of(line), kMostHeld_N_per_mm);
+  const std::string_view swings_word = word_of(line);
+  const auto swings = number_of(swings_word, kMostHeld_N_per_mm);
+  if (!rate_hz || !delay_s || !held || (!swings && swings_word != "-") || line.empty()) return std::nullopt;
+  figures = {std::string(line), *rate_hz, *delay_s, *held, swings, kStiffnessMargin * swings.value_or(*held)};
+  return figures;
+}
+
+class HeldDriver final : public DeviceDriver {
+ public:
+  HeldDriver(std::unique_ptr<DeviceDriver> driver, HeldHands hands, double rate_hz)
+      : driver_(std::move(driver)), hands_(std::move(hands)), rate_hz_(rate_hz) {
+    learn();
+  }
+  std::span<const DeviceInfo> devices() const override { return infos_; }
+  std::size_t clock_owner() const override { return driver_->clock_owner(); }
+  Result<void> open(bool may_move) override {
+    if (auto opened = driver_->open(may_move); !opened) return opened.error();
+    learn();
+    return {};
+  }
+  void run(ServoFunction& servo, ServoClock& clock) noexcept override { driver_->run(servo, clock); }
+  void halt() noexcept override { driver_->halt(); }
+  void resume(std::uint64_t newest) noexcept override { driver_->resume(newest); }
+  int halt_file() const noexcept override { return driver_->halt_file(); }
+  std::optional<Error> trouble() const override { return driver_->trouble(); }
+
+ private:
+  void learn() {
+    const auto devices = driver_->devices();
+    infos_.assign(devices.begin(), devices.end());
+    for (DeviceInfo& info : infos_) {
+      const auto held = hands_.find(info.name);
+      if (held == hands_.end() || info.simulated) continue;
+      const double rate_hz = info.drive == DeviceInfo::Drive::kPulled ? rate_hz_ : info.rate_hz.value_or(0);
+      if (rate_hz < kRatePlay * held->second.rate_hz) continue;
+      const double advised = held->second.advised_N_per_mm;
+      info.delay_s = held->second.delay_s;
+      info.stiffness_N_per_mm = std::min(advised, info.stiffness_N_per_mm.value_or(advised));
+    }
+  }
+
+  const std::unique_ptr<DeviceDriver> driver_;
+  const HeldHands hands_;
+  const double rate_hz_;
+  std::vector<DeviceInfo> infos_;
+};
+
+}  // namespace
+
+std::string held_hands_text(const HeldHands& hands) {
+  std::string text =
+      "# What a hand held with each device, measured by palpate doctor --hold; palpate explore uses it.\n"
+      "# rate_hz delay_s held_N_per_mm swings_N_per_mm|- NAME\n";
+  for (const auto& [name, figures] : hands) {
+    char line[160];
+    std::snprintf(line, sizeof line, "%.6g %.6g %.6g ", figures.rate_hz, figures.delay_s,
+                  figures.held_N_per_mm);
+    text += line;
+    if (figures.swings_N_per_mm) std::snprintf(line, sizeof line, "%.6g ", *figures.swings_N_per_mm);
+    text += (figures.swings_N_per_mm ? line : "- ") + printable_name(name) + "\n";
+  }
+  return text;
+}
+
+Result<HeldHands> parse_held_hands(std::string_view text, const std::string& where) {
+  HeldHands hands;
+  int number = 0;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    ++number;
+    if (line.empty() || line[0] == '#') continue;
+    const auto bad = [&](const char* what) {
+      return Error{ErrorKind::kBadInput, what, where + ":" + std::to_string(number),
+                   "run palpate doctor --hold NAME once more, or take the line out"};
+    };
+    auto figures = figures_of(line);
+    if (!figures) return bad("is no line of what a device held");
+    const std::string name = figures->device;
+    if (!hands.emplace(name, *std::move(figures)).second) return bad("is of a device that was there already");
+  }
+  return hands;
+}
+
+std::unique_ptr<DeviceDriver> with_held_hands(std::unique_ptr<DeviceDriver> driver, HeldHands hands,
+                                              double rate_hz) {
+  return std::make_unique<HeldDriver>(std::move(driver), std::move(hands), rate_hz);
+}
+
+}  // namespace palpate

@@ -1,0 +1,28 @@
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "palpate/doctor/held_hand.h"
+
+/// The file of what hands held, which a user or another program may have written.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  const auto must = [](bool holds) {
+    if (!holds) std::abort();
+  };
+  const auto hands = palpate::parse_held_hands(text, "held");
+  if (!hands) {
+    must(!hands.error().remedy.empty());
+    return 0;
+  }
+  for (const auto& [name, figures] : *hands) {
+    must(!name.empty() && name == figures.device);
+    must(figures.delay_s >= 0 && figures.advised_N_per_mm >= 0 && std::isfinite(figures.advised_N_per_mm));
+  }
+  // what was read is written as it is read again
+  const auto again = palpate::parse_held_hands(palpate::held_hands_text(*hands), "held");
+  must(again.ok() && again->size() == hands->size());
+  return 0;
+}

@@ -1,0 +1,32 @@
+#include "navigation/distributions.h"
+
+#include <cmath>
+
+#include "palpate/base/check.h"
+
+namespace palpate {
+namespace {
+
+// The regularised incomplete gamma function P(a, x) by its series (Abramowitz and Stegun 6.5.29), whose terms
+// all add up.
+double gamma_share(double a, double x) {
+  if (x <= 0) return 0;
+  double term = 1 / a, sum = term;
+  for (double n = a + 1; term > 1e-17 * sum; ++n) sum += term *= x / n;
+  return sum * std::exp(a * std::log(x) - x - std::lgamma(a));
+}
+
+}  // namespace
+
+double chi_squared_quantile(double degrees, double share) {
+  PALPATE_CHECK(degrees > 0 && share > 0 && share < 1);
+  double low = 0, high = degrees + 1;
+  while (gamma_share(degrees / 2, high / 2) < share) high *= 2;
+  for (int n = 0; n < 200 && high - low > 1e-14 * high; ++n) {
+    const double middle = (low + high) / 2;
+    (gamma_share(degrees / 2, middle / 2) < share ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
+
+}  // namespace palpate

@@ -1,0 +1,166 @@
+#include "palpate/navigation/pivot.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <random>
+
+namespace palpate {
+namespace {
+
+using Pose = Transform<Tracker, TrackedTool>;
+using Unknowns = Eigen::Matrix<double, 6, 1>;  // tip, pivot
+
+struct Solution {
+  Unknowns at;
+  Eigen::Matrix<double, 6, 6> inverse;  // of the normal equations
+  double least = 0;                     // singular value by root of the number of poses
+};
+
+// R_i tip - pivot = -p_i, about a middle of the poses, so that lengths and angles are of one size
+std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::size_t> which) {
+  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Unknowns right = Unknowns::Zero();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const std::size_t n : which) middle += poses[n].translation() / static_cast<double>(which.size());
+  for (const std::size_t n : which) {
+    Eigen::Matrix<double, 3, 6> row;
+    row << poses[n].linear(), -Eigen::Matrix3d::Identity();
+    normal += row.transpose() * row;
+    right -= row.transpose() * (poses[n].translation() - middle);
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(normal);
+  const double least = eigen.eigenvalues()[0] / static_cast<double>(which.size());
+  if (!(least > 1e-10)) return {};
+  Solution out;
+  out.inverse = eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                eigen.eigenvectors().transpose();
+  out.at = out.inverse * right;
+  out.at.tail<3>() += middle;
+  out.least = std::sqrt(least);
+  return out;
+}
+
+double residual_mm(const Pose& pose, const Unknowns& at) {
+  return (pose.linear() * at.head<3>() + pose.translation() - at.tail<3>()).norm();
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::string degrees(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2g degrees", value);
+  return text;
+}
+
+// The least singular value belongs to a direction of the tool, half of its square to what moves of that: the
+// angle by which the poses turned it, root mean square. 0 where the tool turned about one axis alone, which
+// is that direction.
+double turn_of(const Solution& solution) {
+  return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
+}
+
+}  // namespace
+
+Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const PivotOptions& options) {
+  const auto refuse = [](std::string what, std::string remedy) {
+    return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
+  };
+  constexpr std::size_t kFewest = 6, kSample = 4;
+  const char* turn_more =
+      "keep the tip in a dimple and turn the tool by 30 degrees and more to all sides, also about its own "
+      "axis";
+  if (poses.size() < kFewest)
+    return refuse("a pivot calibration needs " + std::to_string(kFewest) + " poses at least, and there are " +
+                      std::to_string(poses.size()),
+                  turn_more);
+  for (std::size_t n = 0; n < poses.size(); ++n) {
+    const Eigen::Matrix3d& r = poses[n].linear();
+    if (!r.allFinite() || !poses[n].translation().allFinite() ||
+        (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() > 1e-2 || r.determinant() < 0)
+      return refuse("pose " + std::to_string(n + 1) + " is no rotation and shift",
+                    "leave it out, or look at the order of its numbers");
+  }
+
+  std::vector<std::size_t> all(poses.size());
+  std::iota(all.begin(), all.end(), 0);
+  const auto everything = solve(poses, all);
+  if (!everything || turn_of(*everything) < options.least_turn_deg)
+    return refuse("the tool hardly turned: by " + degrees(everything ? turn_of(*everything) : 0) +
+                      " where it turned least, " + degrees(options.least_turn_deg) + " are needed",
+                  turn_more);
+
+  // what most poses agree upon: the sample by which half of all are nearest
+  std::mt19937_64 random(options.seed);
+  Unknowns best = everything->at;
+  double least_median = 0;
+  std::vector<double> residuals(poses.size());
+  const auto median_by = [&](const Unknowns& at) {
+    for (std::size_t n = 0; n < poses.size(); ++n) residuals[n] = residual_mm(poses[n], at);
+    return median(residuals);
+  };
+  least_median = median_by(best);
+  std::vector<std::size_t> sample(kSample);
+  for (int turn = 0; turn < options.samples; ++turn) {
+    for (std::size_t& each : sample) each = static_cast<std::size_t>(random() % poses.size());
+    const auto solved = solve(poses, sample);
+    if (!solved) continue;
+    if (const double here = median_by(solved->at); here < least_median) {
+      least_median = here;
+      best = solved->at;
+    }
+  }
+  // A residual is a length of three normal numbers, whose median is 1.54 of their deviations; a few poses too
+  // many make it small (Rousseeuw and Leroy, "Robust regression and outlier detection", 1987, eq. 1.3 of
+  // chapter 5). Lengths below three deviations by direction are 97 of 100, below the root of three times as
+  // much all.
+  const double free = std::max<double>(1, static_cast<double>(poses.size()) - 6);
+  double deviation = least_median / 1.538 * (1 + 5 / free);
+
+  PivotCalibration out;
+  std::vector<std::size_t> kept;
+  // what belongs to the others is judged anew by them, until it stays so
+  for (int turn = 0; turn < 20; ++turn) {
+    std::vector<std::size_t> now;
+    for (std::size_t n = 0; n < poses.size(); ++n)
+      if (residual_mm(poses[n], best) <= options.outlier_deviations * std::numbers::sqrt3 * deviation + 1e-9)
+        now.push_back(n);
+    if (now.size() < kFewest) break;
+    const bool settled = now == kept;
+    kept = std::move(now);
+    const auto solved = solve(poses, kept);
+    if (!solved || settled) break;
+    best = solved->at;
+    double squares = 0;
+    for (const std::size_t n : kept) squares += std::pow(residual_mm(poses[n], best), 2);
+    deviation = std::sqrt(squares / (3 * static_cast<double>(kept.size()) - 6));
+  }
+  const auto solved = kept.size() < kFewest ? std::nullopt : solve(poses, kept);
+  if (!solved || turn_of(*solved) < options.least_turn_deg)
+    return refuse("of " + std::to_string(poses.size()) + " poses too few agree about where the tip is",
+                  turn_more);
+  out.tip = Point<TrackedTool>(solved->at.head<3>());
+  out.pivot = Point<Tracker>(solved->at.tail<3>());
+  out.used = static_cast<int>(kept.size());
+  out.turn_deg = turn_of(*solved);
+  out.is_outlier.assign(poses.size(), true);
+  for (const std::size_t n : kept) out.is_outlier[n] = false;
+  double squares = 0;
+  for (std::size_t n = 0; n < poses.size(); ++n) {
+    out.residuals_mm.push_back(residual_mm(poses[n], solved->at));
+    if (!out.is_outlier[n]) squares += out.residuals_mm[n] * out.residuals_mm[n];
+  }
+  out.rms_mm = std::sqrt(squares / out.used);
+  out.tip_error_mm =
+      std::sqrt(squares / (3.0 * out.used - 6) * solved->inverse.topLeftCorner<3, 3>().trace());
+  return out;
+}
+
+}  // namespace palpate

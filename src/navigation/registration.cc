@@ -1,0 +1,139 @@
+#include "palpate/navigation/registration.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "navigation/distributions.h"
+
+namespace palpate {
+namespace {
+
+std::string millimetres(double mm) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g mm", mm);
+  return text;
+}
+
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+// d (place at r from the centroid) / d (shift, turn)
+Eigen::Matrix<double, 3, 6> moved_by(const Eigen::Vector3d& r) {
+  Eigen::Matrix<double, 3, 6> moved;
+  moved << Eigen::Matrix3d::Identity(), -cross_matrix(r);
+  return moved;
+}
+
+}  // namespace
+
+Result<PointRegistration> register_points(std::span<const PointPair> pairs,
+                                          const RegistrationLimits& limits) {
+  const auto refuse = [](std::string what, std::string remedy) {
+    return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
+  };
+  if (pairs.size() < 3)
+    return refuse(
+        "a registration by points needs three pairs at least, and there are " + std::to_string(pairs.size()),
+        "touch more points that the scan shows, four to eight of them around what matters");
+  double total = 0;
+  Eigen::Vector3d scan_middle = Eigen::Vector3d::Zero(), tracked_middle = Eigen::Vector3d::Zero();
+  for (const PointPair& pair : pairs) {
+    if (!pair.in_scan.all_finite() || !pair.tracked.all_finite())
+      return refuse("the coordinates of " + pair.name + " are no numbers", "touch it again");
+    if (!(pair.fle_mm > 0) || !std::isfinite(pair.fle_mm))
+      return refuse("the error of " + pair.name + " is not above 0", "give it in millimetres");
+    const double weight = 1 / (pair.fle_mm * pair.fle_mm);
+    total += weight;
+    scan_middle += weight * pair.in_scan.eigen();
+    tracked_middle += weight * pair.tracked.eigen();
+  }
+  scan_middle /= total;
+  tracked_middle /= total;
+
+  Eigen::Matrix3d across = Eigen::Matrix3d::Zero(), shape = Eigen::Matrix3d::Zero(), tracked_shape = across;
+  for (const PointPair& pair : pairs) {
+    const double weight = 1 / (pair.fle_mm * pair.fle_mm) / total;
+    const Eigen::Vector3d scan = pair.in_scan.eigen() - scan_middle,
+                          seen = pair.tracked.eigen() - tracked_middle;
+    across += weight * scan * seen.transpose();
+    shape += weight * scan * scan.transpose();
+    tracked_shape += weight * seen * seen.transpose();
+  }
+  // ascending: the last is along the longest axis
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(shape), tracked_axes(tracked_shape);
+  const auto variances = [](const auto& solver) { return solver.eigenvalues().cwiseMax(0).eval(); };
+  for (const Eigen::Vector3d& along : {variances(axes), variances(tracked_axes)}) {
+    const double length = std::sqrt(along[2]), width = std::sqrt(along[0] + along[1]);
+    if (width < std::max(limits.least_spread_mm, limits.least_width * length))
+      return refuse("the points lie on one line or nearly so: " + millimetres(length) + " along it, " +
+                        millimetres(width) +
+                        " away from it (root mean squares), so that a turn about it is not known",
+                    "touch points that surround what matters");
+  }
+
+  // Umeyama's equations 39 to 43
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(across, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const bool mirrors = svd.matrixU().determinant() * svd.matrixV().determinant() < 0;
+  const Eigen::Vector3d signs(1, 1, mirrors ? -1 : 1);
+  const Eigen::Matrix3d rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  PointRegistration out;
+  out.patient_from_tracker = {rotation, scan_middle - rotation * tracked_middle};
+  out.centroid = Point<Patient>(scan_middle);
+  double squares = 0, mirrored_squares = 0;
+  const Eigen::Matrix3d mirrored = svd.matrixU() * svd.matrixV().transpose();
+  for (const PointPair& pair : pairs) {
+    const double weight = 1 / (pair.fle_mm * pair.fle_mm) / total;
+    const double away = ((out.patient_from_tracker * pair.tracked) - pair.in_scan).norm();
+    out.residuals_mm.push_back(away);
+    squares += weight * away * away;
+    mirrored_squares +=
+        weight * (mirrored * (pair.tracked.eigen() - tracked_middle) - (pair.in_scan.eigen() - scan_middle))
+                     .squaredNorm();
+  }
+  out.fre_mm = std::sqrt(squares);
+  // points of a plane fit either way
+  if (mirrors && pairs.size() > 3 && squares > 9 * mirrored_squares && squares > 0.01 * shape.trace())
+    return refuse(
+        "the points are mirror images of each other: as they are " + millimetres(out.fre_mm) +
+            " are left over, mirrored " + millimetres(std::sqrt(mirrored_squares)),
+        "look whether left and right are mixed up, or the order of the axes, or that of the points");
+
+  // sum of squared residuals, each by its own error: chi squared of 3 N - 6, in units of a third of the
+  // scale's square
+  const double free = 3.0 * static_cast<double>(pairs.size()) - 6;
+  const double by_error = squares * total;
+  out.fle_scale = std::sqrt(3 * by_error / free);
+  out.least_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.975));
+  out.most_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.025));
+
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  for (const PointPair& pair : pairs) {
+    const auto moved = moved_by(pair.in_scan.eigen() - scan_middle);
+    information += 3 / (pair.fle_mm * pair.fle_mm) * moved.transpose() * moved;
+  }
+  out.covariance = information.inverse();
+  const Eigen::Vector3d along = variances(axes).reverse();
+  for (int k = 0; k < 3; ++k) out.spread_mm[k] = std::sqrt(along.sum() - along[k]);
+  return out;
+}
+
+ErrorSpread target_error(const PointRegistration& registration, const Point<Patient>& target,
+                         double fle_scale) {
+  const auto moved = moved_by((target - registration.centroid).eigen());
+  ErrorSpread out;
+  out.covariance_mm2 = fle_scale * fle_scale * moved * registration.covariance * moved.transpose();
+  const double mean = out.covariance_mm2.trace(), variance = 2 * out.covariance_mm2.squaredNorm();
+  out.rms_mm = std::sqrt(mean);
+  if (mean > 0) {
+    // a gamma distribution is a chi squared one of another scale
+    const double degrees = 2 * mean * mean / variance;
+    out.most_mm = std::sqrt(mean / degrees * chi_squared_quantile(degrees, 0.95));
+  }
+  return out;
+}
+
+}  // namespace palpate

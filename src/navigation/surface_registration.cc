@@ -1,0 +1,256 @@
+#include "palpate/navigation/surface_registration.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <nanoflann.hpp>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kFewestPoints = 12;
+constexpr int kMostTurns = 60;
+constexpr double kDamping = 1e-5;
+
+// places on the surface and which way is out, one for each voxel that it goes through
+struct Cloud {
+  std::vector<Eigen::Vector3d> places, outward;
+
+  std::size_t kdtree_get_point_count() const { return places.size(); }
+  double kdtree_get_pt(std::size_t n, std::size_t axis) const {
+    return places[n][static_cast<Eigen::Index>(axis)];
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+using Tree =
+    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3, std::size_t>;
+
+struct Foot {
+  double distance_mm = 0;   // to the nearest place, outside positive
+  double height_mm = 0;     // above the plane there
+  Eigen::Vector3d outward;  // of the plane
+};
+
+std::optional<Foot> foot_by_field(const Surface& surface, const Eigen::Vector3d& x) {
+  const FieldSample here = sample_central_differences(surface.position(), Point<Patient>(x));
+  const double slope = here.gradient.norm();
+  // beyond its reach the distance stays as it is
+  if (slope < 0.5) return {};
+  return Foot{here.value / slope, here.value / slope, here.gradient.eigen() / slope};
+}
+
+Cloud places_on(const Surface& surface) {
+  Cloud cloud;
+  const Volume<float> values = surface.position().values();
+  const GridGeometry& grid = values.geometry();
+  const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
+  const double near_mm = 0.5 * X_PatientVoxel.linear().colwise().norm().maxCoeff();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        if (std::abs(values.at(i, j, k)) > near_mm) continue;
+        const Eigen::Vector3d x = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+        const auto foot = foot_by_field(surface, x);
+        if (!foot) continue;
+        cloud.places.push_back(x - foot->distance_mm * foot->outward);
+        cloud.outward.push_back(foot->outward);
+      }
+  return cloud;
+}
+
+struct Fit {
+  Transform<Patient, Tracker> X;
+  std::vector<Foot> feet;
+  std::vector<bool> counts;
+  double rms_mm = 0;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of the points that count
+  double radius_mm = 1;                              // their root mean square distance from it
+  Eigen::Matrix<double, 6, 6> information =
+      Eigen::Matrix<double, 6, 6>::Zero();  // a turn by radius_mm, by point
+  Eigen::Matrix<double, 6, 1> pull = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
+class Fitter {
+ public:
+  Fitter(const Surface& surface, std::span<const Point<Tracker>> touched,
+         const SurfaceRegistrationOptions& options)
+      : surface_(surface), touched_(touched), options_(options), cloud_(places_on(surface)) {
+    if (!cloud_.places.empty()) tree_.emplace(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+  }
+  bool is_empty() const { return cloud_.places.empty(); }
+
+  // to where nothing moves any more
+  Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
+    Fit fit = look(start, by_field);
+    for (int turn = 0; turn < kMostTurns; ++turn) {
+      // what nothing holds stays where it is
+      const Eigen::Matrix<double, 6, 6> damped =
+          fit.information + kDamping * Eigen::Matrix<double, 6, 6>::Identity();
+      const Eigen::Matrix<double, 6, 1> step = -damped.ldlt().solve(fit.pull);
+      const Eigen::Vector3d turned = step.tail<3>() / fit.radius_mm;
+      const double angle = turned.norm();
+      const Eigen::Matrix3d rotation =
+          angle > 0 ? Eigen::AngleAxisd(std::min(angle, 0.2), turned / angle).toRotationMatrix()
+                    : Eigen::Matrix3d::Identity();
+      const Eigen::Vector3d shift = step.head<3>();
+      const Transform<Patient, Patient> moved(rotation, fit.middle - rotation * fit.middle + shift);
+      fit = look(moved * fit.X, by_field);
+      if (shift.norm() < 1e-5 && angle * fit.radius_mm < 1e-5) break;
+    }
+    return fit;
+  }
+
+ private:
+  Foot foot_of(const Eigen::Vector3d& x, bool by_field) const {
+    if (by_field)
+      if (const auto foot = foot_by_field(surface_, x)) return *foot;
+    std::size_t nearest = 0;
+    double square = 0;
+    nanoflann::KNNResultSet<double, std::size_t> found(1);
+    found.init(&nearest, &square);
+    tree_->findNeighbors(found, x.data(), nanoflann::SearchParams());
+    const Eigen::Vector3d& outward = cloud_.outward[nearest];
+    const double height_mm = (x - cloud_.places[nearest]).dot(outward);
+    return {std::copysign(std::sqrt(square), height_mm), height_mm, outward};
+  }
+
+  Fit look(const Transform<Patient, Tracker>& X, bool by_field) const {
+    Fit fit;
+    fit.X = X;
+    std::vector<Eigen::Vector3d> at;
+    for (const Point<Tracker>& point : touched_) {
+      at.push_back((X * point).eigen());
+      fit.feet.push_back(foot_of(at.back(), by_field));
+      fit.feet.back().distance_mm -= options_.tip_radius_mm;
+      fit.feet.back().height_mm -= options_.tip_radius_mm;
+    }
+    // the best of them, in their order where two are alike
+    std::vector<std::size_t> order(at.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return std::abs(fit.feet[a].distance_mm) < std::abs(fit.feet[b].distance_mm);
+    });
+    order.resize(std::max(kFewestPoints, at.size() - static_cast<std::size_t>(
+                                                         options_.trimmed * static_cast<double>(at.size()))));
+    fit.counts.assign(at.size(), false);
+    const double count = static_cast<double>(order.size());
+    for (const std::size_t n : order) {
+      fit.counts[n] = true;
+      fit.middle += at[n] / count;
+    }
+    double squares = 0;
+    for (const std::size_t n : order) squares += (at[n] - fit.middle).squaredNorm() / count;
+    fit.radius_mm = std::max(1e-6, std::sqrt(squares));
+    for (const std::size_t n : order) {
+      const auto& [distance_mm, height_mm, outward] = fit.feet[n];
+      Eigen::Matrix<double, 6, 1> row;
+      row << outward, (at[n] - fit.middle).cross(outward) / fit.radius_mm;
+      fit.information += row * row.transpose() / count;
+      fit.pull += row * height_mm / count;
+      fit.rms_mm += distance_mm * distance_mm / count;
+    }
+    fit.rms_mm = std::sqrt(fit.rms_mm);
+    return fit;
+  }
+
+  const Surface& surface_;
+  std::span<const Point<Tracker>> touched_;
+  const SurfaceRegistrationOptions& options_;
+  Cloud cloud_;
+  std::optional<Tree> tree_;
+};
+
+}  // namespace
+
+Result<SurfaceRegistration> register_to_surface(const Surface& surface,
+                                                std::span<const Point<Tracker>> touched,
+                                                const Transform<Patient, Tracker>& start,
+                                                const SurfaceRegistrationOptions& options,
+                                                const Progress& progress) {
+  const auto refuse = [](std::string what, std::string remedy) {
+    return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
+  };
+  const auto said = [](const char* format, auto... numbers) {
+    char text[200];
+    std::snprintf(text, sizeof text, format, numbers...);
+    return std::string(text);
+  };
+  if (touched.size() < kFewestPoints)
+    return refuse("a registration by a surface needs " + std::to_string(kFewestPoints) +
+                      " points at least, and there are " + std::to_string(touched.size()),
+                  "touch more places, on all sides of the structure that can be reached");
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (std::size_t n = 0; n < touched.size(); ++n) {
+    if (!touched[n].all_finite())
+      return refuse(said("the coordinates of point %zu are no numbers", n + 1), "touch it again");
+    middle += (start * touched[n]).eigen() / static_cast<double>(touched.size());
+  }
+  const Fitter fitter(surface, touched, options);
+  if (fitter.is_empty()) return refuse("the structure has no surface", "choose another");
+
+  // from around the start, for what is nearest is not always what belongs together
+  constexpr double kShift_mm = 10, kTurn = 10 * std::numbers::pi / 180;
+  std::optional<Fit> best;
+  for (int n = 0; n < 13; ++n) {
+    if (progress.stopped()) return Progress::interrupted();
+    progress.report("register", n / 13.0);
+    Transform<Patient, Patient> away;
+    const Eigen::Vector3d axis = (n % 2 ? 1.0 : -1.0) * Eigen::Vector3d::Unit((n + 5) / 2 % 3);
+    if (n > 6) {
+      const Eigen::Matrix3d rotation = Eigen::AngleAxisd(kTurn, axis).toRotationMatrix();
+      away = {rotation, middle - rotation * middle};
+    } else if (n > 0) {
+      away = {Eigen::Matrix3d::Identity(), kShift_mm * axis};
+    }
+    const Fit coarse = fitter.settle(away * start, false);
+    Fit fine = fitter.settle(coarse.X, true);
+    if (!best || fine.rms_mm < best->rms_mm) best = std::move(fine);
+  }
+  progress.report("register", 1);
+
+  SurfaceRegistration out;
+  out.patient_from_tracker = best->X;
+  out.rms_mm = best->rms_mm;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> held(best->information);
+  out.hold = held.eigenvalues()[0];
+  if (out.rms_mm > options.most_rms_mm)
+    return refuse(
+        said("the points do not fit the surface: %.2g mm are left over, root mean square, of at most %.2g",
+             out.rms_mm, options.most_rms_mm),
+        "look whether it is that structure and that side of the patient, and begin nearer: with points that "
+        "the scan shows");
+  const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const Foot& foot) {
+    return std::abs(foot.distance_mm) > options.far_mm;
+  });
+  if (static_cast<double>(far) > options.most_far * static_cast<double>(touched.size()))
+    return refuse(said("%d of %zu points are farther than %.2g mm from the surface", static_cast<int>(far),
+                       touched.size(), options.far_mm),
+                  "look whether it is that structure and that side of the patient, or touch again where the "
+                  "hand slipped");
+  if (out.hold < options.least_hold) {
+    const Eigen::Matrix<double, 6, 1> open = held.eigenvectors().col(0);
+    const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
+    const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();
+    return refuse(said("the points leave open %s (%.2f, %.2f, %.2f) in the patient: %.2g of 1 holds it",
+                       shifts ? "a shift along" : "a turn about", along.x(), along.y(), along.z(), out.hold),
+                  "touch other sides of the structure, too");
+  }
+  for (std::size_t n = 0; n < touched.size(); ++n) {
+    out.distances_mm.push_back(best->feet[n].distance_mm);
+    out.is_trimmed.push_back(!best->counts[n]);
+  }
+  const Transform<Patient, Patient> moved = best->X * start.inverse();
+  out.moved_mm = (moved * Point<Patient>(middle) - Point<Patient>(middle)).norm();
+  out.turned_deg = Eigen::AngleAxisd(moved.linear()).angle() * 180 / std::numbers::pi;
+  return out;
+}
+
+}  // namespace palpate

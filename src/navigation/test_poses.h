@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <random>
+
+/// Random numbers of the room's tests.
+namespace palpate::test {
+
+inline Eigen::Vector3d normal(std::mt19937& random) {
+  std::normal_distribution<double> one;
+  const double x = one(random), y = one(random), z = one(random);
+  return {x, y, z};
+}
+/// All alike.
+inline Eigen::Quaterniond any_rotation(std::mt19937& random) {
+  std::normal_distribution<double> one;
+  const double w = one(random);
+  const Eigen::Vector3d v = normal(random);
+  return Eigen::Quaterniond(w, v.x(), v.y(), v.z()).normalized();
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,63 @@
+#include "session/arming_code.h"
+
+#include <sys/random.h>
+
+#include <cstdio>
+
+namespace palpate {
+namespace {
+
+constexpr std::uint32_t kCodes = 1'000'000;
+
+// evenly among all; empty where the system has no chance to give
+std::string new_code() {
+  // what is above the last whole multiple would come more rarely
+  constexpr std::uint32_t kWhole = 0xFFFFFFFF - 0xFFFFFFFF % kCodes;
+  std::uint32_t number = 0;
+  do {
+    if (::getrandom(&number, sizeof number, 0) != static_cast<ssize_t>(sizeof number)) return "";
+  } while (number >= kWhole);
+  char digits[16];
+  std::snprintf(digits, sizeof digits, "%06u", static_cast<unsigned>(number % kCodes));
+  return digits;
+}
+
+// takes as long whichever digit differs
+bool are_equal(std::string_view one, std::string_view other) {
+  if (one.size() != other.size()) return false;
+  unsigned differ = 0;
+  for (std::size_t i = 0; i < one.size(); ++i) differ |= static_cast<unsigned>(one[i] ^ other[i]);
+  return differ == 0;
+}
+
+}  // namespace
+
+std::string ArmingCode::shown(std::uint32_t stop, Clock::time_point now) {
+  const std::lock_guard lock(mutex_);
+  if (now < paused_until_) return "";
+  if (code_.empty() || stop != stop_ || now >= until_) {
+    // guesses count whatever code they were at
+    code_ = new_code();
+    stop_ = stop;
+    until_ = now + kLasts;
+  }
+  return code_;
+}
+
+bool ArmingCode::take(std::uint32_t stop, std::string_view code, Clock::time_point now) {
+  const std::lock_guard lock(mutex_);
+  if (code_.empty() || now < paused_until_) return false;
+  if (stop == stop_ && now < until_ && are_equal(code, code_)) {
+    code_.clear();
+    wrong_ = 0;
+    return true;
+  }
+  if (++wrong_ >= kMostWrong) {
+    wrong_ = 0;
+    code_.clear();
+    paused_until_ = now + kPause;
+  }
+  return false;
+}
+
+}  // namespace palpate
