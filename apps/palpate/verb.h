@@ -67,6 +67,8 @@ void add_token(CLI::App& app, Run& run);
 void add_export(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);
 void add_report(CLI::App& app, Run& run);
+void add_register(CLI::App& app, Run& run);
+void add_pivot(CLI::App& app, Run& run);
 void add_verify(CLI::App& app, Run& run);
 
 }  // namespace palpate::app

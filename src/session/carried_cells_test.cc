@@ -5,6 +5,8 @@
 
 #include "loading/test_loading.h"
 #include "palpate/loading/loading.h"
+#include "palpate/palpation/run_setup.h"
+#include "session/tip_source.h"
 
 namespace palpate {
 namespace {
@@ -41,6 +43,22 @@ TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
   auto told = std::make_shared<Model>(*model);
   told->tissue_coarsened = 1.6;
   EXPECT_EQ(with_carried_cells(told, 1, 0).model, told);
+}
+
+// a session that goes on with coarser cells has let go of the model that the hand planned its way in
+TEST(CarriedCells, TheHandKeepsTheModelThatItLooksAt) {
+  LoadedScene loaded = testing::loaded_ball();
+  const auto script = parse_script("[[step]]\napproach = \"ball\"\n", "test script");
+  ASSERT_TRUE(script);
+  auto setup = set_up_run(loaded, *script, {}, {});
+  ASSERT_TRUE(setup) << setup.error().message();
+  std::string told;
+  const auto tip = tip_source_for(*setup, {}, {}, told);
+  ASSERT_TRUE(tip) << tip.error().message();
+  const std::weak_ptr<const Model> planned_in = setup->model;
+  setup->model.reset();
+  loaded.model.reset();
+  EXPECT_FALSE(planned_in.expired());
 }
 
 }  // namespace

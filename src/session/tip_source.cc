@@ -13,7 +13,8 @@ namespace {
 class ScriptSource final : public TipSource {
  public:
   ScriptSource(const RunSetup& setup, ScriptedHand hand, bool repeat)
-      : workspace_(setup.workspace),
+      : model_(setup.model),
+        workspace_(setup.workspace),
         plant_(setup.script.device),
         asked_(hand.asked()),
         planned_(std::move(hand)),
@@ -44,6 +45,8 @@ class ScriptSource final : public TipSource {
     return device;
   }
 
+  // the hand looks at it as long as it lives, also where the session goes on with another
+  const std::shared_ptr<const Model> model_;
   const WorkspaceSettings workspace_;
   const std::string plant_;
   const std::vector<HoldAsked> asked_;
