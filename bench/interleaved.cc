@@ -77,11 +77,12 @@ std::vector<Timing> run_interleaved(const std::vector<Contender>& contenders,
 
 void print_table(const std::string& title, const std::vector<Timing>& timings) {
   std::printf("\n%s\n", title.c_str());
-  std::printf("%-36s %7s %10s %10s %10s %10s %8s %12s %12s\n", "", "threads", "median ms", "fastest", "slowest",
-              "CPU ms", "ratio", "max diff", "mean diff");
+  std::printf("%-36s %7s %10s %10s %10s %10s %8s %12s %12s\n", "", "threads", "median ms", "fastest",
+              "slowest", "CPU ms", "ratio", "max diff", "mean diff");
   for (const Timing& t : timings) {
     std::printf("%-36s %7d %10.2f %10.2f %10.2f %10.2f %8.1f %12.4f %12.6f\n", t.name.c_str(), t.threads,
-                t.median_ms, t.fastest_ms, t.slowest_ms, t.cpu_ms, t.ratio, t.max_difference, t.mean_difference);
+                t.median_ms, t.fastest_ms, t.slowest_ms, t.cpu_ms, t.ratio, t.max_difference,
+                t.mean_difference);
   }
 }
 

@@ -163,11 +163,10 @@ RowsView BlockRows::view() {
   view.lit = lit_.data();
   view.state = state_.data();
   view.lit_now = lit_now_;
-  view.light = {
-      {static_cast<float>(into_.x()), static_cast<float>(into_.y()), static_cast<float>(into_.z())},
-      static_cast<float>(light_.ambient),
-      static_cast<float>(light_.diffuse),
-      static_cast<float>(light_.specular)};
+  view.light = {{static_cast<float>(into_.x()), static_cast<float>(into_.y()), static_cast<float>(into_.z())},
+                static_cast<float>(light_.ambient),
+                static_cast<float>(light_.diffuse),
+                static_cast<float>(light_.specular)};
   view.blocks = blocks_;
   view.words = words_;
   return view;
@@ -299,8 +298,7 @@ class Encoding::Tile {
           for (int b = 0; b < size[static_cast<std::size_t>(along)]; b += kBlock) {
             VoxelBlock block{};
             const int count = std::min(kBlock, size[static_cast<std::size_t>(along)] - b);
-            for (int n = 0; n < count; ++n)
-              fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k);
+            for (int n = 0; n < count; ++n) fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k);
             put(along, box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
                 box_.first[2] + k, block);
           }
@@ -515,13 +513,12 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.size[a] = std::min(kTileSide, to[a] - part.first[a]);
     }
     std::vector<Made> made;
-    Tile(*this, labels, part)
-        .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
-          // at first all are empty
-          const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
-                                            [](auto e) { return e == 0; });
-          if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
-        });
+    Tile(*this, labels, part).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
+      // at first all are empty
+      const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
+                                        [](auto e) { return e == 0; });
+      if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
+    });
     const std::lock_guard lock(putting);
     for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
     if (worker == 0)

@@ -114,8 +114,7 @@ HWY_NOINLINE const LitBlock& light_now(const RowsView& rows, std::uint32_t place
 
 /// A block, lit. @param room  for one that nobody has lit yet
 HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlock& room) {
-  const std::uint8_t state =
-      std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_acquire);
+  const std::uint8_t state = std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_acquire);
   return HWY_LIKELY(state == rows.lit_now) ? rows.lit[place] : light_now(rows, place, state, room);
 }
 
