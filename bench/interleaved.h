@@ -19,6 +19,7 @@ struct Timing {
   std::string name;
   int threads = 1;
   double median_ms = 0, fastest_ms = 0, slowest_ms = 0;
+  double cpu_ms = 0;          ///< median of the process's CPU time, all its threads: other load is not in it
   double ratio = 0;           ///< median over that of the first contender with as many threads
   double max_difference = 0;  ///< of its result from the reference
   double mean_difference = 0;

@@ -288,6 +288,7 @@ Result<nlohmann::json> run(const Options& options) {
                                {"median_ms", t.median_ms},
                                {"fastest_ms", t.fastest_ms},
                                {"slowest_ms", t.slowest_ms},
+                               {"cpu_ms", t.cpu_ms},
                                {"ratio", t.ratio},
                                {"mean_difference", t.mean_difference}});
   return report;

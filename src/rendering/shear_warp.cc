@@ -10,7 +10,7 @@ namespace {
 /// Intermediate pixels are as large as the picture's, but in these bounds, in the grid's shortest spacing:
 /// finer ones show nothing more, coarser ones would leave out voxels; below 1, samples are looked up by
 /// vectors.
-constexpr double kFinestPixel = 0.4, kCoarsestPixel = 0.995;
+constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995;
 /// Planes nearer to the eye than this part of the way to the intermediate picture are not sampled.
 constexpr double kNearest = 1e-3;
 /// Empty pixels around the intermediate picture.

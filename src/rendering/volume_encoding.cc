@@ -48,7 +48,9 @@ struct VoxelLook {
 namespace {
 
 constexpr int kTileSide = 64;
-constexpr int kLightBatch = 2048;
+/// RowsView::state of a block that no light has fallen on, and of the last light that has a number: even ones
+/// are lit, odd ones are being lit.
+constexpr std::uint8_t kUnlit = 0, kLastLight = 254;
 /// Cubes. A leap that is no longer, so that what changes has an end.
 constexpr int kFarthestLeap = 12;
 
@@ -105,10 +107,10 @@ BlockRows::BlockRows(const GridGeometry& grid, int along)
   mask_.resize(rows * static_cast<std::size_t>(words_));
   // block 0 is empty
   voxels_.resize(1);
-  flat_.resize(1, 1);
+  state_.resize(1, kUnlit);
 }
 
-void BlockRows::put(int i, int j, int k, const VoxelBlock& block, bool is_flat) {
+void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
   const std::array<int, 3> at{i, j, k};
   const auto number = static_cast<std::size_t>(at[static_cast<std::size_t>(along_)] / kBlock);
   const std::size_t row =
@@ -120,7 +122,6 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block, bool is_flat) 
   const bool is_empty =
       std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
   if (is_empty && place == 0) return;
-  is_lit_ = false;
   if (is_empty) {
     free_.push_back(place);
     place = 0;
@@ -133,52 +134,39 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block, bool is_flat) 
   } else if (place == 0) {
     place = static_cast<std::uint32_t>(voxels_.size());
     voxels_.emplace_back();
-    flat_.emplace_back();
+    state_.push_back(kUnlit);
   }
   word |= bit;
   voxels_[place] = block;
-  flat_[place] = is_flat ? 1 : 0;
+  state_[place] = kUnlit;
 }
 
-void BlockRows::light(const Vector<Patient>& into, const VolumeLight& light, int threads) {
-  const bool same_light =
-      light.ambient == light_.ambient && light.diffuse == light_.diffuse && light.specular == light_.specular;
-  if (is_lit_ && same_light && into == into_) return;
-  const bool all = !is_lit_ || !same_light;
-  if (!is_lit_) {
-    lit_.resize(voxels_.size());
-    to_light_.clear();
-    for (std::size_t n = 0; n < flat_.size(); ++n)
-      if (flat_[n] == 0) to_light_.push_back(static_cast<std::uint32_t>(n));
+void BlockRows::light(const Vector<Patient>& into, const VolumeLight& light) {
+  lit_.resize(voxels_.size());
+  const bool is_same = light.ambient == light_.ambient && light.diffuse == light_.diffuse &&
+                       light.specular == light_.specular && into == into_;
+  if (lit_now_ != 0 && is_same) return;
+  if (lit_now_ == kLastLight) {
+    std::fill(state_.begin(), state_.end(), kUnlit);
+    lit_now_ = 0;
   }
-  const LightFall fall{
-      {static_cast<float>(into.x()), static_cast<float>(into.y()), static_cast<float>(into.z())},
-      static_cast<float>(light.ambient),
-      static_cast<float>(light.diffuse),
-      static_cast<float>(light.specular)};
-  std::vector<std::uint32_t> every;
-  if (all) {
-    every.resize(voxels_.size());
-    for (std::size_t n = 0; n < every.size(); ++n) every[n] = static_cast<std::uint32_t>(n);
-  }
-  const std::vector<std::uint32_t>& which = all ? every : to_light_;
-  const int batches = static_cast<int>((which.size() + kLightBatch - 1) / kLightBatch);
-  for_each_index(batches, worker_count(threads, batches), [&](int, int batch) {
-    const std::size_t first = static_cast<std::size_t>(batch) * kLightBatch;
-    light_blocks(voxels_.data(), which.data() + first,
-                 std::min<std::size_t>(kLightBatch, which.size() - first), fall, lit_.data());
-    return true;
-  });
-  is_lit_ = true;
+  lit_now_ = static_cast<std::uint8_t>(lit_now_ + 2);
   into_ = into;
   light_ = light;
 }
 
-RowsView BlockRows::view() const {
+RowsView BlockRows::view() {
   RowsView view;
   view.mask = mask_.data();
   view.block_of = block_of_.data();
+  view.voxels = voxels_.data();
   view.lit = lit_.data();
+  view.state = state_.data();
+  view.lit_now = lit_now_;
+  view.light = {{static_cast<float>(into_.x()), static_cast<float>(into_.y()), static_cast<float>(into_.z())},
+                static_cast<float>(light_.ambient),
+                static_cast<float>(light_.diffuse),
+                static_cast<float>(light_.specular)};
   view.blocks = blocks_;
   view.words = words_;
   return view;
@@ -186,8 +174,7 @@ RowsView BlockRows::view() const {
 
 std::size_t BlockRows::bytes() const {
   return block_of_.size() * sizeof(block_of_[0]) + mask_.size() * sizeof(mask_[0]) +
-         voxels_.size() * (sizeof(VoxelBlock) + 1) + lit_.size() * sizeof(LitBlock) +
-         to_light_.size() * sizeof(to_light_[0]);
+         voxels_.size() * (sizeof(VoxelBlock) + 1) + lit_.size() * sizeof(LitBlock);
 }
 
 // ---- leaps ------------------------------------------------------------------------------------------------
@@ -288,7 +275,7 @@ class Encoding::Tile {
     return margin;
   }
 
-  /// Calls put(rows, i, j, k, block, is_flat) for every block of both kinds of rows.
+  /// Calls put(rows, i, j, k, block) for every block of both kinds of rows.
   template <class Put>
   void for_each_block(const Put& put) {
     const LabelId first = labels_.values.front();
@@ -310,12 +297,10 @@ class Encoding::Tile {
         for (int c = 0; c < size[static_cast<std::size_t>(across)]; ++c)
           for (int b = 0; b < size[static_cast<std::size_t>(along)]; b += kBlock) {
             VoxelBlock block{};
-            bool is_flat = true;
             const int count = std::min(kBlock, size[static_cast<std::size_t>(along)] - b);
-            for (int n = 0; n < count; ++n)
-              is_flat = fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k) && is_flat;
+            for (int n = 0; n < count; ++n) fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k);
             put(along, box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
-                box_.first[2] + k, block, is_flat);
+                box_.first[2] + k, block);
           }
     }
   }
@@ -464,12 +449,11 @@ class Encoding::Tile {
       }
   }
 
-  /// @returns whether its light does not depend on the view
-  bool fill(VoxelBlock& block, int place, int i, int j, int k) const {
+  void fill(VoxelBlock& block, int place, int i, int j, int k) const {
     const std::size_t n = offset(i, j, k);
     const VoxelLook& look = looks_[n];
     // of what is not seen, colour and normal are not either
-    if (look.extinction == 0) return true;
+    if (look.extinction == 0) return;
     // rounds what is not negative
     const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
     block.extinction[place] =
@@ -478,7 +462,6 @@ class Encoding::Tile {
       block.colour[a][place] = static_cast<std::uint8_t>(whole(look.colour[a]));
       block.normal[a][place] = normals_[n][a];
     }
-    return block.extinction[place] == 0 || normals_[n] == std::array<std::int8_t, 3>{};
   }
 
   const Encoding& encoding_;
@@ -518,7 +501,6 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
   struct Made {
     int rows, i, j, k;
     VoxelBlock block;
-    bool is_flat;
   };
   std::mutex putting;
   std::atomic<int> done{0};
@@ -531,15 +513,14 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.size[a] = std::min(kTileSide, to[a] - part.first[a]);
     }
     std::vector<Made> made;
-    Tile(*this, labels, part)
-        .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block, bool is_flat) {
-          // at first all are empty
-          const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
-                                            [](auto e) { return e == 0; });
-          if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block, is_flat});
-        });
+    Tile(*this, labels, part).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
+      // at first all are empty
+      const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
+                                        [](auto e) { return e == 0; });
+      if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
+    });
     const std::lock_guard lock(putting);
-    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block, m.is_flat);
+    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
     if (worker == 0)
       progress.report("volume", static_cast<double>(++done) / count);
     else

@@ -15,7 +15,7 @@
 ///     change
 ///         -> rows of blocks of eight voxels along one axis; empty blocks are not stored
 ///             -> lit blocks: extinction and light                                    for each direction of
-///             view
+///             view, those that are met (volume_simd.h)
 ///
 /// A row never lies along the direction of view: rows along i serve the views along j and k, rows along j
 /// those along i. A block is a cache line, and so is a lit one.
@@ -30,11 +30,10 @@ class BlockRows {
 
   /// Puts a voxel block at its place, or takes it away where it is empty.
   /// @param i, j, k  its first voxel
-  /// @param is_flat  its light does not depend on the view
-  void put(int i, int j, int k, const VoxelBlock& block, bool is_flat);
-  /// Makes the lit blocks fit the light. @param into  patient, unit, away from the viewer
-  void light(const Vector<Patient>& into, const VolumeLight& light, int threads);
-  RowsView view() const;
+  void put(int i, int j, int k, const VoxelBlock& block);
+  /// Lit blocks are of this light from now on. @param into  patient, unit, away from the viewer
+  void light(const Vector<Patient>& into, const VolumeLight& light);
+  RowsView view();
   /// A row's block; null where it is empty. @param row  across the rows first, then along k
   const VoxelBlock* find(std::size_t row, int block) const {
     const std::uint32_t place =
@@ -51,10 +50,9 @@ class BlockRows {
   std::vector<std::uint64_t> mask_;
   section::Bricks<VoxelBlock> voxels_;
   section::Bricks<LitBlock> lit_;
-  std::vector<std::uint8_t> flat_;       ///< of each block
-  std::vector<std::uint32_t> free_;      ///< blocks that nothing leads to any more
-  std::vector<std::uint32_t> to_light_;  ///< those of which it does
-  bool is_lit_ = false;
+  std::vector<std::uint8_t> state_;  ///< of each block: RowsView
+  std::uint8_t lit_now_ = 0;
+  std::vector<std::uint32_t> free_;  ///< blocks that nothing leads to any more
   Vector<Patient> into_;
   VolumeLight light_;
 };

@@ -33,16 +33,18 @@ struct Grid {
   int blocks;
   std::vector<std::uint32_t> block_of;
   std::vector<LitBlock> lit = std::vector<LitBlock>(2);
+  std::vector<std::uint8_t> state = std::vector<std::uint8_t>(2);
 
   Grid(const std::array<int, 3>& voxels, std::uint32_t extinction)
       : count(voxels), blocks((voxels[0] + kBlock - 1) / kBlock) {
     block_of.resize(static_cast<std::size_t>(blocks) * voxels[1] * voxels[2]);
     for (int n = 0; n < kBlock; ++n) lit[1].pair[1][n] = extinction << 16;
   }
-  RowsView view() const {
+  RowsView view() {
     RowsView rows;
     rows.block_of = block_of.data();
     rows.lit = lit.data();
+    rows.state = state.data();  // all are lit
     rows.blocks = blocks;
     for (int a = 0; a < 3; ++a) rows.count[a] = count[static_cast<std::size_t>(a)];
     rows.row[1] = 1;

@@ -108,7 +108,7 @@ class Ways {
   double offset_ = 0;
 };
 
-RowsView rows_of(const BlockRows& blocks, const GridGeometry& grid, const Factored& view) {
+RowsView rows_of(BlockRows& blocks, const GridGeometry& grid, const Factored& view) {
   RowsView rows = blocks.view();
   const int axes[3] = {view.x, view.y, view.z};
   // from a row to the next: first across the rows, then along k
@@ -281,7 +281,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       continue;
     }
     BlockRows& blocks = encoding_->rows_for(region.axis);
-    blocks.light(camera.into(), style.light, threads_);
+    blocks.light(camera.into(), style.light);
     const RowsView rows = rows_of(blocks, grid, *view);
     const Ways ways(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /

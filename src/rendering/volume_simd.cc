@@ -10,6 +10,7 @@
 // No operation is fused: the same bits on every target. Compiled once per target by foreach_target.h; only
 // what is marked HWY_INLINE and the functions at the end live in the target's namespace.
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 
@@ -69,40 +70,52 @@ HWY_INLINE VF upper_of(VU pair) {
   return hn::ConvertTo(DF(), hn::BitCast(DI(), hn::ShiftRight<16>(pair)));
 }
 
-void light_blocks(const VoxelBlock* voxels, const std::uint32_t* which, std::size_t count,
-                  const LightFall& light, LitBlock* lit) {
+HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitBlock& to) {
   const DF d;
   const DI di;
   const auto one = hn::Set(d, 1.0f), half = hn::Set(d, 0.5f), most = hn::Set(d, 65535.0f);
   const auto per_step = hn::Set(d, 1 / kNormalSteps), per_colour = hn::Set(d, 1.0f / 255);
-  for (std::size_t b = 0; b < count; ++b) {
-    const VoxelBlock& from = voxels[which[b]];
-    LitBlock& to = lit[which[b]];
-    for (int n = 0; n < kBlock; n += lanes()) {
-      const VF x = hn::Mul(load_bytes(from.normal[0] + n), per_step);
-      const VF y = hn::Mul(load_bytes(from.normal[1] + n), per_step);
-      const VF z = hn::Mul(load_bytes(from.normal[2] + n), per_step);
-      const VF square = hn::Add(hn::Mul(x, x), hn::Add(hn::Mul(y, y), hn::Mul(z, z)));
-      const VF length = hn::Min(hn::Sqrt(square), one);
-      const VF along =
-          hn::Add(hn::Mul(x, hn::Set(d, light.into[0])),
-                  hn::Add(hn::Mul(y, hn::Set(d, light.into[1])), hn::Mul(z, hn::Set(d, light.into[2]))));
-      const VF facing = hn::Min(hn::Add(hn::Abs(along), hn::Sub(one, length)), one);
-      const VF f2 = hn::Mul(facing, facing), f4 = hn::Mul(f2, f2),
-               f16 = hn::Mul(hn::Mul(f4, f4), hn::Mul(f4, f4));
-      const VF gloss = hn::Mul(hn::Set(d, light.specular), hn::Mul(f16, f4));
-      const VF dull = hn::Add(hn::Set(d, light.ambient), hn::Mul(hn::Set(d, light.diffuse), facing));
-      const VI steps = hn::PromoteTo(di, hn::LoadU(D16(), from.extinction + n));
-      const VF extinction = hn::ConvertTo(d, steps);
-      const auto lit_by = [&](const std::uint8_t* colours) HWY_ATTR {
-        const VF colour = hn::Mul(load_bytes(colours + n), per_colour);
-        const VF value = hn::Mul(extinction, hn::Add(hn::Mul(colour, dull), gloss));
-        return hn::ConvertTo(di, hn::Add(hn::Min(value, most), half));
-      };
-      store_pair(lit_by(from.colour[0]), lit_by(from.colour[1]), to.pair[0] + n);
-      store_pair(lit_by(from.colour[2]), steps, to.pair[1] + n);
-    }
+  for (int n = 0; n < kBlock; n += lanes()) {
+    const VF x = hn::Mul(load_bytes(from.normal[0] + n), per_step);
+    const VF y = hn::Mul(load_bytes(from.normal[1] + n), per_step);
+    const VF z = hn::Mul(load_bytes(from.normal[2] + n), per_step);
+    const VF square = hn::Add(hn::Mul(x, x), hn::Add(hn::Mul(y, y), hn::Mul(z, z)));
+    const VF length = hn::Min(hn::Sqrt(square), one);
+    const VF along =
+        hn::Add(hn::Mul(x, hn::Set(d, light.into[0])),
+                hn::Add(hn::Mul(y, hn::Set(d, light.into[1])), hn::Mul(z, hn::Set(d, light.into[2]))));
+    const VF facing = hn::Min(hn::Add(hn::Abs(along), hn::Sub(one, length)), one);
+    const VF f2 = hn::Mul(facing, facing), f4 = hn::Mul(f2, f2),
+             f16 = hn::Mul(hn::Mul(f4, f4), hn::Mul(f4, f4));
+    const VF gloss = hn::Mul(hn::Set(d, light.specular), hn::Mul(f16, f4));
+    const VF dull = hn::Add(hn::Set(d, light.ambient), hn::Mul(hn::Set(d, light.diffuse), facing));
+    const VI steps = hn::PromoteTo(di, hn::LoadU(D16(), from.extinction + n));
+    const VF extinction = hn::ConvertTo(d, steps);
+    const auto lit_by = [&](const std::uint8_t* colours) HWY_ATTR {
+      const VF colour = hn::Mul(load_bytes(colours + n), per_colour);
+      const VF value = hn::Mul(extinction, hn::Add(hn::Mul(colour, dull), gloss));
+      return hn::ConvertTo(di, hn::Add(hn::Min(value, most), half));
+    };
+    store_pair(lit_by(from.colour[0]), lit_by(from.colour[1]), to.pair[0] + n);
+    store_pair(lit_by(from.colour[2]), steps, to.pair[1] + n);
   }
+}
+
+HWY_NOINLINE const LitBlock& light_now(const RowsView& rows, std::uint32_t place, std::uint8_t before,
+                                       LitBlock& room) {
+  light_block(rows.voxels[place], rows.light, room);
+  const auto busy = static_cast<std::uint8_t>(rows.lit_now + 1);
+  const std::atomic_ref<std::uint8_t> state(rows.state[place]);
+  if (before == busy || !state.compare_exchange_strong(before, busy, std::memory_order_relaxed)) return room;
+  rows.lit[place] = room;
+  state.store(rows.lit_now, std::memory_order_release);
+  return room;
+}
+
+/// A block, lit. @param room  for one that nobody has lit yet
+HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlock& room) {
+  const std::uint8_t state = std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_acquire);
+  return HWY_LIKELY(state == rows.lit_now) ? rows.lit[place] : light_now(rows, place, state, room);
 }
 
 // ---- a line -----------------------------------------------------------------------------------------------
@@ -154,13 +167,14 @@ HWY_INLINE void mix_rows(const RowsView& rows, const AroundLine& around, int beg
   for (int b = begin; b < end; ++b) {
     const int at = (b - begin) * kBlock;
     const LitBlock* blocks[4];
+    LitBlock room[4];
     float weights[4];
     int count = 0;
     if (b >= 0 && b < rows.blocks) {
       for (int n = 0; n < around.count; ++n) {
         const std::uint32_t place = around.block_of[n][b];
         if (place == 0) continue;
-        blocks[count] = rows.lit + place;
+        blocks[count] = &lit_block(rows, place, room[count]);
         weights[count++] = around.weight[n];
       }
     }
@@ -425,6 +439,7 @@ HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& 
   const bool is_one_block = around.x >= 0 && place_in_block != kBlock - 1;
   const int block = around.x >= 0 ? around.x / kBlock : -1;
   bool any = false;
+  LitBlock room[2];
   for (int n = 0; n < 4; ++n) {
     const std::uint32_t* block_of = around.block_of[n];
     if (block_of == nullptr) continue;
@@ -433,7 +448,7 @@ HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& 
       const std::uint32_t place = block_of[block];
       if (place == 0) continue;
       any = true;
-      const LitBlock& lit = rows.lit[place];
+      const LitBlock& lit = lit_block(rows, place, room[0]);
       first += load_four(lit.pair[0] + place_in_block) * weight;
       second += load_four(lit.pair[1] + place_in_block) * weight;
       continue;
@@ -442,7 +457,7 @@ HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& 
                         beside = block + 1 < rows.blocks ? block_of[block + 1] : 0;
     if ((here | beside) == 0) continue;
     any = true;
-    const LitBlock &low = rows.lit[here], &high = rows.lit[beside];
+    const LitBlock &low = lit_block(rows, here, room[0]), &high = lit_block(rows, beside, room[1]);
     const std::uint32_t pairs[2][2] = {{low.pair[0][kBlock - 1], high.pair[0][0]},
                                        {low.pair[1][kBlock - 1], high.pair[1][0]}};
     first += load_four(pairs[0]) * weight;
@@ -633,17 +648,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace palpate::internal::volume_picture {
 
-HWY_EXPORT(light_blocks);
 HWY_EXPORT(gather_line);
 HWY_EXPORT(pack_line);
 HWY_EXPORT(mark_line);
 HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
-void light_blocks(const VoxelBlock* voxels, const std::uint32_t* which, std::size_t count,
-                  const LightFall& light, LitBlock* lit) {
-  HWY_DYNAMIC_DISPATCH(light_blocks)(voxels, which, count, light, lit);
-}
 void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
                  const Gathered& line) {
   HWY_DYNAMIC_DISPATCH(gather_line)(rows, planes, plane_count, v, width, line);

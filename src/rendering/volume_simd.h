@@ -30,14 +30,18 @@ struct LightFall {
   float into[3];
   float ambient, diffuse, specular;
 };
-void light_blocks(const VoxelBlock* voxels, const std::uint32_t* which, std::size_t count,
-                  const LightFall& light, LitBlock* lit);
 
-/// Rows of lit blocks, seen along an axis: x along a row, z away from the viewer or towards it.
+/// Rows of blocks, seen along an axis: x along a row, z away from the viewer or towards it. A block is lit
+/// when a line or a ray first meets it, by whichever thread that happens to; of a block that is met by two at
+/// once, one keeps what it lit, and both use the same.
 struct RowsView {
   const std::uint64_t* mask = nullptr;      ///< a bit for each block that is there; `words` a row
   const std::uint32_t* block_of = nullptr;  ///< `blocks` a row; 0: not there
-  const LitBlock* lit = nullptr;            ///< the first one is empty
+  const VoxelBlock* voxels = nullptr;       ///< the first one is empty
+  LitBlock* lit = nullptr;                  ///< of each, where
+  std::uint8_t* state = nullptr;            ///< is lit_now; lit_now + 1: somebody is lighting it
+  std::uint8_t lit_now = 0;
+  LightFall light{};
   int blocks = 0, words = 0;
   int count[3]{};           ///< voxels along x, y, z
   std::ptrdiff_t row[3]{};  ///< from a row to the next along y and z; [0] is not used
