@@ -39,8 +39,16 @@ Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
+/// In letters of any case.
+bool is_named_png(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return extension == ".png";
+}
+
 bool is_animated(const RenderOptions& options) {
-  return options.frames && options.output.extension() == ".png";
+  return options.frames && is_named_png(options.output);
 }
 
 /// A picture is a file that can be claimed; the folder of an orbit's frames is new, or empty.
@@ -48,7 +56,7 @@ Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   if (!options.frames || is_animated(options)) {
     auto claimed = claim_output(options.output, input_files(options.target));
     if (!claimed) return claimed.error();
-    if (const auto extension = options.output.extension(); !extension.empty() && extension != ".png")
+    if (options.output.has_extension() && !is_named_png(options.output))
       return usage("the picture is a PNG, whatever its name", options.output.string(),
                    "give it a name that ends with .png");
     return std::optional<OutputClaim>(std::move(*claimed));

@@ -62,7 +62,8 @@ std::vector<Line> lines_of(std::string_view text) {
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size());
     ++number;
-    if (const std::string_view line = trimmed_text(text.substr(0, end)); !line.empty()) lines.push_back({number, line});
+    if (const std::string_view line = trimmed_text(text.substr(0, end)); !line.empty())
+      lines.push_back({number, line});
     text.remove_prefix(std::min(end + 1, text.size()));
   }
   return lines;
@@ -75,36 +76,52 @@ std::string at_line(const std::string& where, const Line& line) {
   return where + ":" + std::to_string(line.number);
 }
 
-bool says_lps(std::string_view says) { return says == "LPS" || says == "1"; }
-bool says_ras(std::string_view says) { return says == "RAS" || says == "0"; }
-Eigen::Vector3d to_lps(const Eigen::Vector3d& ras) { return {-ras.x(), -ras.y(), ras.z()}; }
+bool says_lps(std::string_view says) {
+  return says == "LPS" || says == "1";
+}
+bool says_ras(std::string_view says) {
+  return says == "RAS" || says == "0";
+}
+Eigen::Vector3d to_lps(const Eigen::Vector3d& ras) {
+  return {-ras.x(), -ras.y(), ras.z()};
+}
 
 Result<std::vector<NamedPoint>> slicer_markups(std::string_view text, const std::string& where) {
   const char* kRemedy = "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (json.is_discarded() || !json.is_object()) return bad("is no JSON of Slicer's markups", where, kRemedy);
   const auto markups = json.find("markups");
-  if (markups == json.end() || !markups->is_array() || markups->empty()) return bad("has no markups", where, kRemedy);
+  if (markups == json.end() || !markups->is_array() || markups->empty())
+    return bad("has no markups", where, kRemedy);
   std::vector<NamedPoint> points;
   for (const auto& markup : *markups) {
-    if (!markup.is_object() || !markup.contains("controlPoints") || !markup["controlPoints"].is_array()) continue;
+    if (!markup.is_object() || !markup.contains("controlPoints") || !markup["controlPoints"].is_array())
+      continue;
     std::string axes = "LPS";
     if (const auto says = markup.find("coordinateSystem"); says != markup.end())
       axes = says->is_string() ? says->get<std::string>() : says->dump();
-    if (!says_lps(axes) && !says_ras(axes)) return bad("its coordinate system is \"" + printable_name(axes) + "\"", where, "LPS and RAS are known");
+    if (!says_lps(axes) && !says_ras(axes))
+      return bad("its coordinate system is \"" + printable_name(axes) + "\"", where, "LPS and RAS are known");
     for (const auto& control : markup["controlPoints"]) {
       if (!control.is_object()) return bad("a control point is no object", where, kRemedy);
-      if (const auto status = control.find("positionStatus"); status != control.end() && *status != "defined") continue;
+      if (const auto status = control.find("positionStatus"); status != control.end() && *status != "defined")
+        continue;
       const auto position = control.find("position");
       if (position == control.end() || !position->is_array() || position->size() != 3 ||
           !std::all_of(position->begin(), position->end(), [](const auto& each) { return each.is_number(); }))
-        return bad("control point " + std::to_string(points.size() + 1) + " has no position of three numbers", where, kRemedy);
-      const Eigen::Vector3d at((*position)[0].template get<double>(), (*position)[1].template get<double>(), (*position)[2].template get<double>());
-      if (!at.allFinite()) return bad("control point " + std::to_string(points.size() + 1) + " is nowhere", where, kRemedy);
-      if (points.size() == kMost) return bad("has more than 100 000 points", where, "leave out what is not needed");
+        return bad("control point " + std::to_string(points.size() + 1) + " has no position of three numbers",
+                   where, kRemedy);
+      const Eigen::Vector3d at((*position)[0].template get<double>(), (*position)[1].template get<double>(),
+                               (*position)[2].template get<double>());
+      if (!at.allFinite())
+        return bad("control point " + std::to_string(points.size() + 1) + " is nowhere", where, kRemedy);
+      if (points.size() == kMost)
+        return bad("has more than 100 000 points", where, "leave out what is not needed");
       std::string name;
-      if (const auto label = control.find("label"); label != control.end() && label->is_string()) name = label->template get<std::string>();
-      points.push_back({name.empty() ? std::to_string(points.size() + 1) : name, says_ras(axes) ? to_lps(at) : at, {}});
+      if (const auto label = control.find("label"); label != control.end() && label->is_string())
+        name = label->template get<std::string>();
+      points.push_back(
+          {name.empty() ? std::to_string(points.size() + 1) : name, says_ras(axes) ? to_lps(at) : at, {}});
     }
   }
   if (points.empty()) return bad("has no point that is placed", where, kRemedy);
@@ -126,28 +143,41 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
       if (const std::size_t at = line.text.find("CoordinateSystem ="); at != std::string_view::npos) {
         const std::string_view axes = trimmed_text(line.text.substr(at + 18));
         if (!says_lps(axes) && !says_ras(axes))
-          return bad("its coordinate system is \"" + printable_name(axes) + "\"", at_line(where, line), "LPS and RAS are known");
+          return bad("its coordinate system is \"" + printable_name(axes) + "\"", at_line(where, line),
+                     "LPS and RAS are known");
         is_ras = says_ras(axes);
       }
       continue;
     }
     const std::vector<std::string_view> cells = cells_of(line.text);
-    const bool is_named = is_fcsv || cells.empty() || !number_of(cells[0]) || (cells.size() == 5 && number_of(cells[4]));
+    const bool is_named =
+        is_fcsv || cells.empty() || !number_of(cells[0]) || (cells.size() == 5 && number_of(cells[4]));
     const std::size_t first = is_named ? 1 : 0;
     std::vector<double> numbers;
     for (std::size_t n = first; n < std::min(cells.size(), first + (is_fcsv ? 3 : 5)); ++n)
-      if (const auto number = number_of(cells[n])) numbers.push_back(*number);
-      else break;
-    const bool is_whole = is_fcsv ? numbers.size() == 3 : numbers.size() + first == cells.size() && (numbers.size() == 3 || numbers.size() == 4);
+      if (const auto number = number_of(cells[n]))
+        numbers.push_back(*number);
+      else
+        break;
+    const bool is_whole =
+        is_fcsv ? numbers.size() == 3
+                : numbers.size() + first == cells.size() && (numbers.size() == 3 || numbers.size() == 4);
     if (!is_whole) {
       if (std::exchange(may_be_heading, false) && numbers.empty() && cells.size() >= 3) continue;
       return bad("is no point", at_line(where, line), kRemedy);
     }
     may_be_heading = false;
-    if (numbers.size() == 4 && !(numbers[3] > 0)) return bad("the point's error is not above 0", at_line(where, line), "give it in millimetres, or leave it out");
-    if (points.size() == kMost) return bad("has more than 100 000 points", where, "leave out what is not needed");
-    std::string_view name = is_fcsv ? (cells.size() > kFcsvLabel ? cells[kFcsvLabel] : "") : is_named ? cells[0] : "";
-    NamedPoint point{name.empty() ? std::to_string(points.size() + 1) : std::string(name), {numbers[0], numbers[1], numbers[2]}, {}};
+    if (numbers.size() == 4 && !(numbers[3] > 0))
+      return bad("the point's error is not above 0", at_line(where, line),
+                 "give it in millimetres, or leave it out");
+    if (points.size() == kMost)
+      return bad("has more than 100 000 points", where, "leave out what is not needed");
+    std::string_view name = is_fcsv    ? (cells.size() > kFcsvLabel ? cells[kFcsvLabel] : "")
+                            : is_named ? cells[0]
+                                       : "";
+    NamedPoint point{name.empty() ? std::to_string(points.size() + 1) : std::string(name),
+                     {numbers[0], numbers[1], numbers[2]},
+                     {}};
     if (is_ras) point.at_mm = to_lps(point.at_mm);
     if (numbers.size() == 4) point.fle_mm = numbers[3];
     points.push_back(std::move(point));
@@ -163,7 +193,8 @@ using Pose = Transform<Tracker, TrackedTool>;
 // a rotation that is none is for calibrate_pivot to refuse by its number
 std::optional<Pose> pose_of(std::span<const double> n, bool scalar_first) {
   if (n.size() == 7) {
-    const Eigen::Quaterniond q = scalar_first ? Eigen::Quaterniond(n[3], n[4], n[5], n[6]) : Eigen::Quaterniond(n[6], n[3], n[4], n[5]);
+    const Eigen::Quaterniond q = scalar_first ? Eigen::Quaterniond(n[3], n[4], n[5], n[6])
+                                              : Eigen::Quaterniond(n[6], n[3], n[4], n[5]);
     if (std::abs(q.norm() - 1) > 0.01) return {};
     return Pose(q.normalized().toRotationMatrix(), {n[0], n[1], n[2]});
   }
@@ -185,14 +216,16 @@ std::optional<std::vector<double>> numbers_of(const std::vector<std::string_view
 }
 
 // "Seq_Frame0012_StylusToTrackerTransform = 1 0 0 ..." and "...TransformStatus = OK"
-Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string& where, const PoseFormat& format) {
+Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string& where,
+                                        const PoseFormat& format) {
   std::set<std::string, std::less<>> names;
   std::map<std::string, std::pair<Line, std::string_view>, std::less<>> frames;
   std::set<std::string, std::less<>> invalid;
   for (const Line& line : lines_of(text)) {
     const std::size_t is = line.text.find('=');
     if (is == std::string_view::npos) continue;
-    const std::string_view key = trimmed_text(line.text.substr(0, is)), value = trimmed_text(line.text.substr(is + 1));
+    const std::string_view key = trimmed_text(line.text.substr(0, is)),
+                           value = trimmed_text(line.text.substr(is + 1));
     // what follows are an image's voxels
     if (key == "ElementDataFile") break;
     if (!key.starts_with("Seq_Frame")) continue;
@@ -212,15 +245,18 @@ Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string
   if (format.transform.empty() && names.size() > 1)
     return bad("has several transforms: " + known, where, "choose one with --transform");
   if (frames.empty())
-    return bad("has no transform" + (format.transform.empty() ? std::string() : " " + printable_name(format.transform)), where,
-               known.empty() ? "record the tool's transforms, too" : "it has: " + known);
+    return bad("has no transform" +
+                   (format.transform.empty() ? std::string() : " " + printable_name(format.transform)),
+               where, known.empty() ? "record the tool's transforms, too" : "it has: " + known);
   std::vector<Pose> poses;
   for (const auto& [frame, at] : frames) {
     if (invalid.contains(frame)) continue;
     const auto numbers = numbers_of(cells_of(at.second));
     const auto pose = numbers && numbers->size() == 16 ? pose_of(*numbers, false) : std::nullopt;
-    if (!pose) return bad("is no matrix of 16 numbers", at_line(where, at.first), "record the sequence again");
-    if (poses.size() == kMost) return bad("has more than 100 000 poses", where, "leave out what is not needed");
+    if (!pose)
+      return bad("is no matrix of 16 numbers", at_line(where, at.first), "record the sequence again");
+    if (poses.size() == kMost)
+      return bad("has more than 100 000 poses", where, "leave out what is not needed");
     poses.push_back(*pose);
   }
   if (poses.empty()) return bad("has no valid pose", where, "keep the tool where the tracker sees it");
@@ -229,9 +265,12 @@ Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string
 
 }  // namespace
 
-Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_view text, const std::string& where, const PoseFormat& format) {
+Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_view text,
+                                                                 const std::string& where,
+                                                                 const PoseFormat& format) {
   if (text.starts_with("ObjectType")) return plus_sequence(text, where, format);
-  const char* kRemedy = "a line for each pose: 16 or 12 numbers of a matrix row by row, or x y z and a quaternion of length 1";
+  const char* kRemedy =
+      "a line for each pose: 16 or 12 numbers of a matrix row by row, or x y z and a quaternion of length 1";
   std::vector<Pose> poses;
   bool may_be_heading = true;
   for (const Line& line : lines_of(text)) {
@@ -242,7 +281,8 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_vie
     may_be_heading = false;
     const auto pose = numbers ? pose_of(*numbers, format.scalar_first) : std::nullopt;
     if (!pose) return bad("is no pose", at_line(where, line), kRemedy);
-    if (poses.size() == kMost) return bad("has more than 100 000 poses", where, "leave out what is not needed");
+    if (poses.size() == kMost)
+      return bad("has more than 100 000 poses", where, "leave out what is not needed");
     poses.push_back(*pose);
   }
   if (poses.empty()) return bad("has no pose", where, kRemedy);

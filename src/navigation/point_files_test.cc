@@ -14,7 +14,9 @@ std::string refused_points(std::string_view text) {
 }
 
 TEST(ParsePoints, LinesOfAnyKind) {
-  for (const char* text : {"a,1,2,-3.5\nb,4,5,6\n", "a 1 2 -3.5\r\n\r\nb\t4 5 6", "label;x;y;z\na;1;2;-3.5\nb;4;5;6;\n", "# mine\nname, x, y, z\na, 1, 2, -3.5\n b , 4 , 5 , +6"}) {
+  for (const char* text :
+       {"a,1,2,-3.5\nb,4,5,6\n", "a 1 2 -3.5\r\n\r\nb\t4 5 6", "label;x;y;z\na;1;2;-3.5\nb;4;5;6;\n",
+        "# mine\nname, x, y, z\na, 1, 2, -3.5\n b , 4 , 5 , +6"}) {
     SCOPED_TRACE(text);
     const auto points = parse_points(text, "points.csv");
     ASSERT_TRUE(points) << points.error().message();
@@ -35,20 +37,27 @@ TEST(ParsePoints, LinesOfAnyKind) {
 }
 
 TEST(ParsePoints, OfSlicer) {
-  const auto json = parse_points(R"({"markups": [{"type": "Fiducial", "coordinateSystem": "RAS", "controlPoints": [
+  const auto json =
+      parse_points(R"({"markups": [{"type": "Fiducial", "coordinateSystem": "RAS", "controlPoints": [
     {"label": "F-1", "position": [1, 2, 3], "positionStatus": "defined"},
-    {"label": "F-2", "position": [0, 0, 0], "positionStatus": "undefined"}, {"position": [4.5, 5, 6]}]}]})", "f.mrk.json");
+    {"label": "F-2", "position": [0, 0, 0], "positionStatus": "undefined"}, {"position": [4.5, 5, 6]}]}]})",
+                   "f.mrk.json");
   ASSERT_TRUE(json) << json.error().message();
   ASSERT_EQ(json->size(), 2u);
   EXPECT_EQ((*json)[0].name, "F-1");
   EXPECT_EQ((*json)[0].at_mm, Eigen::Vector3d(-1, -2, 3));
   EXPECT_EQ((*json)[1].name, "2");
-  const char* rows = "# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\nvtkMRMLMarkupsFiducialNode_0,1,2,3,0,0,0,1,1,1,0,F-1,,\n";
-  const auto lps = parse_points(std::string("# Markups fiducial file version = 4.11\n# CoordinateSystem = LPS\n") + rows, "f.fcsv");
+  const char* rows =
+      "# columns = "
+      "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\nvtkMRMLMarkupsFiducialNode_0,1,2,3,0,0,"
+      "0,1,1,1,0,F-1,,\n";
+  const auto lps = parse_points(
+      std::string("# Markups fiducial file version = 4.11\n# CoordinateSystem = LPS\n") + rows, "f.fcsv");
   ASSERT_TRUE(lps) << lps.error().message();
   EXPECT_EQ((*lps)[0].name, "F-1");
   EXPECT_EQ((*lps)[0].at_mm, Eigen::Vector3d(1, 2, 3));
-  const auto ras = parse_points(std::string("# Markups fiducial file version = 4.10\n# CoordinateSystem = 0\n") + rows, "f.fcsv");
+  const auto ras = parse_points(
+      std::string("# Markups fiducial file version = 4.10\n# CoordinateSystem = 0\n") + rows, "f.fcsv");
   ASSERT_TRUE(ras);
   EXPECT_EQ((*ras)[0].at_mm, Eigen::Vector3d(-1, -2, 3));
 }
@@ -62,13 +71,17 @@ TEST(ParsePoints, RefusesByTheLine) {
   EXPECT_THAT(refused_points("# CoordinateSystem = XYZ\n"), HasSubstr("\"XYZ\""));
   EXPECT_THAT(refused_points("{"), HasSubstr("no JSON"));
   EXPECT_THAT(refused_points("{\"markups\": []}"), HasSubstr("no markups"));
-  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": [{"position": [1, 2]}]}]})"), HasSubstr("three numbers"));
-  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": []}]})"), HasSubstr("no point that is placed"));
+  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": [{"position": [1, 2]}]}]})"),
+              HasSubstr("three numbers"));
+  EXPECT_THAT(refused_points(R"({"markups": [{"controlPoints": []}]})"),
+              HasSubstr("no point that is placed"));
 }
 
 TEST(ParsePoses, MatricesAndQuaternions) {
-  for (const auto& [text, scalar_first] : {std::pair("0 -1 0 5 1 0 0 6 0 0 1 7 0 0 0 1", false), std::pair("0,-1,0,5,1,0,0,6,0,0,1,7\n", false),
-                                           std::pair("x y z qx qy qz qw\n5 6 7 0 0 0.70710678 0.70710678", false), std::pair("5 6 7 0.70710678 0 0 0.70710678", true)}) {
+  for (const auto& [text, scalar_first] :
+       {std::pair("0 -1 0 5 1 0 0 6 0 0 1 7 0 0 0 1", false), std::pair("0,-1,0,5,1,0,0,6,0,0,1,7\n", false),
+        std::pair("x y z qx qy qz qw\n5 6 7 0 0 0.70710678 0.70710678", false),
+        std::pair("5 6 7 0.70710678 0 0 0.70710678", true)}) {
     SCOPED_TRACE(text);
     const auto poses = parse_poses(text, "poses.txt", {"", scalar_first});
     ASSERT_TRUE(poses) << poses.error().message();
@@ -90,14 +103,17 @@ TEST(ParsePoses, SequencesOfPlus) {
   const std::string text =
       "ObjectType = Image\nSeq_Frame0000_StylusToTrackerTransform = 1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n"
       "Seq_Frame0000_StylusToTrackerTransformStatus = OK\n"
-      "Seq_Frame0001_StylusToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\nSeq_Frame0001_StylusToTrackerTransformStatus = INVALID\n"
-      "Seq_Frame0000_ProbeToTrackerTransform = 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\nElementDataFile = LOCAL\n\xff\xfe = \n";
+      "Seq_Frame0001_StylusToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 "
+      "1\nSeq_Frame0001_StylusToTrackerTransformStatus = INVALID\n"
+      "Seq_Frame0000_ProbeToTrackerTransform = 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\nElementDataFile = "
+      "LOCAL\n\xff\xfe = \n";
   const auto poses = parse_poses(text, "s.mha", {"StylusToTracker", false});
   ASSERT_TRUE(poses) << poses.error().message();
   ASSERT_EQ(poses->size(), 1u);
   EXPECT_EQ(poses->front().translation(), Eigen::Vector3d(5, 6, 7));
   EXPECT_THAT(parse_poses(text, "s.mha").error().message(), HasSubstr("ProbeToTracker, StylusToTracker"));
-  EXPECT_THAT(parse_poses(text, "s.mha", {"Needle", false}).error().message(), HasSubstr("it has: ProbeToTracker"));
+  EXPECT_THAT(parse_poses(text, "s.mha", {"Needle", false}).error().message(),
+              HasSubstr("it has: ProbeToTracker"));
 }
 
 }  // namespace

@@ -130,6 +130,7 @@ DeviceTick touch(const Model& model, const Point<Patient>& tip, double limit_N) 
   device.tip_patient_mm = {tip.x(), tip.y(), tip.z()};
   const Point<World> tip_world = model.X_WorldPatient * tip;
   device.tip_world_mm = {tip_world.x(), tip_world.y(), tip_world.z()};
+  device.proxy_patient_mm = device.tip_patient_mm;
   device.peak_force_N = 8.5;
   device.continuous_force_N = kContinuous_N;
   device.limit_N = limit_N;
@@ -150,6 +151,10 @@ DeviceTick touch(const Model& model, const Point<Patient>& tip, double limit_N) 
   const double sent_N = std::min(device.unclamped_force_N, limit_N);
   const Vector<World> force = model.X_WorldPatient * (normal * sent_N);
   device.force_N = {force.x(), force.y(), force.z()};
+  // what the tool leans on
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    device.proxy_patient_mm[axis] =
+        device.tip_patient_mm[axis] + device.normal_patient[axis] * device.depth_mm;
   device.flags = kFlagContact;
   if (device.unclamped_force_N > limit_N) device.flags |= kFlagClamped;
   return device;
@@ -301,7 +306,6 @@ Recording leaning_recording(const Model& model) {
   Recording recording = example::recording(model);
   for (TickRecord& tick : recording.ticks) {
     DeviceTick& device = tick.device[0];
-    device.proxy_patient_mm = device.tip_patient_mm;
     if (device.label == 0) continue;
     device.contact_label[0] = device.felt_label[0] = device.label;
     device.contact_N[0] = std::hypot(device.force_N[0], device.force_N[1], device.force_N[2]);

@@ -6,6 +6,29 @@ import zlib
 import cli
 
 
+def unfiltered(rows, side):
+    """The pixels of filtered rows, 8 bits of red, green and blue: PNG, section 9."""
+    above, pixels = bytearray(3 * side), bytearray()
+    for y in range(side):
+        kind, row = rows[y * (3 * side + 1)], bytearray(rows[y * (3 * side + 1) + 1:(y + 1) * (3 * side + 1)])
+        for x in range(3 * side):
+            left, up, corner = (row[x - 3], above[x], above[x - 3]) if x >= 3 else (0, above[x], 0)
+            nearest = min((left, up, corner), key=lambda value: abs(left + up - corner - value))
+            row[x] = (row[x] + (0, left, up, (left + up) // 2, nearest)[kind]) & 255
+        pixels += row
+        above = row
+    return bytes(pixels)
+
+
+def pixels_of(png, side):
+    at, data = 8, b""
+    while at < len(png):
+        size, kind = struct.unpack(">I4s", png[at:at + 8])
+        data += png[at + 8:at + 8 + size] if kind == b"IDAT" else b""
+        at += 12 + size
+    return unfiltered(zlib.decompress(data), side)
+
+
 class Render(cli.KneeTest):
     @classmethod
     def setUpClass(cls):
@@ -48,9 +71,16 @@ class Render(cli.KneeTest):
         self.assertEqual([kind for kind, _ in chunks],
                          [b"IHDR", b"sRGB", b"acTL", b"fcTL", b"IDAT", b"fcTL", b"fdAT", b"fcTL", b"fdAT", b"IEND"])
         self.assertEqual(chunks[2][1], struct.pack(">II", 3, 0))
-        # its first frame is the first picture's rows: as many bytes of pixels
-        self.assertEqual(len(zlib.decompress(chunks[4][1])), 320 * (3 * 320 + 1))
-        self.assertEqual(len(list(frames.iterdir())), 3)
+        # its first frame is the first picture, whatever filters their rows went through
+        pictures = sorted(frames.iterdir())
+        self.assertEqual(len(pictures), 3)
+        self.assertEqual(unfiltered(zlib.decompress(chunks[4][1]), 320), pixels_of(pictures[0].read_bytes(), 320))
+
+    def test_an_orbit_is_an_animated_png_in_letters_of_any_case(self):
+        animated = self.folder / "ORBIT.PNG"
+        self.succeed("render", self.scene, "--pixels", "320", "--orbit", "2", "-o", animated)
+        self.assertTrue(animated.is_file())
+        self.assertIn(b"acTL", animated.read_bytes())
 
     def test_neither_title_nor_path_is_in_it(self):
         scene = self.scene.with_name("CANARY.toml")
