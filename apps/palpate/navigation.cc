@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -27,7 +28,7 @@ namespace palpate::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr std::size_t kMostFile_bytes = std::size_t{1} << 28;
+constexpr std::size_t kMostPoints_bytes = std::size_t{1} << 28;
 
 Json json_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
@@ -58,11 +59,11 @@ struct PivotVerb {
 int pivot(const PivotVerb& options, Console& console) {
   std::optional<OutputClaim> claim;
   if (!options.output.empty()) {
-    auto claimed = claim_output(options.output, {options.poses});
+    auto claimed = claim_output(options.output, std::array{options.poses});
     if (!claimed) return console.fail(claimed.error());
     claim.emplace(std::move(*claimed));
   }
-  const auto text = read_file(options.poses, kMostFile_bytes);
+  const auto text = read_file(options.poses, kMostPoints_bytes);
   if (!text) return console.fail(text.error());
   PoseFormat format = options.format;
   format.scalar_first = options.quaternion == "wxyz";
@@ -153,7 +154,7 @@ Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
 }
 
 Result<std::vector<NamedPoint>> points_of(const std::filesystem::path& file) {
-  const auto text = read_file(file, kMostFile_bytes);
+  const auto text = read_file(file, kMostPoints_bytes);
   if (!text) return text.error();
   return parse_points(*text, file.string());
 }

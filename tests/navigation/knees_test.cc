@@ -84,7 +84,8 @@ class Traces {
   std::vector<Point<Patient>> places_;
 };
 
-void expect_found_again(const LabelMap& labels, const std::string& name) {
+enum class Mirrored { kRefused, kNotTold };
+void expect_found_again(const LabelMap& labels, const std::string& name, Mirrored mirrored) {
   SCOPED_TRACE(name + ", seed " + std::to_string(kSeed));
   Traces traces(labels, name);
   double most_mm = 0, most_shaken_mm = 0;
@@ -101,7 +102,7 @@ void expect_found_again(const LabelMap& labels, const std::string& name) {
               most_shaken_mm);
   EXPECT_LT(most_mm, 0.2);
   EXPECT_LT(most_shaken_mm, 0.6);
-  for (int n = 0; n < kStarts; ++n) {
+  for (int n = 0; n < kStarts && mirrored == Mirrored::kRefused; ++n) {
     const Traces::Case of = traces.away(0, true);
     EXPECT_FALSE(register_to_surface(traces.surface(), of.touched, of.start)) << "the other side's, " << n;
   }
@@ -110,7 +111,8 @@ void expect_found_again(const LabelMap& labels, const std::string& name) {
 TEST(Knees, BonesOfTheGeneratedOneAreFoundAgain) {
   const auto phantom = make_knee_phantom(1.2);
   ASSERT_TRUE(phantom.ok());
-  for (const char* bone : {"tibia", "femur"}) expect_found_again(phantom->labels, bone);
+  // within a millimetre they are their own mirror images
+  for (const char* bone : {"tibia", "femur"}) expect_found_again(phantom->labels, bone, Mirrored::kNotTold);
 }
 
 TEST(Knees, BonesOfAHandSegmentedOneAreFoundAgain) {
@@ -118,7 +120,7 @@ TEST(Knees, BonesOfAHandSegmentedOneAreFoundAgain) {
   PALPATE_SHARED_FILE(names, "knee_spl/knee.ctbl");
   const auto read = read_labels(file, names);
   ASSERT_TRUE(read.ok()) << read.error().message();
-  for (const char* bone : {"tibia", "femur"}) expect_found_again(read->labels, bone);
+  for (const char* bone : {"tibia", "femur"}) expect_found_again(read->labels, bone, Mirrored::kRefused);
 }
 
 }  // namespace
