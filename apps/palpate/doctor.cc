@@ -111,6 +111,10 @@ void add_doctor(CLI::App& app, Run& run) {
       "docs/devices.md says what each device needs.");
   verb->callback([options, &run] {
     run = [options](Console& console) -> int {
+      // a weight that the device carries adds to what the trial pushes with
+      if (!options->hold.empty() && !options->about_devices.held_masses.empty())
+        return console.fail({ErrorKind::kUsage, "carries a weight, and --hold is 1 N at most", "--held-mass",
+                             "leave it out: hold the device as it comes"});
       const auto known = known_devices(options->about_devices);
       if (!known) return console.fail(known.error());
       if (!options->hold.empty())

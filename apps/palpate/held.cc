@@ -1,5 +1,8 @@
 #include "held.h"
 
+#include <termios.h>
+#include <unistd.h>
+
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -27,35 +30,44 @@ std::unique_ptr<DeviceDriver> simulated() {
   return std::make_unique<SimulatedDriver>(device);
 }
 
-Error not_agreed(const std::string& name) {
+Error not_armed(const std::string& name) {
   return {ErrorKind::kUsage, "nobody has armed the device", name,
           "run it at a terminal, hold the tip and press a"};
 }
 
-// somebody's word who holds it
-bool agreed(Console& console) {
+/// Somebody's word who holds it. Errors: kUsage without a terminal to ask at, or for another key;
+/// kInterrupted.
+Result<void> arm(const std::string& name, Console& console) {
   Keys keys;
-  if (!keys.active()) return false;
+  // who cannot read what it does agrees to nothing
+  if (!keys.active() || !::isatty(STDERR_FILENO)) return not_armed(name);
   std::fprintf(
       stderr,
       "Hold the tip lightly, in free air, at one place, and keep holding it. It pushes with up to 1 N for\n"
       "up to 15 s, and may buzz at the end. Letting go ends nothing: Ctrl-C does.\n"
       "a arms it, any other key does not.\n");
+  // what was typed before is no answer
+  ::tcflush(STDIN_FILENO, TCIFLUSH);
   const Progress progress = console.progress();
   while (!progress.stopped()) {
-    if (const auto key = keys.next()) return *key == 'a';
+    if (const auto key = keys.next()) return *key == 'a' ? Result<void>() : not_armed(name);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  return false;
+  return Error{ErrorKind::kInterrupted, "stopped", "", ""};
 }
 
 Result<void> keep(const HeldHandFigures& figures) {
   auto hands = kept_held_hands();
   if (!hands) return hands.error();
   (*hands)[figures.device] = figures;
+  const std::string text = held_hands_text(*hands);
+  // one that is refused would end every session
+  if (const auto again = parse_held_hands(text, held_hands_file().string()); !again)
+    return Error{ErrorKind::kUnavailable, "what was measured is nothing that a device has", figures.device,
+                 "try again; nothing was kept"};
   std::error_code failed;
   std::filesystem::create_directories(held_hands_file().parent_path(), failed);
-  return write_file(held_hands_file(), held_hands_text(*hands));
+  return write_file(held_hands_file(), text);
 }
 
 void print_json(const HeldHandFigures& figures) {
@@ -116,7 +128,8 @@ int hold_by_hand(const DeviceRegistry& known, const std::string& name, double ra
   if (auto opened = driver->open(false); !opened) return console.fail(opened.error());
   if (driver->devices()[0].degrees_of_freedom_out == 0)
     return console.fail({ErrorKind::kUsage, "it gives no force", name, "there is nothing to hold against"});
-  if (!is_simulated && !agreed(console)) return console.fail(not_agreed(name));
+  if (!is_simulated)
+    if (const auto armed = arm(name, console); !armed) return console.fail(armed.error());
 
   SupervisorSettings watching;
   watching.command = {"/proc/self/exe", "supervise"};

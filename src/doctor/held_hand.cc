@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -12,6 +13,7 @@
 
 #include "doctor/held_hand_trial.h"
 #include "palpate/base/clock.h"
+#include "palpate/base/printable.h"
 #include "palpate/device/bounds.h"
 #include "palpate/servo/realtime.h"
 
@@ -29,8 +31,17 @@ constexpr double kSteps = 4, kLeast_mm = 0.03;
 // it does not die away
 constexpr double kStays = 0.7;
 constexpr double kMostWay_mm = 15, kMostSpeed_mm_s = 500, kMostAge_s = 0.01, kMostRest_mm = 3;
+constexpr double kFuture_s = 0.001;
+// speed is that of so long: a step of the encoder within one tick is none
+constexpr std::int64_t kSpeedOver_ns = 8'000'000, kPlaceEach_ns = 250'000;
+constexpr double kFinestStep_mm = 1e-4, kCoarsestStep_mm = 0.2;
 constexpr std::int64_t kLate_ns = 9'000'000;
 constexpr auto kLook = std::chrono::milliseconds(1);
+// what is wrong when a driver begins to run may be over within this
+constexpr std::int64_t kSettles_ns = 100'000'000;
+// and one that ends takes no longer
+constexpr std::int64_t kEnds_ns = 5'000'000'000;
+constexpr double kMostSpring_N_per_mm = 5;
 
 /// Even ticks of the thread that waits.
 class EvenClock final : public ServoClock {
@@ -192,8 +203,10 @@ std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step
 HeldHandTrial::HeldHandTrial(const HeldHandSettings& settings, double rate_hz, double step_mm, TimeSource now)
     : settings_(settings),
       now_(now),
-      step_mm_(step_mm),
-      threshold_mm_(std::max(kSteps * step_mm, kLeast_mm)),
+      made_ns_(now()),
+      step_mm_(std::isfinite(step_mm) ? std::clamp(step_mm, kFinestStep_mm, kCoarsestStep_mm)
+                                      : kCoarsestStep_mm),
+      threshold_mm_(std::max(kSteps * step_mm_, kLeast_mm)),
       stiffness_N_per_mm_(settings.first_N_per_mm) {
   pushed_.reserve(static_cast<std::size_t>(2 * rate_hz * kPushed_s) + 16);
 }
@@ -207,29 +220,27 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
                            std::span<DeviceCommand> commands) noexcept {
   for (DeviceCommand& command : commands) command = {};
   const DeviceSample& sample = samples[0];
-  const std::int64_t now_ns = now_();
-  last_update_ns_.store(now_ns);
+  const std::int64_t now_ns = now_(), before_ns = last_update_ns_.exchange(now_ns);
   if (ended_.load() != Ended::kNot) return;
   // none yet
-  if (begun_ns_ == 0 && (sample.fault || sample.taken_ns == 0)) return;
+  if (!begun_.load() && (sample.fault || sample.taken_ns == 0)) {
+    if (1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s) end(Ended::kNotReady);
+    return;
+  }
   if (sample.fault) return end(Ended::kFault);
   if (!sample.tip.all_finite()) return end(Ended::kNoNumber);
-  if (1e-9 * static_cast<double>(now_ns - sample.taken_ns) > kMostAge_s) return end(Ended::kOld);
-  if (begun_ns_ == 0) {
-    begun_ns_ = sample.taken_ns;
-    last_mm_ = slow_mm_ = sample.tip.eigen();
+  if (const Ended odd = odd_time(sample, now_ns, before_ns); odd != Ended::kNot) return end(odd);
+  const Eigen::Vector3d& tip_mm = sample.tip.eigen();
+  if (!begun_.load()) {
+    begun_ns_ = last_taken_ns_ = sample.taken_ns;
+    slow_mm_ = tip_mm;
+    begun_.store(true);
   }
   const double time_s = 1e-9 * static_cast<double>(sample.taken_ns - begun_ns_);
   const double passed_s = 1e-9 * static_cast<double>(sample.taken_ns - last_taken_ns_);
-  // a command to a state that is the same is the same
   Eigen::Vector3d wanted = force(sample, time_s);
-  if (ticks_ > 0 && passed_s > 0) {
-    // of some ticks: a step of the encoder within one is no speed
-    const double most_mm = std::max(kMostSpeed_mm_s * passed_s, 4 * threshold_mm_);
-    if ((sample.tip.eigen() - last_mm_).norm() > most_mm) end(Ended::kFast);
-    slow_mm_ += (sample.tip.eigen() - slow_mm_) * std::min(1.0, passed_s / kSlow_s);
-  }
-  last_mm_ = sample.tip.eigen();
+  if (too_fast(sample.taken_ns, tip_mm)) end(Ended::kFast);
+  slow_mm_ += (tip_mm - slow_mm_) * std::min(1.0, passed_s / kSlow_s);
   last_taken_ns_ = sample.taken_ns;
   ++ticks_;
   ended_at_s_ = time_s;
@@ -242,29 +253,68 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
   commands[0].force_N = Vector<Device>(wanted);
 }
 
+// what of the sample's time, or of the tick's, ends it
+HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
+                                             std::int64_t before_ns) const {
+  const double age_s = 1e-9 * static_cast<double>(now_ns - sample.taken_ns);
+  if (age_s > kMostAge_s) return Ended::kOld;
+  if (age_s < -kFuture_s) return Ended::kTimes;
+  if (!begun_.load())
+    return 1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s ? Ended::kNotReady : Ended::kNot;
+  // the watchdog may be late itself
+  if (now_ns - before_ns > kLate_ns) return Ended::kLate;
+  return sample.taken_ns < last_taken_ns_ ? Ended::kTimes : Ended::kNot;
+}
+
+bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm) {
+  // the newest place that is old enough is the oldest one
+  while (kept_ > 1 && taken_ns - places_[(oldest_ + 1) % places_.size()].taken_ns >= kSpeedOver_ns) {
+    oldest_ = (oldest_ + 1) % places_.size();
+    --kept_;
+  }
+  const bool fast = kept_ > 0 && taken_ns - places_[oldest_].taken_ns >= kSpeedOver_ns &&
+                    (tip_mm - places_[oldest_].tip_mm).norm() >
+                        kMostSpeed_mm_s * 1e-9 * static_cast<double>(taken_ns - places_[oldest_].taken_ns);
+  const std::size_t newest = (oldest_ + kept_ + places_.size() - 1) % places_.size();
+  if (kept_ == 0 || taken_ns - places_[newest].taken_ns >= kPlaceEach_ns) {
+    places_[(oldest_ + kept_) % places_.size()] = {taken_ns, tip_mm};
+    ++kept_;
+  }
+  return fast;
+}
+
 Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) {
   const Eigen::Vector3d& tip_mm = sample.tip.eigen();
   const double steps =
       std::log(settings_.most_N_per_mm / settings_.first_N_per_mm) / std::log(settings_.growth);
-  part_done_.store(std::min(1.0, time_s / (kRest_s + kPushed_s + std::max(1.0, steps) * kSpring_s)));
+  part_done_.store(
+      std::min(1.0, time_s / (kRest_s + kPushed_s + kSettle_s + std::max(1.0, steps) * kSpring_s)));
   if (time_s < kRest_s) {
     rest_mm_ += (tip_mm - rest_mm_) / static_cast<double>(++rested_);
+    first_rest_mm_ = rest_mm_;
     if ((tip_mm - rest_mm_).norm() > kMostRest_mm) end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
-  if ((tip_mm - rest_mm_).norm() > kMostWay_mm) {
+  // where it rested first, too: a spring's rest goes with the hand
+  if ((tip_mm - rest_mm_).norm() > kMostWay_mm || (tip_mm - first_rest_mm_).norm() > kMostWay_mm) {
     end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
-  return time_s < kRest_s + kPushed_s ? push(time_s - kRest_s) : spring(tip_mm, time_s);
+  if (time_s < kRest_s + kPushed_s) return push(time_s - kRest_s);
+  if (time_s >= kRest_s + kPushed_s + kSettle_s) return spring(tip_mm, time_s);
+  // what the pushes leave is no swing of the first spring
+  rest_mm_ = slow_mm_;
+  return Eigen::Vector3d::Zero();
 }
 
-// to and fro, in unlike lengths, so that no delay looks like another
+// to and fro, in unlike lengths, so that no delay looks like another. Their number is odd: what goes to one
+// side comes back in the next round, so that the hand is not pushed away.
 Eigen::Vector3d HeldHandTrial::push(double time_s) {
-  constexpr double kLengths_s[] = {0.03, 0.05, 0.02, 0.07, 0.04, 0.06};
-  double sign = 1, left_s = std::fmod(time_s, 0.27 * 2);
-  for (int n = 0;; ++n) {
-    const double length_s = kLengths_s[n % 6];
+  constexpr std::array kLengths_s{0.03, 0.05, 0.02, 0.07, 0.04, 0.06, 0.05};
+  static_assert(kLengths_s.size() % 2 == 1);
+  double sign = 1, left_s = std::fmod(time_s, kPushPeriod_s);
+  for (std::size_t n = 0; n < 2 * kLengths_s.size(); ++n) {
+    const double length_s = kLengths_s[n % kLengths_s.size()];
     if (left_s < length_s) break;
     left_s -= length_s;
     sign = -sign;
@@ -299,6 +349,8 @@ void HeldHandTrial::judge() {
   const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
   const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
   if (late_most_mm_ > threshold_mm_ && late > kStays * early) {
+    // of none is known that it is held
+    if (held_N_per_mm_ == 0) return end(Ended::kSwung);
     swings_N_per_mm_ = stiffness_N_per_mm_;
     return end(Ended::kDone);
   }
@@ -335,6 +387,14 @@ Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::
       return error("the tip was too fast", "hold it a little firmer, and try again");
     case Ended::kOld:
       return error("the device's states came too late", "see what palpate doctor says of this computer");
+    case Ended::kTimes:
+      return error("the times of the device's states go back, or are from the future",
+                   "restart the maker's service, or this computer");
+    case Ended::kSwung:
+      return error("it swung with the softest spring", "hold still, in free air, and try again");
+    case Ended::kNotReady:
+      if (auto trouble = driver.trouble()) return *trouble;
+      return error("the device was not ready when it was armed", "see what it shows, and try again");
     case Ended::kNoNumber:
       return error("the device said a place that is none", "switch it off and on again");
     case Ended::kLate:
@@ -347,13 +407,50 @@ Error ended_by(HeldHandTrial::Ended why, const DeviceDriver& driver, const std::
   return error("the device has withheld its force", "see what it shows, and try again");
 }
 
+/// The watchdog. False: interrupted.
+bool watch(DeviceDriver& driver, HeldHandTrial& trial, const std::atomic<bool>& gone, Heartbeat* heartbeat,
+           const Progress& progress, const std::string& name) {
+  const std::int64_t begun_ns = monotonic_ns();
+  while (trial.ended() == HeldHandTrial::Ended::kNot && !gone.load()) {
+    std::this_thread::sleep_for(kLook);
+    const std::int64_t last_ns = trial.last_update_ns(), now_ns = monotonic_ns();
+    if (heartbeat && last_ns != 0) {
+      heartbeat->beat_ns.store(last_ns);
+      heartbeat->looked_ns.store(now_ns);
+    }
+    const std::int64_t waits_ns = trial.begun() ? 0 : now_ns - begun_ns;
+    if (1e-9 * static_cast<double>(waits_ns) > HeldHandTrial::kBegin_s ||
+        (waits_ns > kSettles_ns && driver.trouble()))
+      trial.end(HeldHandTrial::Ended::kNotReady);
+    if (last_ns != 0 && now_ns - last_ns > kLate_ns) {
+      driver.halt();
+      trial.end(HeldHandTrial::Ended::kLate);
+    }
+    if (progress.stopped()) return false;
+    progress.report("holding " + name, std::min(0.99, trial.part_done()));
+  }
+  return true;
+}
+
+// Until the driver has ended. The supervisor sees that this process lives, but not for ever: a driver that
+// does not end holds the device.
+void await_end(const std::atomic<bool>& gone, Heartbeat* heartbeat) {
+  if (!heartbeat) return;
+  heartbeat->beat_ns.store(Heartbeat::kResting);
+  for (const std::int64_t begun_ns = monotonic_ns(); !gone.load() && monotonic_ns() - begun_ns < kEnds_ns;) {
+    heartbeat->looked_ns.store(monotonic_ns());
+    std::this_thread::sleep_for(kLook);
+  }
+}
+
 }  // namespace
 
 Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettings& settings,
                                       const Progress& progress) {
   PALPATE_CHECK(settings.most_force_N > 0 && settings.most_force_N <= 1 && settings.rate_hz >= 250 &&
                 settings.rate_hz <= 10000 && settings.first_N_per_mm > 0 && settings.growth > 1 &&
-                settings.most_N_per_mm >= settings.first_N_per_mm);
+                settings.most_N_per_mm >= settings.first_N_per_mm &&
+                settings.most_N_per_mm <= kMostSpring_N_per_mm);
   if (auto opened = driver.open(false); !opened) return opened.error();
   const DeviceInfo info = driver.devices()[0];
   const double rate_hz =
@@ -376,29 +473,14 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
     return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), info.name,
                  "close other programs, or raise the limit of processes (ulimit -u)"};
   }
-  // the watchdog
-  bool interrupted = false;
-  while (trial.ended() == HeldHandTrial::Ended::kNot && !gone.load()) {
-    std::this_thread::sleep_for(kLook);
-    const std::int64_t now_ns = monotonic_ns(), last_ns = trial.last_update_ns();
-    if (settings.heartbeat && last_ns != 0) {
-      settings.heartbeat->beat_ns.store(last_ns);
-      settings.heartbeat->looked_ns.store(now_ns);
-    }
-    if (last_ns != 0 && now_ns - last_ns > kLate_ns) {
-      driver.halt();
-      trial.end(HeldHandTrial::Ended::kLate);
-    }
-    if (progress.stopped()) {
-      interrupted = true;
-      break;
-    }
-    progress.report("holding " + info.name, std::min(0.99, trial.part_done()));
-  }
+  const bool interrupted = !watch(driver, trial, gone, settings.heartbeat, progress, info.name);
+  // it gave zeros already; the driver is told, too
+  if (trial.ended() != HeldHandTrial::Ended::kDone) driver.halt();
   if (interrupted) trial.end(HeldHandTrial::Ended::kFault);
-  if (settings.heartbeat) settings.heartbeat->beat_ns.store(Heartbeat::kResting);
   clock.stop();
+  await_end(gone, settings.heartbeat);
   running.join();
+  if (settings.heartbeat) settings.heartbeat->looked_ns.store(Heartbeat::kResting);
   if (interrupted) return Error{ErrorKind::kInterrupted, "stopped", "", ""};
   if (trial.ended() != HeldHandTrial::Ended::kDone) return ended_by(trial.ended(), driver, info.name);
   progress.report("holding " + info.name, 1);
@@ -406,7 +488,7 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
   if (!figures)
     return Error{ErrorKind::kUnavailable, "the tip moved too little to tell the delay", info.name,
                  "hold it more lightly, at one place, and try again"};
-  figures->device = info.name;
+  figures->device = printable_name(info.name);
   return *std::move(figures);
 }
 

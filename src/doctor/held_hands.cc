@@ -11,7 +11,9 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostHeld_N_per_mm = 100, kMostDelaySaid_s = 0.1, kMostRate_hz = 20'000;
+// what a trial can find: its springs, its delays, and loops of 250 Hz and more
+constexpr double kLeastHeld_N_per_mm = 1e-3, kMostHeld_N_per_mm = 5, kMostDelaySaid_s = 0.02;
+constexpr double kLeastRate_hz = 250, kMostRate_hz = 20'000;
 // a session's rate is met but for this part
 constexpr double kRatePlay = 0.9;
 
@@ -23,21 +25,23 @@ std::string_view word_of(std::string_view& line) {
   return word;
 }
 
-std::optional<double> number_of(std::string_view word, double most) {
+std::optional<double> number_of(std::string_view word, double least, double most) {
   double value = 0;
   const auto [end, failed] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (failed != std::errc() || end != word.data() + word.size()) return std::nullopt;
-  return value >= 0 && value <= most ? std::optional(value) : std::nullopt;
+  return value >= least && value <= most ? std::optional(value) : std::nullopt;
 }
 
 std::optional<HeldHandFigures> figures_of(std::string_view line) {
   HeldHandFigures figures;
-  const auto rate_hz = number_of(word_of(line), kMostRate_hz),
-             delay_s = number_of(word_of(line), kMostDelaySaid_s),
-             held = number_of(word_of(line), kMostHeld_N_per_mm);
+  const auto rate_hz = number_of(word_of(line), kRatePlay * kLeastRate_hz, kMostRate_hz),
+             delay_s = number_of(word_of(line), 0, kMostDelaySaid_s),
+             held = number_of(word_of(line), kLeastHeld_N_per_mm, kMostHeld_N_per_mm);
   const std::string_view swings_word = word_of(line);
-  const auto swings = number_of(swings_word, kMostHeld_N_per_mm);
+  const auto swings = number_of(swings_word, kLeastHeld_N_per_mm, kMostHeld_N_per_mm);
   if (!rate_hz || !delay_s || !held || (!swings && swings_word != "-") || line.empty()) return std::nullopt;
+  // a name that needs it was not written so
+  if (swings.value_or(*held) < *held || printable_name(line) != line) return std::nullopt;
   figures = {std::string(line), *rate_hz, *delay_s, *held, swings, kStiffnessMargin * swings.value_or(*held)};
   return figures;
 }
@@ -66,12 +70,12 @@ class HeldDriver final : public DeviceDriver {
     const auto devices = driver_->devices();
     infos_.assign(devices.begin(), devices.end());
     for (DeviceInfo& info : infos_) {
-      const auto held = hands_.find(info.name);
+      const auto held = hands_.find(printable_name(info.name));
       if (held == hands_.end() || info.simulated) continue;
       const double rate_hz = info.drive == DeviceInfo::Drive::kPulled ? rate_hz_ : info.rate_hz.value_or(0);
       if (rate_hz < kRatePlay * held->second.rate_hz) continue;
       const double advised = held->second.advised_N_per_mm;
-      info.delay_s = held->second.delay_s;
+      info.delay_s = std::max(held->second.delay_s, info.delay_s.value_or(0));
       info.stiffness_N_per_mm = std::min(advised, info.stiffness_N_per_mm.value_or(advised));
     }
   }
@@ -90,7 +94,7 @@ std::string held_hands_text(const HeldHands& hands) {
       "# rate_hz delay_s held_N_per_mm swings_N_per_mm|- NAME\n";
   for (const auto& [name, figures] : hands) {
     char line[160];
-    std::snprintf(line, sizeof line, "%.6g %.6g %.6g ", figures.rate_hz, figures.delay_s,
+    std::snprintf(line, sizeof line, "%.6g %.6f %.6g ", figures.rate_hz, figures.delay_s,
                   figures.held_N_per_mm);
     text += line;
     if (figures.swings_N_per_mm) std::snprintf(line, sizeof line, "%.6g ", *figures.swings_N_per_mm);
@@ -104,9 +108,10 @@ Result<HeldHands> parse_held_hands(std::string_view text, const std::string& whe
   int number = 0;
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view line = text.substr(0, end);
+    std::string_view line = text.substr(0, end);
     text.remove_prefix(std::min(end + 1, text.size()));
     ++number;
+    if (line.ends_with('\r')) line.remove_suffix(1);
     if (line.empty() || line[0] == '#') continue;
     const auto bad = [&](const char* what) {
       return Error{ErrorKind::kBadInput, what, where + ":" + std::to_string(number),

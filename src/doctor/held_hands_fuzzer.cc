@@ -1,9 +1,9 @@
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <string_view>
 
+#include "palpate/base/printable.h"
 #include "palpate/doctor/held_hand.h"
 
 /// The file of what hands held, which a user or another program may have written.
@@ -18,11 +18,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   for (const auto& [name, figures] : *hands) {
-    must(!name.empty() && name == figures.device);
-    must(figures.delay_s >= 0 && figures.advised_N_per_mm >= 0 && std::isfinite(figures.advised_N_per_mm));
+    must(!name.empty() && name == figures.device && palpate::printable_name(name) == name);
+    must(figures.delay_s >= 0 && figures.delay_s <= 0.02);
+    must(figures.advised_N_per_mm > 0 && figures.advised_N_per_mm <= 3);
   }
   // what was read is written as it is read again
   const auto again = palpate::parse_held_hands(palpate::held_hands_text(*hands), "held");
   must(again.ok() && again->size() == hands->size());
+  for (const auto& [name, figures] : *hands) must(again->contains(name));
   return 0;
 }

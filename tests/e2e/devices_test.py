@@ -1,15 +1,27 @@
 """palpate devices and palpate doctor: what there is and what is missing, without a device on the machine. A stand-in for a
 maker's library is felt with, where somebody sees it and from a page."""
 
+import fcntl
 import json
 import os
+import pty
 import re
 import shutil
 import signal
 import subprocess
+import termios
+import time
 
 import cli
 import explore_test
+
+
+# h5py belongs to the system's Python
+MOST_STIFFNESS = """
+import sys, h5py
+with h5py.File(sys.argv[1]) as run:
+    print(run["device0/most_stiffness_N_per_mm"][-1])
+"""
 
 
 class Devices(cli.PalpateTest):
@@ -89,10 +101,13 @@ class Doctor(cli.PalpateTest):
     def test_what_a_hand_holds(self):
         self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
         self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
+        # a weight that the device carries would come on top of the trial's newton
+        self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--held-mass", "touch=0.1", says="--held-mass")
         # a device at which nobody presses the key is not tried
         library = f"touch={os.environ['FAKE_HD']}"
         self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--library", library, says="nobody has armed the device")
-        # the simulated one is always held; on a machine with much else to do it is late, and says so
+        # the simulated one is always held; on a machine with much else to do it is late, or late with the plant's forces,
+        # and says so
         environment = {**os.environ, "XDG_DATA_HOME": str(self.folder)}
         kept = self.folder / "palpate" / "held-hands.txt"
         done = cli.run("doctor", "--hold", "simulated", "--json", env=environment)
@@ -102,7 +117,8 @@ class Doctor(cli.PalpateTest):
             self.assertLess(abs(figures["delay_s"] - 0.002), 0.002)
             self.assertIn(figures["device"], kept.read_text())
         else:
-            self.assertIn("palpate doctor says of this computer", done.stderr)
+            self.assertEqual(done.returncode, cli.UNAVAILABLE, done.stderr)
+            self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
             self.assertFalse(kept.exists())
         # what it kept is read when a session begins
         kept.parent.mkdir(exist_ok=True)
@@ -110,6 +126,42 @@ class Doctor(cli.PalpateTest):
         done = cli.run("explore", "knee-phantom", "--seconds", "0.2", "--no-viewer", env=environment)
         self.assertEqual(done.returncode, cli.BAD_INPUT)
         self.assertIn("held-hands.txt:2: ", done.stderr)
+
+    def hold_at_a_terminal(self, **keyboard):
+        terminal = explore_test.Terminal("doctor", "--hold", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
+                                         keyboard=True, **keyboard)
+        self.addCleanup(terminal.close)
+        terminal.wait_for("any other key does not")
+        return terminal
+
+    def test_what_was_typed_before_arms_nothing(self):
+        # it is there before anybody asks
+        terminal = self.hold_at_a_terminal(typed=b"a")
+        # and so may be the first of these
+        while terminal.process.poll() is None:
+            os.write(terminal.master, b"x")
+            time.sleep(0.2)
+        ended, _ = terminal.finish()
+        self.assertEqual(ended, cli.USAGE, terminal.shown)
+        self.assertIn("nobody has armed the device", terminal.shown)
+
+    def test_who_interrupts_the_question_is_not_told_that_nobody_armed(self):
+        terminal = self.hold_at_a_terminal()
+        terminal.process.send_signal(signal.SIGINT)
+        ended, _ = terminal.finish()
+        self.assertEqual(ended, cli.INTERRUPTED, terminal.shown)
+        self.assertNotIn("nobody has armed", terminal.shown)
+
+    def test_a_prompt_that_nobody_can_read_arms_nothing(self):
+        master, slave = pty.openpty()
+        self.addCleanup(os.close, master)
+        self.addCleanup(os.close, slave)
+        os.write(master, b"aaa")
+        done = subprocess.run([cli.PALPATE, "doctor", "--hold", "touch", "--library", f"touch={os.environ['FAKE_HD']}"],
+                              stdin=slave, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=300,
+                              start_new_session=True, preexec_fn=lambda: fcntl.ioctl(slave, termios.TIOCSCTTY, 0))
+        self.assertEqual(done.returncode, cli.USAGE, done.stderr)
+        self.assertIn("nobody has armed the device", done.stderr)
 
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")
@@ -132,6 +184,8 @@ class Arming(cli.PalpateTest):
         self.succeed("scene", "new", next((self.folder / "knee").glob("*.seg.nrrd")), "-o", self.scene)
         # far from the knee
         self.scene.write_text(self.scene.read_text() + "\n[workspace]\nhome = [0, 0, 500]\n")
+
+    def begin(self):
         terminal = explore_test.Terminal("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
                                          "--port", "0", "-o", self.folder / "run.h5", keyboard=True)
         self.addCleanup(terminal.close)
@@ -154,7 +208,23 @@ class Arming(cli.PalpateTest):
     def rearm(self, **answer):
         return self.viewer.ask(type="rearm", stop=self.viewer.state["stop"], **answer)
 
+    def test_what_a_hand_held_bounds_the_stiffness(self):
+        kept = self.folder / "palpate" / "held-hands.txt"
+        kept.parent.mkdir()
+        # as Windows ends its lines, with a carriage return
+        kept.write_bytes(b"# fine\r\n1000 0.002 0.1 0.12 Touch no. 4711\r\n")
+        recording = self.folder / "held.h5"
+        self.succeed("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
+                     "--seconds", "0.3", "--no-viewer", "-o", recording,
+                     env={**os.environ, "XDG_DATA_HOME": str(self.folder)})
+        done = subprocess.run(["/usr/bin/python3", "-c", MOST_STIFFNESS, recording], capture_output=True, text=True)
+        if "No module named" in done.stderr:
+            cli.missing("python3-h5py")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertAlmostEqual(float(done.stdout), 0.6 * 0.12, msg="0.27 is careful")
+
     def test_from_a_page_by_the_code_that_the_terminal_shows_once(self):
+        self.begin()
         code = self.code_of_a_stop()
         self.assertIn("at the device", self.rearm()["what"])
         wrong = str((int(code) + 1) % 1000000).zfill(6)

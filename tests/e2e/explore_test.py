@@ -46,10 +46,12 @@ for part in (rows[max(0, paused - 1000):paused], rows[paused:]):
 
 class Terminal:
     """palpate with its stderr on a terminal, and that terminal's keys when it has a keyboard; its frames are what each
-    redrawing of the live line shows."""
+    redrawing of the live line shows. What is `typed` lies there before palpate begins."""
 
-    def __init__(self, *arguments, keyboard=False):
+    def __init__(self, *arguments, keyboard=False, typed=b""):
         self.master, slave = pty.openpty()
+        if typed:
+            os.write(self.master, typed)
         own = {"start_new_session": True, "preexec_fn": lambda: fcntl.ioctl(slave, termios.TIOCSCTTY, 0)}
         self.process = subprocess.Popen([cli.PALPATE, *map(str, arguments)],
                                         stdin=slave if keyboard else subprocess.DEVNULL,
