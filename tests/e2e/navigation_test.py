@@ -94,7 +94,7 @@ class Navigation(cli.PalpateTest):
         """tests/navigation says how well: here what is typed and told."""
         scan = self.lines("scan.csv", POINTS)
         seen = self.lines("seen.csv", {name: tracked(p) for name, p in POINTS.items()})
-        nowhere = self.lines("nowhere.csv", {str(n): (n, 2 * n, 300) for n in range(20)})
+        nowhere = self.lines("nowhere.csv", {str(n): (31 * n % 90, 17 * n % 70, 53 * n % 80) for n in range(20)})
         surface = ("--surface", "knee-phantom:spacing=1.5", "--structure", "tibia")
         self.fail_clearly(cli.BAD_INPUT, "register", scan, seen, *surface, "--touched", nowhere, says="do not fit the surface")
         self.fail_clearly(cli.USAGE, "register", scan, seen, *surface[:3], "tibbia", "--touched", nowhere, says='perhaps "tibia" is meant')
