@@ -150,8 +150,8 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
       continue;
     }
     const std::vector<std::string_view> cells = cells_of(line.text);
-    const bool is_named =
-        is_fcsv || cells.empty() || !number_of(cells[0]) || (cells.size() == 5 && number_of(cells[4]));
+    // a name may be a number: three cells are a place, and of more the first is its name
+    const bool is_named = is_fcsv || cells.size() > 3;
     const std::size_t first = is_named ? 1 : 0;
     std::vector<double> numbers;
     for (std::size_t n = first; n < std::min(cells.size(), first + (is_fcsv ? 3 : 5)); ++n)
@@ -159,9 +159,9 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
         numbers.push_back(*number);
       else
         break;
-    const bool is_whole =
-        is_fcsv ? numbers.size() == 3
-                : numbers.size() + first == cells.size() && (numbers.size() == 3 || numbers.size() == 4);
+    const bool is_whole = is_fcsv ? numbers.size() == 3
+                                  : numbers.size() + first == cells.size() &&
+                                        (numbers.size() == 3 || (is_named && numbers.size() == 4));
     if (!is_whole) {
       if (std::exchange(may_be_heading, false) && numbers.empty() && cells.size() >= 3) continue;
       return bad("is no point", at_line(where, line), kRemedy);

@@ -27,13 +27,15 @@ TEST(ParsePoints, LinesOfAnyKind) {
     EXPECT_EQ((*points)[1].at_mm, Eigen::Vector3d(4, 5, 6));
     EXPECT_FALSE((*points)[1].fle_mm);
   }
-  const auto unnamed = parse_points("1 2 3\n4 5 6 0.5\n7,7,8,9,0.25", "points.csv");
+  const auto unnamed = parse_points("1 2 3\nb 4 5 6 0.5\n7,7,8,9,0.25\n8 1 2 3", "points.csv");
   ASSERT_TRUE(unnamed) << unnamed.error().message();
-  EXPECT_EQ((*unnamed)[1].name, "2");
+  EXPECT_EQ((*unnamed)[0].name, "1");
   EXPECT_EQ((*unnamed)[1].fle_mm, 0.5);
   // a number may be a name
   EXPECT_EQ((*unnamed)[2].name, "7");
   EXPECT_EQ((*unnamed)[2].at_mm, Eigen::Vector3d(7, 8, 9));
+  EXPECT_EQ((*unnamed)[3].name, "8");
+  EXPECT_EQ((*unnamed)[3].at_mm, Eigen::Vector3d(1, 2, 3));
 }
 
 TEST(ParsePoints, OfSlicer) {

@@ -19,9 +19,9 @@ struct NamedPoint {
 };
 
 /// Points of text: Slicer's markups (.mrk.json: its control points that are placed; .fcsv), else a line for
-/// each: `name x y z`, `x y z`, both with the point's error (mm) behind or not, parted by commas, tabs,
-/// semicolons or spaces; `#` begins a comment, and a first line without numbers is a heading. Millimetres.
-/// RAS, where a file of Slicer's says so, is turned into LPS.
+/// each: `x y z`, `name x y z` (the name may be a number) or that with the point's error (mm) behind, parted
+/// by commas, tabs, semicolons or spaces; `#` begins a comment, and a first line without numbers is a
+/// heading. Millimetres. RAS, where a file of Slicer's says so, is turned into LPS.
 ///
 /// Errors: kBadInput, with the line; nothing but those of JSON that is none, numbers that are none or not
 /// finite, no point, more than 100 000.
