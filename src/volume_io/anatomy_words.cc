@@ -69,7 +69,8 @@ constexpr std::string_view kStructures =
 constexpr std::string_view kQualities =
     "left right lt rt lh rh dex sinister dexter bilateral anterior posterior medial lateral superior "
     "inferior upper lower middle proximal distal central deep superficial internal external interior "
-    "exterior interna externa ventral dorsal rostral caudal subcortical lateralis medialis intermedius "
+    "exterior interna externa internus externus ventral dorsal rostral caudal subcortical lateralis medialis "
+    "intermedius "
     "longus brevis and of the tissue body head neck tail shaft trunk "
     "trunc tract muscles part pars isthmus quadrate inf sup lat vent ant proper soft fluid "
     "air gas choroidplexus extremities capsule skeletal";
