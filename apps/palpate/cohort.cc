@@ -1,9 +1,11 @@
 #include "palpate/cohort/cohort.h"
 
+#include <signal.h>
 #include <string.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -13,6 +15,7 @@
 #include "palpate/base/for_each_index.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
+#include "palpate/catalog/catalog.h"
 #include "palpate_version.h"
 #include "palpation.h"
 #include "verb.h"
@@ -33,6 +36,7 @@ struct CohortOptions {
   int number = 0;
   bool inside = false;
   std::vector<std::string> passed;  // options of the program that they get too
+  std::string results_by;           // those of them that change results
 };
 
 constexpr const char* kProgram = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
@@ -44,6 +48,20 @@ Result<std::vector<CohortCase>> cases_of(const CohortOptions& options) {
     for (CohortCase& one : *cases)
       if (!one.script) one.script = options.script;
   return cases;
+}
+
+/// What a case's key says of the program.
+std::string made_by(const CohortOptions& options) {
+  return kProgram + options.results_by;
+}
+
+/// Whether a result is there that need not be made anew.
+bool is_done(const CohortOptions& options, int number, const std::string& key) {
+  if (key.empty()) return false;
+  const auto result = find_case(options.folder, number, key);
+  std::error_code failed;
+  return result && result->fault.empty() &&
+         (!options.recordings || fs::is_regular_file(case_folder(options.folder, number) / "run.h5", failed));
 }
 
 /// The command line that runs one case, but for its number.
@@ -66,8 +84,8 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
 
 // ---- one case -------------------------------------------------------------------------------------------
 
-/// Why a process that left no result has ended.
-std::string fault_of(const EndedProcess& ended) {
+/// Why a process that left no result has ended, without its files' names.
+std::string fault_of(const EndedProcess& ended, const CohortCase& one, const CohortOptions& options) {
   if (ended.signal > 0) {
     const char* name = ::sigabbrev_np(ended.signal);
     return "its process was ended by a signal, " +
@@ -81,8 +99,10 @@ std::string fault_of(const EndedProcess& ended) {
       said = said.substr(at + before.size());
       break;
     }
-  said = said.substr(0, said.find('\n'));
-  return printable(said.empty() ? "its process ended without a result" : said);
+  said = printable(said.substr(0, said.find('\n')));
+  if (ended.exit_code == kExitOk) return "its process left no result that is seen here";
+  const std::string code = "its process ended with exit code " + std::to_string(ended.exit_code);
+  return said.empty() ? code : code + ": " + without_names(said, one, options.folder);
 }
 
 /// In a process of its own, which another one looks after: whatever becomes of it, there is a result.
@@ -95,7 +115,7 @@ int run_number(const CohortOptions& options, Console& console) {
   const Progress progress = console.progress();
   if (options.inside) {
     const auto result =
-        run_case(one, options.number, options.folder, {kProgram, options.recordings}, progress);
+        run_case(one, options.number, options.folder, {made_by(options), options.recordings}, progress);
     return result ? kExitOk : console.fail(result.error());
   }
   std::error_code failed;
@@ -105,6 +125,10 @@ int run_number(const CohortOptions& options, Console& console) {
   const auto claimed = claim_output(folder / "case");
   if (!claimed) return console.fail(claimed.error());
   const fs::path result = folder / "result.json";
+  const auto key = case_key(one, made_by(options), progress);
+  if (!key && key.error().kind == ErrorKind::kInterrupted) return console.fail(key.error());
+  // another job has done it meanwhile
+  if (key && is_done(options, options.number, *key)) return kExitOk;
   fs::remove(result, failed);
   CohortOptions inside = options;
   inside.inside = true;
@@ -114,18 +138,19 @@ int run_number(const CohortOptions& options, Console& console) {
   const auto ended = run_process(*command, progress);
   if (!ended) return console.fail(ended.error());
   if (ended->exit_code == kExitOk || fs::exists(result, failed)) return kExitOk;
-  const auto key = case_key(one, kProgram, progress);
-  const auto written = write_fault(one, options.number, options.folder, key ? *key : "", fault_of(*ended));
+  const auto written =
+      write_fault(one, options.number, options.folder, key ? *key : "", fault_of(*ended, one, options));
   return written ? kExitOk : console.fail(written.error());
 }
 
 // ---- all of them ----------------------------------------------------------------------------------------
 
 /// The cases' keys, each empty where a file of it cannot be read.
-Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, const Progress& progress) {
+Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, const CohortOptions& options,
+                                         const Progress& progress) {
   std::vector<std::string> keys;
   for (std::size_t n = 0; n < cases.size(); ++n) {
-    auto key = case_key(cases[n], kProgram, progress);
+    auto key = case_key(cases[n], made_by(options), progress);
     if (!key && key.error().kind == ErrorKind::kInterrupted) return key.error();
     keys.push_back(key ? *std::move(key) : "");
     progress.report("looking at the cases' files",
@@ -134,11 +159,56 @@ Result<std::vector<std::string>> keys_of(const std::vector<CohortCase>& cases, c
   return keys;
 }
 
+constexpr std::array kOutputs{"cohort.tsv", "times.tsv", "index.html"};
+
 Result<void> write_results(const CohortResults& cohort, const fs::path& folder) {
-  for (const auto& [name, text] :
-       {std::pair{"cohort.tsv", cohort_tsv(cohort)}, std::pair{"times.tsv", times_tsv(cohort, folder)},
-        std::pair{"index.html", cohort_page(cohort, folder, kProgram)}})
-    if (auto written = write_file(folder / name, text); !written) return written;
+  const std::array texts{cohort_tsv(cohort), times_tsv(cohort, folder),
+                         cohort_page(cohort, folder, kProgram)};
+  for (std::size_t n = 0; n < kOutputs.size(); ++n)
+    if (auto written = write_file(folder / kOutputs[n], texts[n]); !written) return written;
+  return {};
+}
+
+bool lies_in(const fs::path& what, const fs::path& folder) {
+  std::error_code failed;
+  const fs::path inner = fs::weakly_canonical(fs::absolute(what, failed), failed);
+  const fs::path outer = fs::weakly_canonical(fs::absolute(folder, failed), failed);
+  if (inner.empty() || outer.empty()) return false;
+  return std::ranges::mismatch(outer, inner).in1 == outer.end();
+}
+
+/// That the folder of the results is none of the data: they would change what the next run reads, or replace
+/// it.
+Result<void> check_folder(const CohortOptions& options, const std::vector<CohortCase>& cases,
+                          std::vector<fs::path>& inputs) {
+  const auto refuse = [&](const CohortCase& one, const std::string& why) {
+    return Error{ErrorKind::kUsage, why + " (case " + one.name + ", line " + std::to_string(one.line) + ")",
+                 options.folder.string(), "name a folder of its own for the results (-o)"};
+  };
+  std::error_code failed;
+  std::set<fs::path> folders;
+  for (const CohortCase& one : cases) {
+    std::vector<fs::path> named;
+    if (!find_entry(one.target).ok()) named.emplace_back(one.target);
+    if (one.segmentation) named.push_back(*one.segmentation);
+    constexpr const char* kBeside = "is where data lie, and tables beside labels are read as names of them";
+    for (const fs::path& study : named) {
+      if (!fs::is_directory(study, failed)) continue;
+      if (lies_in(options.folder, study)) return refuse(one, "lies within a folder that is read as a study");
+      if (same_file(fs::absolute(study, failed).lexically_normal().parent_path(), options.folder))
+        return refuse(one, kBeside);
+    }
+    for (const auto& [role, file] : case_files(one)) {
+      if (file.empty()) continue;
+      inputs.push_back(file);
+      if (!folders.insert(file.parent_path()).second) continue;
+      if (lies_in(file, options.folder / "cases"))
+        return refuse(one, "has data in its folder 'cases', where the results go");
+      if (role != "script" &&
+          same_file(file.parent_path().empty() ? fs::path(".") : file.parent_path(), options.folder))
+        return refuse(one, kBeside);
+    }
+  }
   return {};
 }
 
@@ -152,16 +222,26 @@ int run_cohort(const CohortOptions& options, Console& console) {
     if (!cases) return console.fail(cases.error());
     cohort.cases = *std::move(cases);
   }
+  std::vector<fs::path> inputs{options.table};
+  if (options.script) inputs.push_back(*options.script);
+  if (auto checked = check_folder(options, cohort.cases, inputs); !checked)
+    return console.fail(checked.error());
   std::error_code failed;
   fs::create_directories(options.folder, failed);
   if (failed)
     return console.fail({ErrorKind::kOutput, "the folder cannot be made: " + failed.message(),
                          options.folder.string(), "name one where files can be written"});
-  const auto claimed = claim_output(options.folder / "cohort.tsv");
-  if (!claimed) return console.fail(claimed.error());
+  std::vector<OutputClaim> claims;
+  for (const char* name : kOutputs) {
+    auto claimed = claim_output(options.folder / name, inputs);
+    if (!claimed) return console.fail(claimed.error());
+    claims.push_back(*std::move(claimed));
+  }
+  if (options.engine == "local")
+    if (auto none = check_no_slurm_job(options.folder); !none) return console.fail(none.error());
 
   const Progress progress = console.progress();
-  const auto keys = keys_of(cohort.cases, progress);
+  const auto keys = keys_of(cohort.cases, options, progress);
   if (!keys) return console.fail(keys.error());
   const auto count = cohort.cases.size();
   cohort.results.resize(count);
@@ -174,8 +254,7 @@ int run_cohort(const CohortOptions& options, Console& console) {
     collect();
     std::vector<int> numbers;
     for (std::size_t n = 0; n < count; ++n)
-      if (!cohort.results[n] || !cohort.results[n]->fault.empty() || (*keys)[n].empty())
-        numbers.push_back(static_cast<int>(n) + 1);
+      if (!is_done(options, static_cast<int>(n) + 1, (*keys)[n])) numbers.push_back(static_cast<int>(n) + 1);
     return numbers;
   };
   const std::vector<int> numbers = left();
@@ -191,6 +270,8 @@ int run_cohort(const CohortOptions& options, Console& console) {
   auto command = command_of(options);
   if (!command) return console.fail(command.error());
   std::set<int> told;
+  // of the case's own looking after that could leave no result: the disk is full, another run has the case
+  std::map<int, std::string> reasons;
   const auto tell = [&](int number) {
     const auto n = static_cast<std::size_t>(number - 1);
     const auto result = find_case(options.folder, number, (*keys)[n]);
@@ -207,12 +288,25 @@ int run_cohort(const CohortOptions& options, Console& console) {
         [&] {
           for (const int number : numbers)
             if (!told.contains(number)) tell(number);
+          return numbers.size() - told.size();
         },
         progress);
   } else if (!numbers.empty()) {
-    ran = run_locally(*command, numbers, options.jobs, tell, progress);
+    ran = run_locally(
+        *command, numbers, options.jobs,
+        [&](int number, const EndedProcess& how) {
+          tell(number);
+          if (told.contains(number)) return;
+          reasons[number] = fault_of(how, cohort.cases[static_cast<std::size_t>(number - 1)], options);
+        },
+        progress);
   }
   collect();
+  for (const auto& [number, reason] : reasons)
+    if (auto& result = cohort.results[static_cast<std::size_t>(number - 1)]; !result) {
+      result.emplace();
+      result->fault = reason;
+    }
   const auto written = write_results(cohort, options.folder);
   if (!ran) {
     if (ran.error().kind == ErrorKind::kInterrupted)
@@ -231,7 +325,9 @@ int run_cohort(const CohortOptions& options, Console& console) {
     }
     std::printf("case %s (line %d) %s\n", cohort.cases[n].name.c_str(), cohort.cases[n].line,
                 result ? ("failed: " + printable_name(result->fault)).c_str()
-                       : "has no result: its process was ended from outside");
+                : options.engine == "slurm"
+                    ? "has no result: Slurm ended its task, or what it wrote is not seen from here"
+                    : "has no result yet");
   }
   std::printf("%zu of %zu cases done: %s\n", done, count, (options.folder / "index.html").string().c_str());
   return done == count ? kExitOk : kExitLimit;
@@ -281,6 +377,9 @@ void add_cohort(CLI::App& app, Run& run) {
         options->passed.insert(options->passed.end(), {name, option->results().front()});
     for (const char* name : {"--follow-links", "--no-cache"})
       if (app.get_option(name)->count() > 0) options->passed.emplace_back(name);
+    for (const char* name : {"--mesh-space", "--mesh-unit", "--follow-links"})
+      if (const CLI::Option* option = app.get_option(name); option->count() > 0)
+        options->results_by += std::string(" ") + name + " " + option->results().front();
     run = [options](Console& console) { return run_cohort(*options, console); };
   });
 }

@@ -103,6 +103,67 @@ TEST(CaseFile, ItsKeyFollowsFilesRowAndProgram) {
   EXPECT_NE(key(), phantom);
 }
 
+TEST(CaseFile, ItsKeyFollowsRolesNamesTablesAndHeadersData) {
+  const test::TemporaryFolder folder;
+  for (const char* each : {"data", "other"}) std::filesystem::create_directory(folder / each);
+  const auto put = [&](const std::string& name, const std::string& text) {
+    ASSERT_TRUE(write_file(folder / name, text));
+  };
+  put("data/a.nii", "voxels");
+  put("data/b.nii", "voxels");
+  CohortCase one;
+  one.target = (folder / "data/a.nii").string();
+  const auto key = [&] {
+    const auto made = case_key(one, "1.0");
+    EXPECT_TRUE(made);
+    return made ? *made : "";
+  };
+  const std::string first = key();
+  // another name is another name of a structure; the same file in another place is not
+  one.target = (folder / "data/b.nii").string();
+  EXPECT_NE(key(), first);
+  put("other/a.nii", "voxels");
+  one.target = (folder / "other/a.nii").string();
+  EXPECT_EQ(key(), first);
+  // what it is read as
+  one.segmentation = folder / "data/b.nii";
+  const std::string segmented = key();
+  one.target = (folder / "data/b.nii").string();
+  one.segmentation = folder / "other/a.nii";
+  EXPECT_NE(key(), segmented);
+  // a lone table names labels, a second one takes that from it
+  one = {};
+  one.target = (folder / "data/a.nii").string();
+  put("data/anything.ctbl", "1 femur 1 2 3 255\n");
+  const std::string named = key();
+  EXPECT_NE(named, first);
+  put("data/anything.ctbl", "1 tibia 1 2 3 255\n");
+  EXPECT_NE(key(), named);
+  put("data/second.tsv", "value\tname\n");
+  const std::string two = key();
+  EXPECT_NE(two, named);
+  // the cohort's own counts by being there
+  one.table = folder / "data/second.tsv";
+  const std::string own = key();
+  put("data/second.tsv", "study\na.nii\nb.nii\n");
+  EXPECT_EQ(key(), own);
+  // the data of a header, whatever they are called
+  for (const auto& [header, line] :
+       {std::pair("data/h.nhdr", "NRRD0004\n# x\ndata file: v o x.bin\n\n"),
+        std::pair("data/h.mhd", "NDims = 3\r\nElementDataFile = v o x.bin\r\n")}) {
+    put(header, line);
+    one = {};
+    one.target = (folder / header).string();
+    const std::string missing = key();
+    put("data/v o x.bin", "1");
+    const std::string there = key();
+    EXPECT_NE(there, missing) << header;
+    put("data/v o x.bin", "2");
+    EXPECT_NE(key(), there) << header;
+    std::filesystem::remove(folder / "data/v o x.bin");
+  }
+}
+
 TEST(CaseFile, NamesOfFilesAreTakenOutOfTexts) {
   CohortCase one;
   one.target = "/data/DOE^CANARY/scan of doe.nii.gz";
@@ -110,12 +171,42 @@ TEST(CaseFile, NamesOfFilesAreTakenOutOfTexts) {
   for (const std::string text :
        {"/data/DOE^CANARY/scan of doe.nii.gz: is damaged",
         "scan of doe.nii.gz and seg/canary_labels.seg.nrrd do not lie together",
-        "the folder DOE^CANARY has none", "canary_labels has no voxel", "\"canary_labels.seg\": unknown"}) {
+        "the folder DOE^CANARY has none", "canary_labels has no voxel", "\"canary_labels.seg\": unknown",
+        // of files that nobody knows here
+        "cannot write /srv/Jane van Canary/out of doe/x.png", "canary.raw is missing", "(canary/7)",
+        "'C/canary.NII.GZ', damaged"}) {
     const std::string shown = without_names(text, one);
-    for (const char* secret : {"DOE", "doe", "CANARY", "canary"})
+    for (const char* secret : {"DOE", "doe", "CANARY", "canary", "Canary", "Jane"})
       EXPECT_EQ(shown.find(secret), std::string::npos) << shown;
   }
-  EXPECT_EQ(without_names("a segmentation of data", one), "a segmentation of \xe2\x80\xa6");
+  // words of everybody's folders, of anatomy and units stay
+  for (const std::string text : {"a segmentation of data", "the voxel data end",
+                                 "femur: 0.5 N/mm and 20 mm/s.", "scan and labels do not lie together"})
+    EXPECT_EQ(without_names(text, one, "/home/results/femur"), text);
+}
+
+TEST(CaseFile, NamesThatScenesHeadersAndNeighboursHaveAreTakenOut) {
+  const test::TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "study");
+  const auto put = [&](const std::string& name, const std::string& text) {
+    ASSERT_TRUE(write_file(folder / name, text));
+  };
+  put("study/scene.toml", "title = \"a scene\"\nlabels = \"zebra quagga.nhdr\"\n");
+  put("study/zebra quagga.nhdr", "NRRD0004\ntype: uint8\ndata file: okapi gnu\n\n");
+  put("study/eland\nkudu.ctbl", "nothing");
+  CohortCase one;
+  one.target = (folder / "study/scene.toml").string();
+  for (const std::string text :
+       {"its data file okapi gnu is missing", "zebra quagga.nhdr: no such file", "'zebra quagga' is damaged",
+        "eland\\u000akudu.ctbl is not one of labels and passed over", "eland\nkudu has 3 words",
+        "impala cannot be written"}) {
+    const std::string shown = without_names(text, one, folder / "impala");
+    for (const char* secret : {"zebra", "quagga", "okapi", "gnu", "eland", "kudu", "impala"})
+      EXPECT_EQ(shown.find(secret), std::string::npos) << shown;
+  }
+  // one that is not understood names its files all the same
+  put("study/scene.toml", "no such key = 3\nlabels = \"hartebeest\"\n[broken\n");
+  EXPECT_EQ(without_names("'hartebeest' is no volume", one).find("hartebeest"), std::string::npos);
 }
 
 }  // namespace

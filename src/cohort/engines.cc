@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <functional>
+#include <optional>
 #include <thread>
 
 #include "cohort/process.h"
@@ -68,7 +69,25 @@ Result<bool> is_alive(const std::string& job) {
                "the job is still there: run the same command again once Slurm answers, and it is collected"};
 }
 
-Result<void> wait_for(const std::string& job, const std::function<void()>& look, const Progress& progress) {
+struct Waited {
+  Result<void> how;
+  bool gone = false;  ///< Slurm says that nothing of the job is left
+};
+
+/// Cancels a job; whether Slurm has said that it does and that nothing of it is left.
+bool cancel(const std::string& job) {
+  const auto said = cohort::ask({"scancel", job});
+  if (!said || said->exit_code != 0) return false;
+  constexpr int kTries = 60;
+  for (int tries = 0; tries < kTries; ++tries) {
+    const auto alive = is_alive(job);
+    if (alive && !*alive) return true;
+    std::this_thread::sleep_for(500ms);
+  }
+  return false;
+}
+
+Waited wait_for(const std::string& job, const std::function<std::size_t()>& look, const Progress& progress) {
   int silent = 0;
   while (true) {
     const auto alive = is_alive(job);
@@ -76,52 +95,84 @@ Result<void> wait_for(const std::string& job, const std::function<void()>& look,
     constexpr int kTries = 60;
     if (!alive && (++silent >= kTries || alive.error().where != "squeue" ||
                    alive.error().what.find("not to be found") != std::string::npos))
-      return alive.error();
+      return {alive.error(), false};
     if (alive) silent = 0;
     look();
-    if (alive && !*alive) return {};
+    if (alive && !*alive) return {{}, true};
     for (int n = 0; n < 10; ++n) {
-      if (progress.stopped()) {
-        (void)cohort::ask({"scancel", job}).ok();
-        return Progress::interrupted();
-      }
+      if (progress.stopped()) return {Progress::interrupted(), cancel(job)};
       std::this_thread::sleep_for(100ms);
     }
   }
 }
 
+/// The job that is noted in a cohort's folder.
+std::optional<std::string> noted_job(const fs::path& note) {
+  const auto text = read_file(note, 64);
+  if (!text) return std::nullopt;
+  std::string job = text->substr(0, text->find('\n'));
+  if (job.empty() || job.find_first_not_of("0123456789") != job.npos) return std::nullopt;
+  return job;
+}
+
 }  // namespace
 
+Result<void> check_no_slurm_job(const fs::path& cohort) {
+  const fs::path note = cohort / "slurm-job";
+  const auto job = noted_job(note);
+  if (!job) return {};
+  const auto alive = is_alive(*job);
+  if (alive && !*alive) {
+    std::error_code none;
+    fs::remove(note, none);
+    return {};
+  }
+  return Error{ErrorKind::kUnavailable,
+               alive ? "Slurm's job " + *job + " still works in this folder"
+                     : "is noted to be worked in by Slurm's job " + *job + ", and " + alive.error().what,
+               cohort.string(),
+               "collect it with --engine slurm, or end it (scancel " + *job +
+                   "); where it is long gone, remove " + note.string()};
+}
+
 Result<void> run_locally(const std::vector<std::string>& command, const std::vector<int>& numbers, int jobs,
-                         const std::function<void(int number)>& ended, const Progress& progress) {
+                         const std::function<void(int number, const EndedProcess& how)>& ended,
+                         const Progress& progress) {
   struct Running {
     pid_t id;
     int number;
+    cohort::MemoryFile said;
   };
   const auto most = static_cast<std::size_t>(jobs > 0 ? jobs : processors());
   std::vector<Running> running;
+  const auto end_all = [&] {
+    std::vector<pid_t> ids;
+    for (const Running& one : running) ids.push_back(one.id);
+    cohort::end_groups(std::move(ids));
+  };
   std::size_t next = 0;
   while (next < numbers.size() || !running.empty()) {
     if (progress.stopped()) {
-      for (const Running& one : running) cohort::end_group(one.id);
+      end_all();
       return Progress::interrupted();
     }
     while (running.size() < most && next < numbers.size()) {
-      const auto id = cohort::start(with_number(command, numbers[next]), -1, -1, -1);
+      cohort::MemoryFile said;
+      const auto id = cohort::start(with_number(command, numbers[next]), -1, -1, said.descriptor());
       if (!id) {
-        for (const Running& one : running) cohort::end_group(one.id);
+        end_all();
         return id.error();
       }
-      running.push_back({*id, numbers[next++]});
+      running.push_back({*id, numbers[next++], std::move(said)});
     }
-    std::vector<int> done;
+    std::vector<std::pair<int, EndedProcess>> done;
     std::erase_if(running, [&](const Running& one) {
       cohort::Ended how;
       if (!cohort::has_ended(one.id, how)) return false;
-      done.push_back(one.number);
+      done.push_back({one.number, {how.exit_code, how.signal, one.said.tail(cohort::kKeptSaid)}});
       return true;
     });
-    for (const int number : done) ended(number);
+    for (const auto& [number, how] : done) ended(number, how);
     if (done.empty()) std::this_thread::sleep_for(10ms);
   }
   return {};
@@ -129,15 +180,13 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
 
 Result<void> run_by_slurm(const std::vector<std::string>& command,
                           const std::function<std::vector<int>()>& numbers, const SlurmOptions& options,
-                          const std::function<void()>& look, const Progress& progress) {
+                          const std::function<std::size_t()>& look, const Progress& progress) {
   const fs::path note = options.folder / "slurm-job";
   std::error_code none;
-  if (const auto earlier = read_file(note, 64)) {
-    const std::string job = earlier->substr(0, earlier->find('\n'));
-    const bool is_number = !job.empty() && job.find_first_not_of("0123456789") == job.npos;
-    if (is_number)
-      if (auto waited = wait_for(job, look, progress); !waited) return waited;
-    fs::remove(note, none);
+  if (const auto earlier = noted_job(note)) {
+    const Waited waited = wait_for(*earlier, look, progress);
+    if (waited.gone) fs::remove(note, none);
+    if (!waited.how) return waited.how;
   }
   const std::vector<int> left = numbers();
   if (left.empty()) return {};
@@ -161,10 +210,17 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
     (void)cohort::ask({"scancel", job}).ok();
     return written;
   }
-  auto waited = wait_for(job, look, progress);
-  // what was cancelled is not collected
-  if (waited || waited.error().kind == ErrorKind::kInterrupted) fs::remove(note, none);
-  return waited;
+  const Waited waited = wait_for(job, look, progress);
+  // the note of a job that may still run stays
+  if (waited.gone) fs::remove(note, none);
+  if (!waited.how) return waited.how;
+  // what another machine has written is seen here when the file system's memory of the folder is renewed
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(options.late_s);
+  while (look() > 0 && std::chrono::steady_clock::now() < end) {
+    if (progress.stopped()) return Progress::interrupted();
+    std::this_thread::sleep_for(500ms);
+  }
+  return {};
 }
 
 }  // namespace palpate

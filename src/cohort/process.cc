@@ -16,43 +16,30 @@
 #include "palpate/cohort/cohort.h"
 
 namespace palpate::cohort {
-namespace {
 
-/// A file in memory, for what a process says or reads.
-class MemoryFile {
- public:
-  MemoryFile() : file_(::memfd_create("palpate", MFD_CLOEXEC)) {}
-  ~MemoryFile() {
-    if (file_ >= 0) ::close(file_);
+MemoryFile::MemoryFile() : file_(::memfd_create("palpate", MFD_CLOEXEC)) {}
+MemoryFile::~MemoryFile() {
+  if (file_ >= 0) ::close(file_);
+}
+
+void MemoryFile::write(const std::string& text) {
+  for (std::size_t done = 0; done < text.size();) {
+    const ssize_t some = ::write(file_, text.data() + done, text.size() - done);
+    if (some <= 0) return;
+    done += static_cast<std::size_t>(some);
   }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  int descriptor() const { return file_; }
+  ::lseek(file_, 0, SEEK_SET);
+}
 
-  void write(const std::string& text) {
-    for (std::size_t done = 0; done < text.size();) {
-      const ssize_t some = ::write(file_, text.data() + done, text.size() - done);
-      if (some <= 0) return;
-      done += static_cast<std::size_t>(some);
-    }
-    ::lseek(file_, 0, SEEK_SET);
-  }
-  /// The last bytes.
-  std::string tail(std::size_t most) const {
-    const off_t size = ::lseek(file_, 0, SEEK_END);
-    if (size <= 0) return "";
-    const auto count = std::min(most, static_cast<std::size_t>(size));
-    std::string text(count, '\0');
-    const ssize_t got = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
-    text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
-    return text;
-  }
-
- private:
-  int file_;
-};
-
-}  // namespace
+std::string MemoryFile::tail(std::size_t most) const {
+  const off_t size = ::lseek(file_, 0, SEEK_END);
+  if (size <= 0) return "";
+  const auto count = std::min(most, static_cast<std::size_t>(size));
+  std::string text(count, '\0');
+  const ssize_t got = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
+  text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+  return text;
+}
 
 Result<pid_t> start(const std::vector<std::string>& command, int in, int out, int err) {
   std::vector<char*> arguments;
@@ -91,15 +78,20 @@ bool has_ended(pid_t id, Ended& how) {
   return true;
 }
 
-void end_group(pid_t id) {
-  ::kill(id, SIGTERM);
+void end_groups(std::vector<pid_t> ids) {
   Ended how;
-  for (int tries = 0; tries < 500; ++tries) {
-    if (has_ended(id, how)) return;
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const auto sweep = [&] { std::erase_if(ids, [&](pid_t id) { return has_ended(id, how); }); };
+  // to all of them before any is waited for
+  for (const pid_t id : ids) ::kill(id, SIGTERM);
+  for (int tries = 0; tries < 500 && !ids.empty(); ++tries) {
+    sweep();
+    if (!ids.empty()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  ::kill(-id, SIGKILL);
-  while (!has_ended(id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  for (const pid_t id : ids) ::kill(-id, SIGKILL);
+  while (!ids.empty()) {
+    sweep();
+    if (!ids.empty()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
 }
 
 Result<Said> ask(const std::vector<std::string>& command, const std::string& in) {
@@ -125,13 +117,12 @@ Result<EndedProcess> run_process(const std::vector<std::string>& command, const 
   Ended how;
   while (!has_ended(*id, how)) {
     if (progress.stopped()) {
-      end_group(*id);
+      end_groups({*id});
       return Progress::interrupted();
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  constexpr std::size_t kKept = 4096;
-  return EndedProcess{how.exit_code, how.signal, said.tail(kKept)};
+  return EndedProcess{how.exit_code, how.signal, said.tail(kKeptSaid)};
 }
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 #include <sys/types.h>
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/base/result.h"
@@ -21,8 +22,28 @@ struct Ended {
   int signal = 0;
 };
 bool has_ended(pid_t id, Ended& how);
-/// Asks it, and its group, to end; after 10 s ends it.
-void end_group(pid_t id);
+/// Asks all of them to end, and waits; after 10 s ends them and their groups.
+void end_groups(std::vector<pid_t> ids);
+
+/// A file in memory, for what a process says or reads.
+class MemoryFile {
+ public:
+  MemoryFile();
+  ~MemoryFile();
+  MemoryFile(MemoryFile&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+  MemoryFile& operator=(MemoryFile&& other) noexcept {
+    std::swap(file_, other.file_);
+    return *this;
+  }
+  int descriptor() const { return file_; }
+  void write(const std::string& text);
+  /// The last bytes.
+  std::string tail(std::size_t most) const;
+
+ private:
+  int file_;
+};
+inline constexpr std::size_t kKeptSaid = 4096;  ///< bytes of what a case's process says
 
 /// What a short command says.
 struct Said {

@@ -114,7 +114,7 @@ Result<void> write_fault(const CohortCase& one, int number, const fs::path& coho
                          const std::string& fault) {
   CaseResult result;
   result.key = key;
-  result.fault = without_names(fault, one);
+  result.fault = without_names(fault, one, cohort);
   const fs::path folder = case_folder(cohort, number);
   if (auto made = make_folder(folder); !made) return made;
   std::error_code none;
@@ -139,11 +139,13 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     result.key = *key;
   else if (key.error().kind == ErrorKind::kInterrupted)
     return key.error();
-  const Warn warn = [&](const std::string& text) { result.notes.push_back(without_names(text, one)); };
+  const Warn warn = [&](const std::string& text) {
+    result.notes.push_back(without_names(text, one, cohort));
+  };
   // in words without the file's name: the row says which case it is
   const auto failed = [&](const Error& error) -> Result<void> {
     if (error.kind == ErrorKind::kInterrupted || error.kind == ErrorKind::kOutput) return error;
-    result.fault = without_names(error.what, one);
+    result.fault = without_names(error.what, one, cohort);
     return {};
   };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "base/test_files.h"
@@ -645,11 +647,13 @@ TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
 
 // what suggests a preset comes through where a file's name gives a structure its name
 TEST(BuildModel, EveryWordOfAPresetIsKnownToBeAnatomy) {
+  // people are called so, and a file may be as well
+  const std::set<std::string> names_of_people{"costa", "hoffa", "lien"};
   for (const TissuePreset& preset : tissue_presets())
     for (const auto* words : {&preset.kind_words, &preset.structure_names})
       for (const std::string& word : *words) {
         const std::string name = "left " + word + (word == "white matter" ? "" : " 3");
-        EXPECT_EQ(structure_in_name("DOE^CANARY_" + name), name);
+        EXPECT_EQ(structure_in_name("DOE^CANARY_" + name), names_of_people.contains(word) ? "" : name);
       }
 }
 

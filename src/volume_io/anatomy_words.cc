@@ -14,7 +14,7 @@ namespace {
 constexpr std::string_view kStructures =
     // bone and joints
     "bone bony osseous trabecular cortical cancellous femur femoral tibia tibial fibula fibular patella "
-    "patellar rib costa costae costal vertebra vertebrae vertebral sacrum sacral coccyx hip pelvis pelvic "
+    "patellar rib costae costal vertebra vertebrae vertebral sacrum sacral coccyx hip pelvis pelvic "
     "ilium ischium pubis scapula scapular scapulae clavicula clavicle humerus humeral ulna ulnar radius "
     "radial skull cranium cranial mandible mandibular maxilla maxillary sternum sternal carpal carpus "
     "metacarpal tarsal tarsus metatarsal phalanx phalange phalanges talus calcaneus navicular cuboid "
@@ -35,12 +35,12 @@ constexpr std::string_view kStructures =
     "orbicularis platysma diaphragm hamstring tensor latae intercostal tongue sphincter constrictor thigh "
     "calf coracobrachialis "
     // fat, skin, vessels, nerves
-    "fat fatty adipose hoffa omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
+    "fat fatty adipose omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
     "arteria arteriole vein veins vena venae venous arterial vessel vascular choroid plexus aorta aortic "
     "brachiocephalic celiac coeliac cava saphenous carotid jugular subclavian iliac iliaca portal coronary "
     "pulmonary nerve nervus sciatic optic chiasm "
     // organs and glands
-    "liver hepatic hepar kidney renal spleen splenic lien lung pulmo heart cardiac atrium atrial ventricle "
+    "liver hepatic hepar kidney renal spleen splenic lung pulmo heart cardiac atrium atrial ventricle "
     "ventricular appendage myocardium myocardial pericardium trachea bronchus bronchi bronchial "
     "bronchie airway esophagus oesophagus stomach gastric duodenum bowel intestine colon rectum rectal "
     "caecum cecum appendix jejunum ileum mesentery gallbladder biliary bladder urinary urethra ureter "
@@ -48,18 +48,18 @@ constexpr std::string_view kStructures =
     "submandibular sublingual salivary adrenal pituitary hypophysis pancreas pancreatic thymus breast "
     "mammary gland glandula glandular lymph node lymphnode lymphonodus tonsil pharynx larynx laryngeal "
     "epiglottis glottis hypopharynx oropharynx nasopharynx arytenoid cricoid cricopharyngeus eye eyeball "
-    "lens cornea retina cochlea ear nose nasal sinus mouth oral cavity palate lips lip brachial thoracica "
+    "lens cornea retina cochlea ear nose nasal sinus mouth cavity palate lips lip brachial thoracica "
     // brain, as FreeSurfer and others name it
     "brain cerebrum cerebral cerebellum cerebellar brainstem thalamus hypothalamus hippocampus hippocampal "
     "amygdala putamen pallidum caudate accumbens midbrain medulla oblongata corpus callosum gyrus ctx "
-    "cortex matter csf ventraldc hypointensities pial pons wm gm dura lobe frontal parietal temporal "
+    "cortex matter csf ventraldc hypointensities pial wm gm dura lobe frontal parietal temporal "
     "occipital cingulate insula cuneus precuneus entorhinal fusiform lingual parahippocampal paracentral "
     "opercularis orbitalis triangularis pericalcarine postcentral precentral supramarginal orbitofrontal "
     "bankssts caudalanteriorcingulate caudalmiddlefrontal inferiorparietal inferiortemporal "
     "isthmuscingulate lateraloccipital lateralorbitofrontal medialorbitofrontal middletemporal "
     "parsopercularis parsorbitalis parstriangularis posteriorcingulate rostralanteriorcingulate "
     "rostralmiddlefrontal superiorfrontal superiorparietal superiortemporal frontalpole temporalpole "
-    "transversetemporal substantia nigra fornix tectum vermis cord myelum "
+    "transversetemporal substantia nigra fornix tectum vermis myelum "
     // what is ill, and what is hollow
     "tumour tumor lesion carcinoma cancer metastasis metastases neoplasm nodule adenoma fibroadenoma "
     "sarcoma glioma meningioma lymphoma gtv ctv ptv cyst effusion lumen aneurysm thrombus hematoma edema "
@@ -67,12 +67,13 @@ constexpr std::string_view kStructures =
 
 // of place, shape and number: names of nothing by themselves
 constexpr std::string_view kQualities =
-    "left right lt rt lh rh sin dex sinister dexter bilateral anterior posterior medial lateral superior "
+    "left right lt rt lh rh dex sinister dexter bilateral anterior posterior medial lateral superior "
     "inferior upper lower middle proximal distal central deep superficial internal external interior "
-    "exterior interna externa ventral dorsal rostral caudal subcortical lateralis medialis intermedius "
-    "maximus medius minimus longus brevis magnus and of the tissue body head neck tail shaft wall trunk "
-    "trunc tract band muscles part pars pole isthmus quadrate inf sup lat vent ant post proper soft fluid "
-    "air gas choroidplexus extremities capsule common stem skeletal";
+    "exterior interna externa internus externus ventral dorsal rostral caudal subcortical lateralis medialis "
+    "intermedius "
+    "longus brevis and of the tissue body head neck tail shaft trunk "
+    "trunc tract muscles part pars isthmus quadrate inf sup lat vent ant proper soft fluid "
+    "air gas choroidplexus extremities capsule skeletal";
 
 // words that people are called, with those that must stand right before or after them
 struct WithCompany {
@@ -88,6 +89,17 @@ constexpr std::array kWithCompany{
     WithCompany{"minor", "psoas", ""},       WithCompany{"major", "zygomaticus", ""},
     WithCompany{"minor", "zygomaticus", ""}, WithCompany{"long", "biceps", "head"},
     WithCompany{"short", "biceps", "head"},  WithCompany{"dc", "ventral", ""},
+    WithCompany{"magnus", "adductor", ""},   WithCompany{"hoffa", "", "fat"},
+    WithCompany{"maximus", "gluteus", ""},   WithCompany{"medius", "gluteus", ""},
+    WithCompany{"minimus", "gluteus", ""},   WithCompany{"oral", "", "cavity"},
+    WithCompany{"cord", "spinal", ""},       WithCompany{"stem", "brain", ""},
+    WithCompany{"band", "iliotibial", ""},   WithCompany{"band", "tract", ""},
+    WithCompany{"common", "", "carotid"},    WithCompany{"common", "", "iliac"},
+    WithCompany{"wall", "abdominal", ""},    WithCompany{"wall", "bladder", ""},
+    WithCompany{"wall", "thoracic", ""},     WithCompany{"wall", "vessel", ""},
+    WithCompany{"pole", "", "frontal"},      WithCompany{"pole", "", "occipital"},
+    WithCompany{"pole", "", "temporal"},     WithCompany{"pole", "frontal", ""},
+    WithCompany{"pole", "occipital", ""},    WithCompany{"pole", "temporal", ""},
 };
 
 // what a file of anybody's is called besides

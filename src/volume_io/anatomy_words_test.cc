@@ -48,7 +48,12 @@ TEST(AnatomyWords, NamesOfSegmentersStayWhole) {
                                  "Right-VentralDC",
                                  "lh.pial",
                                  "teres_major",
-                                 "L5 vertebra"}) {
+                                 "L5 vertebra",
+                                 "adductor_magnus",
+                                 "hoffa_fat",
+                                 "gluteus_medius",
+                                 "common_iliac_artery",
+                                 "bladder_wall"}) {
     const AnatomyInName found = anatomy_in(name);
     // a point between words becomes an underscore
     const std::string whole = name == "lh.pial" ? "lh_pial" : name;
@@ -82,6 +87,15 @@ TEST(AnatomyWords, WhatMightNameAPatientIsLeftOut) {
            {"", "", false},
            // a word that holds one of anatomy is another word
            {"Bonenberg", "", true},
+           // people are called so, and it counts beside its own word only
+           {"Magnus_femur", "femur", true},
+           {"magnus", "", true},
+           {"Hoffa_Lien", "", true},
+           {"Hoffa_femur", "femur", true},
+           {"Lien", "", true},
+           {"Pons_Maria_liver", "liver", true},
+           {"Costa", "", true},
+           {"Oral_Post_Sin_Band_Stem_Wall_Pole_femur", "femur", true},
            {"Ribbeck", "", true},
        }) {
     const AnatomyInName found = anatomy_in(one.text);

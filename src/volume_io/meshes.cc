@@ -89,22 +89,27 @@ Result<MeshFile> parse_file(const NamedMesh& named) {
   return parse_mesh(*bytes, named.format, named.file.string());
 }
 
-// its own name where that can be one, else the words of anatomy in its file's, numbered where there are
-// several
+// the words of anatomy in its own name where a file holds several, else those in its file's, numbered
 struct MeshName {
   std::string name;
-  bool left_out = false;  // of the file's name something
+  bool left_out = false;  // of a name something
 };
 MeshName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
                       bool only_file, const std::vector<std::string>& others) {
-  if (meshes > 1 && !name_fault(mesh.name)) return {mesh.name, false};
   // read_labels() calls a single structure after its file
   if (meshes == 1 && only_file) return {"", false};
-  const auto [words, left_out] = name_of_mask(file);
-  if (words.empty()) return {"structure " + std::to_string(others.size() + 1), left_out};
-  std::string own = meshes == 1 ? words : words + " " + std::to_string(n + 1);
-  if (std::ranges::find(others, own) != others.end()) own += " (" + std::to_string(others.size() + 1) + ")";
-  return {own, left_out};
+  const auto alone = [&](std::string name) {
+    if (std::ranges::find(others, name) != others.end())
+      name += " (" + std::to_string(others.size() + 1) + ")";
+    return name;
+  };
+  // whoever saved the file wrote this name as well
+  const AnatomyInName own = meshes > 1 ? anatomy_in(mesh.name) : AnatomyInName();
+  if (!own.name.empty() && !name_fault(own.name)) return {alone(own.name), own.left_out};
+  const AnatomyInName words = name_of_mask(file);
+  const bool left_out = own.left_out || words.left_out;
+  if (words.name.empty()) return {alone("structure " + std::to_string(others.size() + 1)), left_out};
+  return {alone(meshes == 1 ? words.name : words.name + " " + std::to_string(n + 1)), left_out};
 }
 
 std::string as_text(double value) {
@@ -263,9 +268,9 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
   tell("reaches beyond the scan and is cut off there", cut);
   tell("has surfaces of which no voxel's centre is in", empty);
   tell(
-      "has files with words in their names that are not known to be anatomy and might name a patient; a "
-      "table gives their structures any name, numbered as their files stand in order (--names TABLE). They "
-      "are called",
+      "has words in the names of its files or objects that are not known to be anatomy and might name a "
+      "patient; a table gives their structures any name, numbered as they stand in order (--names TABLE). "
+      "They are called",
       named_in_part);
   return labels;
 }

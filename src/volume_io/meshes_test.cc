@@ -109,6 +109,54 @@ TEST(Meshes, AStructureIsCalledAfterItsFileAndNotAfterTheFolder) {
   EXPECT_EQ(labels->labels.segments.size(), 2u);
 }
 
+// one solid or object a line: what it is called, and what of that may come through
+TEST(Meshes, ObjectsWithinAFileAreNotCalledAfterAPatient) {
+  const TemporaryFolder folder;
+  const GridGeometry scan = scan_for_meshes();
+  const std::vector<std::pair<std::string, std::string>> called{{"DOE^CANARY", "structure 1"},
+                                                                {"canary_femur_left", "femur_left"},
+                                                                {"tibia", "tibia"},
+                                                                {"Femur_left 19570411 Canary", "Femur_left"},
+                                                                {"canary tibia", "tibia (5)"},
+                                                                {"Magnus Hoffa", "structure 6"}};
+  std::string stl, obj;
+  int points = 0;
+  for (std::size_t n = 0; n < called.size(); ++n) {
+    const auto mesh = ball_in_scan(3, {0, 0, 7.0 * static_cast<double>(n) - 17});
+    stl += "solid " + called[n].first + "\n";
+    obj += "o " + called[n].first + "\n";
+    for (const auto& triangle : mesh.triangles) {
+      stl += "facet normal 0 0 0\nouter loop\n";
+      for (const auto corner : triangle) {
+        const Eigen::Vector3d& p = mesh.points[static_cast<std::size_t>(corner)];
+        const std::string at =
+            std::to_string(p.x()) + " " + std::to_string(p.y()) + " " + std::to_string(p.z()) + "\n";
+        stl += "vertex " + at;
+        obj += "v " + at;
+      }
+      stl += "endloop\nendfacet\n";
+      obj += "f " + std::to_string(points + 1) + " " + std::to_string(points + 2) + " " +
+             std::to_string(points + 3) + "\n";
+      points += 3;
+    }
+    stl += "endsolid " + called[n].first + "\n";
+  }
+  for (const auto& [name, text] :
+       {std::pair("of a stranger.stl", stl), std::pair("of a stranger.obj", obj)}) {
+    write_text(folder / name, text);
+    Result<LabelFile> labels = Error{};
+    const auto said = warnings_of(folder / name, &scan, labels);
+    ASSERT_TRUE(labels) << labels.error().message();
+    ASSERT_EQ(labels->labels.segments.size(), called.size()) << name;
+    for (std::size_t n = 0; n < called.size(); ++n)
+      EXPECT_EQ(labels->labels.segments[n].name, called[n].second) << name;
+    const std::string all = ::testing::PrintToString(said);
+    EXPECT_THAT(all, HasSubstr("not known to be anatomy"));
+    EXPECT_EQ(all.find("CANARY"), std::string::npos);
+    EXPECT_EQ(all.find("Canary"), std::string::npos);
+  }
+}
+
 TEST(Meshes, MoreStructuresThanAreComparedAreRefused) {
   const TemporaryFolder folder;
   std::string objects;

@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -108,7 +109,7 @@ class Cohort(cli.PalpateTest):
                     self.assertEqual(refused.returncode, cli.UNAVAILABLE, refused.stderr)
                     self.assertIn("Slurm refuses the job", refused.stderr)
             except one_node_slurm.CannotStart as why:
-                self.skipTest(f"by Slurm needs {why}")
+                cli.missing(f"by Slurm: {why}")
 
     def killed_halfway(self, how):
         """The folder of a cohort that was ended by a signal when its first case was done, and gone on with."""
@@ -122,8 +123,10 @@ class Cohort(cli.PalpateTest):
         process.send_signal(how)
         said = process.communicate(timeout=60)[1]
         self.assertEqual(process.returncode, cli.INTERRUPTED if how == signal.SIGINT else -how, said)
-        # nothing of it goes on
-        time.sleep(0.3)
+        # nothing of it goes on: they end with it, as soon as the system comes to it
+        end = time.monotonic() + 30
+        while self.processes_of(out) and time.monotonic() < end:
+            time.sleep(0.01)
         self.assertEqual(self.processes_of(out), [])
         done = len(list(out.rglob("result.json")))
         self.assertLess(done, CASES, "it was killed before the end")
@@ -151,8 +154,70 @@ class Cohort(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", out, "--sbatch=--mem=1G", says="--engine slurm")
         self.fail_clearly(cli.UNAVAILABLE, "cohort", self.table, "-o", out, "--engine", "slurm", says="Slurm",
                           env=dict(os.environ, PATH="/nowhere"))
+        # nothing of the user's is replaced, and no result is put among the data
+        named = self.folder / "cohort.tsv"
+        named.write_text("study\nknee-phantom\n")
+        self.fail_clearly(cli.USAGE, "cohort", named, "-o", self.folder, says="cohort.tsv")
+        self.assertEqual(named.read_text(), "study\nknee-phantom\n")
+        study = self.folder / "study"
+        study.mkdir()
+        (study / "a").write_text("x")
+        self.table.write_text(f"study\n{study}\n")
+        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study / "results", says="within a folder that is read as a study")
+        self.assertFalse((study / "results").exists())
+        self.table.write_text(f"study\n{study / 'a'}\n")
+        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study, says="where data lie")
+        self.table.write_text("study\nknee-phantom\n")
         (self.folder / "file").write_text("")
         self.fail_clearly(cli.OUTPUT, "cohort", self.table, "-o", self.folder / "file")
+
+    def test_names_of_files_that_a_case_only_leads_to_are_told_to_nobody(self):
+        # labels that a scene names, data that a header names, a table beside them, a name that cannot be printed
+        (self.data / "scene.toml").write_text('title = "a scene"\nlabels = "doe canary.nrrd"\n')
+        (self.data / "doe canary.nrrd").write_text("NRRD0005\ntype: uchar\n")
+        (self.data / "lost.nhdr").write_text("NRRD0005\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n"
+                                             "data file: canary of doe.bin\n\n")
+        (self.data / "canary\n7.ctbl").write_text("nothing\n")
+        whole = self.data / "canary8.nrrd"
+        whole.write_bytes(b"NRRD0005\ntype: uchar\ndimension: 3\nsizes: 20 20 20\nencoding: raw\nspace: left-posterior-superior\n"
+                          b"space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n\n"
+                          + bytes(6 < i < 13 and 6 < j < 13 and 6 < k < 13 for k in range(20) for j in range(20) for i in range(20)))
+        for table in self.data.glob("*.tsv"):
+            table.unlink()
+        self.table = self.folder / "canary cases.tsv"
+        self.table.write_text("study\nDOE^CANARY/scene.toml\nDOE^CANARY/lost.nhdr\nDOE^CANARY/canary8.nrrd\n")
+        out, done = self.cohort("canary out")
+        table = rows(out / "cohort.tsv")
+        self.assertIn("data file", table["2"]["fault"])
+        self.assertTrue(all(row["fault"] for name, row in table.items() if name != "3"), table)
+        for path in [p for p in out.rglob("*") if p.is_file()]:
+            self.assertNotIn(b"canary", path.read_bytes().lower(), path.name)
+            self.assertNotIn(b"doe", re.sub(rb"\bdoes\b|base64,[^\"]*", b"", path.read_bytes().lower()), path.name)
+
+        # what can leave no result says why all the same
+        shutil.rmtree(out / "cases" / "0001")
+        (out / "cases" / "0001").write_text("in the way")
+        _, done = self.cohort("canary out")
+        self.assertRegex(done.stdout, r"case 1 \(line 2\) failed: its process ended with exit code 4: .+")
+        self.assertNotIn("canary", (out / "cohort.tsv").read_text())
+        self.assertEqual(rows(out / "cohort.tsv")["1"]["state"], "failed")
+
+    def test_a_recording_that_is_missing_and_other_options_are_not_done(self):
+        self.table.write_text("case\tstudy\tscript\nshort\tknee-phantom:spacing=3\tscript.toml\n")
+        (self.data / "script.toml").write_text(cli.TOUCH)
+        out, _ = self.cohort("out", code=cli.OK)
+        again = self.cohort("out", code=cli.OK)[1]
+        self.assertIn("1 of 1 cases are done already", again.stderr)
+        self.assertNotIn("done already", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
+        self.assertTrue((out / "cases" / "0001" / "run.h5").is_file())
+        self.assertIn("done already", self.cohort("out", "--recordings", code=cli.OK)[1].stderr)
+        before = (out / "cases" / "0001" / "result.json").stat().st_mtime_ns
+        # the process of a case that is done does nothing
+        self.succeed("cohort", self.table, "-o", out, "--case", 1)
+        self.assertEqual((out / "cases" / "0001" / "result.json").stat().st_mtime_ns, before)
+        done = cli.run("--mesh-space", "ras", "cohort", self.table, "-o", out)
+        self.assertEqual(done.returncode, cli.OK, done.stderr)
+        self.assertNotIn("done already", done.stderr)
 
     def test_a_case_that_crashes_is_named(self):
         # its process is killed from outside while it works
@@ -166,10 +231,12 @@ class Cohort(cli.PalpateTest):
             inside = [number for number, line in self.processes_of(out)
                       if b"--inside" in line and line.endswith(b"--case\x001\x00")]
             time.sleep(0.01)
-        os.kill(int(inside[0]), signal.SIGSEGV)
+        # a sanitizer would make its own report of SIGSEGV
+        how = signal.SIGKILL if cli.SANITIZED else signal.SIGSEGV
+        os.kill(int(inside[0]), how)
         said, _ = process.communicate(timeout=300)
         self.assertEqual(process.returncode, cli.LIMIT)
-        self.assertIn("case long (line 2) failed: its process was ended by a signal, SIGSEGV", said)
+        self.assertIn(f"case long (line 2) failed: its process was ended by a signal, {how.name}", said)
         self.assertEqual(rows(out / "cohort.tsv")["short"]["state"], "done")
         result = json.loads((out / "cases" / "0001" / "result.json").read_text())
         self.assertTrue(re.fullmatch("[0-9a-f]{64}", result["key"]))

@@ -2,13 +2,23 @@
 authentication but that of the machine's users, nothing of the system's Slurm is read or touched."""
 
 import contextlib
+import ctypes
 import os
 import pathlib
 import pwd
 import shutil
+import signal
 import socket
 import subprocess
 import time
+
+PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)
+
+
+def end_with_parent():
+    """In a process that is started: it is killed where the test dies, however that comes."""
+    _libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class CannotStart(Exception):
@@ -73,7 +83,8 @@ def slurm(folder):
     try:
         for command in (["slurmctld", "-D"], ["slurmd", "-D"]):
             processes.append(subprocess.Popen([programs[command[0]], *command[1:]], env=environment, stdin=subprocess.DEVNULL,
-                                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True))
+                                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+                                              preexec_fn=end_with_parent))
         end = time.monotonic() + 30
         while True:
             said = subprocess.run([programs["sinfo"], "--noheader", "--format=%T"], env=environment, capture_output=True, text=True)
@@ -86,6 +97,16 @@ def slurm(folder):
             time.sleep(0.2)
         yield environment
     finally:
+        # jobs first: their tasks are not the daemons' children, and would outlive them
+        with contextlib.suppress(subprocess.SubprocessError):
+            user = pwd.getpwuid(os.geteuid()).pw_name
+            subprocess.run([programs["scancel"], f"--user={user}"], env=environment, capture_output=True, timeout=20)
+            end = time.monotonic() + 20
+            while processes and time.monotonic() < end and all(p.poll() is None for p in processes):
+                left = subprocess.run([programs["squeue"], "--noheader"], env=environment, capture_output=True, text=True, timeout=20)
+                if left.returncode != 0 or not left.stdout.strip():
+                    break
+                time.sleep(0.2)
         for process in reversed(processes):
             process.terminate()
         for process in reversed(processes):

@@ -30,8 +30,9 @@ namespace palpate {
 
 /// A row of the table.
 struct CohortCase {
-  int line = 0;      ///< of the table
-  std::string name;  ///< of the column "case", else its number; shown in every output
+  int line = 0;                 ///< of the table
+  std::string name;             ///< of the column "case", else its number; shown in every output
+  std::filesystem::path table;  ///< that it stands in; empty: none that was read as a file
   /// A scan, a folder of DICOM, a label map, a scene, or a data set's name.
   std::string target;
   std::optional<std::filesystem::path> segmentation, script;
@@ -67,8 +68,9 @@ struct ThinPlace {
 };
 /// Of a structure's middle, where the nearest voxels outside lie to either side (130 degrees apart or more),
 /// the place where they are nearest, less a voxel: on a plate of n voxels n. Where a structure ends it tapers
-/// off, so the middle counts only where it goes on to all sides, within kRim_mm. The volume's border is no
-/// side. Nothing where there is no such middle (a structure of a few voxels, one without an outside).
+/// off, so the middle counts only where it goes on to all sides, within kRim_mm. The volume's
+/// border is no side. Nothing where there is no such middle (a structure of a few voxels, one without an
+/// outside).
 /// @param labels  flattened
 std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const SegmentStatistics& structure);
 inline constexpr double kRim_mm = 3;
@@ -111,14 +113,26 @@ struct CaseTimes {
   double read_s = 0, check_s = 0, palpate_s = 0, picture_s = 0;
 };
 
-/// SHA-256, in hexadecimal, of the case's row, of the bytes of every file that it names or that is beside
-/// them and read with them, and of the program. Errors: a file that cannot be read; interrupted.
-/// @param program  version and commit
+/// A file that a case is made from.
+struct CaseFile {
+  std::string role;            ///< what it is read as, with its name: both change what is made of it
+  std::filesystem::path file;  ///< empty: the cohort's table, which counts by being there
+};
+/// Every file that the row names, and that is read with them: those of a scene, tables of names beside labels
+/// (every .ctbl and .tsv there: one alone is read, of several none), headers' data, whatever they are called.
+std::vector<CaseFile> case_files(const CohortCase& one);
+
+/// SHA-256, in hexadecimal, of the case's row, of the roles, names and bytes of case_files, and of the
+/// program. Errors: a file that cannot be read; interrupted.
+/// @param program  version and commit, and those of its options that change results
 Result<std::string> case_key(const CohortCase& one, const std::string& program,
                              const Progress& progress = {});
 
-/// Text without what names the case's files: their paths, their names, the folders they lie in.
-std::string without_names(std::string text, const CohortCase& one);
+/// Text without what names files: paths and names of the case's, of those that their headers and scenes name,
+/// of what else stands in their folders, of the table's and the cohort's folder, as they are and as
+/// printable_name() spells them; and whatever else has a '/' or a file's ending. Words that folders of
+/// everybody are called by ("data"), and names that are wholly words of anatomy, stay.
+std::string without_names(std::string text, const CohortCase& one, const std::filesystem::path& cohort = {});
 
 std::string case_json(const CaseResult& result);
 /// Believes nothing of the text. Nothing where it is no result.
@@ -130,7 +144,7 @@ std::filesystem::path case_folder(const std::filesystem::path& cohort, int numbe
 std::optional<CaseResult> find_case(const std::filesystem::path& cohort, int number, const std::string& key);
 
 struct CaseOptions {
-  std::string program;
+  std::string program;     ///< as for case_key
   bool recording = false;  ///< keep run.h5
 };
 /// Reads, checks, palpates and draws a case, in this process, and writes result.json, times.json, picture.png
@@ -144,27 +158,6 @@ Result<void> write_fault(const CohortCase& one, int number, const std::filesyste
 
 // ---- engines --------------------------------------------------------------------------------------------
 
-/// Starts `command` with the number of each case behind it, on this machine, some at a time, each in a
-/// process group of its own; they end where this process ends. Interrupted it asks them to end, and waits.
-/// @param jobs  at a time; 0: one for each processor
-/// @param ended  called after each, with its number
-Result<void> run_locally(const std::vector<std::string>& command, const std::vector<int>& numbers, int jobs,
-                         const std::function<void(int number)>& ended, const Progress& progress = {});
-
-struct SlurmOptions {
-  int jobs = 0;                     ///< at a time; 0: as many as Slurm gives
-  std::vector<std::string> sbatch;  ///< further options of sbatch: "--partition=long"
-  std::filesystem::path folder;  ///< of the cohort; "slurm-job" in it names the job while it is not collected
-};
-/// The same by one array job of Slurm, whose tasks have the cases' numbers, and waits for it. A job of an
-/// earlier call that still runs for this folder is waited for first, and `numbers` are asked for anew.
-/// Interrupted the job is cancelled.
-/// @param numbers  those that are not done, asked for when the job is submitted
-/// Errors: kUnavailable where Slurm is not there, does not answer or refuses the job, in its own words.
-Result<void> run_by_slurm(const std::vector<std::string>& command,
-                          const std::function<std::vector<int>()>& numbers, const SlurmOptions& options,
-                          const std::function<void()>& look, const Progress& progress = {});
-
 /// Runs a case's own process, and waits: what it says on stderr is kept.
 struct EndedProcess {
   int exit_code = 0;  ///< -1 where a signal ended it
@@ -173,6 +166,35 @@ struct EndedProcess {
 };
 /// It ends where this process ends, and is asked to end (SIGTERM) when progress is stopped.
 Result<EndedProcess> run_process(const std::vector<std::string>& command, const Progress& progress = {});
+
+/// Starts `command` with the number of each case behind it, on this machine, some at a time, each in a
+/// process group of its own; they end where this process ends. Interrupted it asks all of them to end, and
+/// then waits.
+/// @param jobs  at a time; 0: one for each processor
+/// @param ended  called after each, with its number and how it ended
+Result<void> run_locally(const std::vector<std::string>& command, const std::vector<int>& numbers, int jobs,
+                         const std::function<void(int number, const EndedProcess& how)>& ended,
+                         const Progress& progress = {});
+
+struct SlurmOptions {
+  int jobs = 0;                     ///< at a time; 0: as many as Slurm gives
+  std::vector<std::string> sbatch;  ///< further options of sbatch: "--partition=long"
+  std::filesystem::path folder;  ///< of the cohort; "slurm-job" in it names the job while it is not collected
+  /// How long results are waited for that a node has written and this one does not see yet, s.
+  double late_s = 60;
+};
+/// The same by one array job of Slurm, whose tasks have the cases' numbers, and waits for it. A job of an
+/// earlier call that still runs for this folder is waited for first, and `numbers` are asked for anew.
+/// Interrupted the job is cancelled; "slurm-job" stays unless it is gone then.
+/// @param numbers  those that are not done, asked for when the job is submitted
+/// @param look  called now and then; tells how many have no result yet
+/// Errors: kUnavailable where Slurm is not there, does not answer or refuses the job, in its own words.
+Result<void> run_by_slurm(const std::vector<std::string>& command,
+                          const std::function<std::vector<int>()>& numbers, const SlurmOptions& options,
+                          const std::function<std::size_t()>& look, const Progress& progress = {});
+/// An error where a job of Slurm still works in the cohort's folder, or where Slurm cannot be asked whether
+/// one that is noted there does. The note of one that is gone is removed.
+Result<void> check_no_slurm_job(const std::filesystem::path& cohort);
 
 // ---- what all of them show ------------------------------------------------------------------------------
 
