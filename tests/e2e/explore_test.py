@@ -44,6 +44,10 @@ for part in (rows[max(0, paused - 1000):paused], rows[paused:]):
 """
 
 
+# what a machine is told that is slow, or busy when a session begins
+SLOW_MACHINE = re.compile("palpate: warning: soft tissue is solved in cells of .*\r?\n")
+
+
 class Terminal:
     """palpate with its stderr on a terminal, and that terminal's keys when it has a keyboard; its frames are what each
     redrawing of the live line shows. What is `typed` lies there before palpate begins."""
@@ -465,7 +469,7 @@ class Explore(cli.PalpateTest):
     def test_quiet_is_quiet(self):
         terminal = self.terminal("-q", *self.explore("--seconds", "0.3"))
         code, out = terminal.finish()
-        self.assertEqual((code, terminal.shown), (cli.OK, ""))
+        self.assertEqual((code, SLOW_MACHINE.sub("", terminal.shown)), (cli.OK, ""))
         self.assertIn("lateness us", out)
 
     def viewed(self, *arguments):
@@ -673,7 +677,7 @@ class Explore(cli.PalpateTest):
         recording = self.folder / "run.h5"
         done = self.fail_clearly(cli.OUTPUT, *self.explore("--seconds", "2", "--rate", "4000", "-o", recording),
                                  says="cannot be written", preexec_fn=limited)
-        self.assertEqual(done.stderr.count("palpate: warning:"), 1, done.stderr)
+        self.assertEqual(SLOW_MACHINE.sub("", done.stderr).count("palpate: warning:"), 1, done.stderr)
         self.assertIn("the session goes on", done.stderr)
         self.assertLess(done.stderr.index("palpate: warning:"), done.stderr.index("palpate: error:"))
         ticks, skipped = (int(re.search(rf"(\d+) {word}", done.stdout).group(1)) for word in ("ticks", "skipped"))
