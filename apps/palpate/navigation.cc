@@ -28,7 +28,7 @@ namespace palpate::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr std::size_t kMostPoints_bytes = std::size_t{1} << 28;
+constexpr std::size_t kMostPoints_bytes = std::size_t{1} << 24, kMostPoses_bytes = std::size_t{1} << 28;
 
 Json json_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
@@ -63,7 +63,7 @@ int pivot(const PivotVerb& options, Console& console) {
     if (!claimed) return console.fail(claimed.error());
     claim.emplace(std::move(*claimed));
   }
-  const auto text = read_file(options.poses, kMostPoints_bytes);
+  const auto text = read_file(options.poses, kMostPoses_bytes);
   if (!text) return console.fail(text.error());
   PoseFormat format = options.format;
   format.scalar_first = options.quaternion == "wxyz";
@@ -128,8 +128,8 @@ Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
                          });
   std::vector<PointPair> pairs;
   const auto add = [&](const NamedPoint& in_scan, const NamedPoint& seen) {
-    pairs.push_back({in_scan.name, Point<Patient>(in_scan.at_mm), Point<Tracker>(seen.at_mm),
-                     seen.fle_mm.value_or(in_scan.fle_mm.value_or(1))});
+    pairs.push_back(
+        {in_scan.name, Point<Patient>(in_scan.at_mm), Point<Tracker>(seen.at_mm), seen.fle_mm.value_or(1)});
   };
   if (are_named) {
     for (const NamedPoint& point : scan)
@@ -180,9 +180,14 @@ int register_verb(const RegisterVerb& options, Console& console) {
   if (!tracked) return console.fail(tracked.error());
   auto pairs = pair_up(*scan, *tracked, options, console);
   if (!pairs) return console.fail(pairs.error());
-  const bool is_known =
-      options.fle_mm || std::any_of(tracked->begin(), tracked->end(),
+  const auto stated = std::count_if(tracked->begin(), tracked->end(),
                                     [](const auto& point) { return point.fle_mm.has_value(); });
+  if (!options.fle_mm && stated > 0 && stated < std::ssize(*tracked))
+    return console.fail({ErrorKind::kBadInput,
+                         "says of " + std::to_string(stated) + " of " + std::to_string(tracked->size()) +
+                             " points how wrong they are",
+                         options.tracked_points.string(), "say it of all, or of none, or give --fle"});
+  const bool is_known = options.fle_mm || stated > 0;
   if (options.fle_mm)
     for (PointPair& pair : *pairs) pair.fle_mm = *options.fle_mm;
   const auto by_points = register_points(*pairs);
@@ -197,8 +202,8 @@ int register_verb(const RegisterVerb& options, Console& console) {
     std::printf("%s %.3f\n", shown_name((*pairs)[n].name).c_str(), by_points->residuals_mm[n]);
   std::printf("all              %.3f (FRE, root mean square), which tells nothing of the error elsewhere\n",
               by_points->fre_mm);
-  const bool says_nothing = by_points->fle_scale < 1e-6;
-  if (says_nothing && !is_known)
+  const bool says_nothing = !is_known && by_points->fle_scale < 1e-6;
+  if (says_nothing)
     console.warn()(
         "the points fit without any error: they were computed from one another, and nothing is known of how "
         "wrong this is");
@@ -208,19 +213,23 @@ int register_verb(const RegisterVerb& options, Console& console) {
     std::printf("error of a point %.2f mm (FLE, from what is left over; %.2f to %.2f in 95 of 100 cases)\n",
                 scale, by_points->least_fle_scale, by_points->most_fle_scale);
   }
-  Json json{{"patient_from_tracker", rows_of(by_points->patient_from_tracker)},
-            {"fre_mm", by_points->fre_mm},
-            {"fle_known", is_known}};
+  // of the points alone, whatever a surface then does
+  Json of_points{{"patient_from_tracker", rows_of(by_points->patient_from_tracker)},
+                 {"fre_mm", by_points->fre_mm},
+                 {"fle_known", is_known}};
   if (!is_known)
-    json["fle_mm"] = {by_points->fle_scale, by_points->least_fle_scale, by_points->most_fle_scale};
+    of_points["fle_mm"] = {by_points->fle_scale, by_points->least_fle_scale, by_points->most_fle_scale};
   Json residuals = Json::array(), targets = Json::array();
   for (std::size_t n = 0; n < pairs->size(); ++n)
     residuals.push_back({{"name", (*pairs)[n].name}, {"mm", by_points->residuals_mm[n]}});
-  json["points"] = residuals;
+  of_points["points"] = residuals;
   std::vector<Point<Patient>> places;
   for (const std::vector<double>& at : options.targets) places.emplace_back(at[0], at[1], at[2]);
   if (places.empty()) places.push_back(by_points->centroid);
-  std::printf("\nby these points, a target is wrong by (TRE):\n");
+  if (says_nothing)
+    places.clear();
+  else
+    std::printf("\nby these points, a target is wrong by (TRE):\n");
   for (const Point<Patient>& place : places) {
     const ErrorSpread wrong = target_error(*by_points, place, scale);
     std::printf("  at %.1f, %.1f, %.1f%s   %.2f mm (root mean square); below %.2f in 95 of 100 cases\n",
@@ -229,7 +238,8 @@ int register_verb(const RegisterVerb& options, Console& console) {
     targets.push_back(
         {{"at_mm", json_of(place.eigen())}, {"tre_rms_mm", wrong.rms_mm}, {"tre_95_mm", wrong.most_mm}});
   }
-  json["targets"] = targets;
+  of_points["targets"] = targets;
+  Json json{{"patient_from_tracker", of_points["patient_from_tracker"]}, {"by_points", of_points}};
 
   if (!options.surface.empty()) {
     const auto touched = points_of(options.touched);
@@ -331,6 +341,7 @@ void add_register(CLI::App& app, Run& run) {
                    "Where the error is wanted: patient coordinates in mm, LPS; may be given several times")
       ->delimiter(',')
       ->expected(3)
+      ->check(number_between(-1e6, 1e6))
       ->type_name("X,Y,Z");
   verb->add_option("--surface", options->surface,
                    "Then onto a structure's surface: a data set, a scene file, or a label map");
