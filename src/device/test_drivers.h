@@ -59,6 +59,7 @@ class RealTimePlant {
   /// Up to now under `acting`; what the encoders say then.
   DeviceSample advance(const DeviceCommand& acting);
   DeviceInfo info() const { return device_.info(); }
+  void intend(const Point<Device>& tip) { device_.intend(tip); }
 
  private:
   SimulatedDevice device_;

@@ -58,6 +58,7 @@ struct Unit {
   DeviceInfo info;
   bool turns = false, gripper = false;
   std::atomic<char> id{kNobody};
+  std::atomic<int> halts{0};  ///< that switch its motors off now, from whatever thread
   std::atomic<State> state{State::kThere};
   std::atomic<Trouble> trouble{Trouble::kNone};
 
@@ -288,8 +289,11 @@ class ForceDimensionDriver::Core {
 
   void halt() {
     halted_.store(true);
-    for (std::size_t d = 0; d < count_; ++d)
-      if (const char id = units_[d].id.load(); id != kNobody) library_->dhdEnableForce(0, id);
+    for (DhdUnit& unit : std::span(units_).first(count_)) {
+      unit.halts.fetch_add(1);
+      if (const char id = unit.id.load(); id != kNobody) library_->dhdEnableForce(0, id);
+      unit.halts.fetch_sub(1);
+    }
   }
   void resume() { halted_.store(false); }
 
@@ -401,7 +405,7 @@ class ForceDimensionDriver::Core {
 
   void close_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const char id = units_[d].id.exchange(kNobody); id != kNobody) {
+      if (const char id = take_back(units_[d]); id != kNobody) {
         library_->dhdStop(id);
         close_device(*library_, id);
       }
@@ -581,8 +585,15 @@ class ForceDimensionDriver::Core {
     }
   }
 
+  // nobody calls about it any more, nor is in a call: a halt may come from any thread, and must not wait
+  static char take_back(DhdUnit& unit) {
+    const char id = unit.id.exchange(kNobody);
+    while (unit.halts.load() > 0) std::this_thread::sleep_for(kFindPoll);
+    return id;
+  }
+
   void look_for(DhdUnit& unit) {
-    if (const char id = unit.id.exchange(kNobody); id != kNobody) {
+    if (const char id = take_back(unit); id != kNobody) {
       library_->dhdStop(id);
       close_device(*library_, id);
     }
@@ -612,7 +623,7 @@ class ForceDimensionDriver::Core {
           unit.state.store(DhdUnit::State::kBack);
           return;
         }
-        unit.id.store(kNobody);
+        take_back(unit);
       }
       close_device(*library_, id);
     }

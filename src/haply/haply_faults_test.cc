@@ -18,29 +18,10 @@ namespace palpate {
 namespace {
 
 using testing::FakeInverseService;
+using testing::haply_faults;
+using testing::HaplyFault;
 using testing::HaplyRig;
 using testing::soon;
-
-using HaplyFault = testing::DriverFault<FakeInverseService>;
-
-const std::vector<HaplyFault>& haply_faults() {
-  static const std::vector<HaplyFault> faults{
-      testing::flag_fault("silent", &FakeInverseService::silent, true, "silent"),
-      testing::flag_fault("deaf", &FakeInverseService::deaf, true, "silent"),
-      testing::flag_fault("broken", &FakeInverseService::breaks_json, true, "no state"),
-      testing::flag_fault("other", &FakeInverseService::says_other, true, "no state"),
-      testing::flag_fault("place", &FakeInverseService::odd_place, true, "no state"),
-      testing::flag_fault("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
-      testing::flag_fault("power", &FakeInverseService::power, false, "no power"),
-      testing::flag_fault("ready", &FakeInverseService::ready, false, "not ready"),
-      testing::flag_fault("gone", &FakeInverseService::present, false, "lost the device"),
-      {"killed", [](FakeInverseService& service) { service.stop(); },
-       [](FakeInverseService& service) { service.start("3.1.1"); }, "does not answer", true},
-      {"updated", [](FakeInverseService& service) { service.stop(); },
-       [](FakeInverseService& service) { service.start("3.5.0"); }, "does not answer", true},
-  };
-  return faults;
-}
 
 class HaplyFaults : public ::testing::TestWithParam<HaplyFault> {};
 INSTANTIATE_TEST_SUITE_P(Each, HaplyFaults, ::testing::ValuesIn(haply_faults()),

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "device/test_driver_rig.h"
 #include "haply/test_haply_service.h"
@@ -26,5 +27,26 @@ class HaplyRig : public HaplySide, public DriverRig<HaplyDriver> {
     if (begins) open_and_begin();
   }
 };
+
+using HaplyFault = DriverFault<FakeInverseService>;
+
+inline const std::vector<HaplyFault>& haply_faults() {
+  static const std::vector<HaplyFault> faults{
+      flag_fault("silent", &FakeInverseService::silent, true, "silent"),
+      flag_fault("deaf", &FakeInverseService::deaf, true, "silent"),
+      flag_fault("broken", &FakeInverseService::breaks_json, true, "no state"),
+      flag_fault("other", &FakeInverseService::says_other, true, "no state"),
+      flag_fault("place", &FakeInverseService::odd_place, true, "no state"),
+      flag_fault("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
+      flag_fault("power", &FakeInverseService::power, false, "no power"),
+      flag_fault("ready", &FakeInverseService::ready, false, "not ready"),
+      flag_fault("gone", &FakeInverseService::present, false, "lost the device"),
+      {"killed", [](FakeInverseService& service) { service.stop(); },
+       [](FakeInverseService& service) { service.start("3.1.1"); }, "does not answer", true},
+      {"updated", [](FakeInverseService& service) { service.stop(); },
+       [](FakeInverseService& service) { service.start("3.5.0"); }, "does not answer", true},
+  };
+  return faults;
+}
 
 }  // namespace palpate::testing

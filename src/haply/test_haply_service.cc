@@ -98,6 +98,11 @@ void FakeInverseService::start(const std::string& version) {
   for (const auto& listener : listeners_) listener->thread = std::thread([&] { listen(*listener); });
 }
 
+void FakeInverseService::intend(const Point<Device>& tip) {
+  const std::lock_guard lock(mutex_);
+  plant_.intend(tip);
+}
+
 void FakeInverseService::close_connections() {
   const std::lock_guard lock(mutex_);
   for (const int socket : sockets_) ::shutdown(socket, SHUT_RDWR);

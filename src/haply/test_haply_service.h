@@ -30,6 +30,8 @@ class FakeInverseService {
   void stop();
   /// At the same ports, perhaps in another version.
   void start(const std::string& version);
+  /// Where its hand wants to be from now on.
+  void intend(const Point<Device>& tip);
 
   // ---- faults, each until it is taken back
   std::atomic<bool> silent{false};       ///< reads and acts, and answers nothing

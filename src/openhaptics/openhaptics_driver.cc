@@ -268,19 +268,17 @@ class OpenHapticsDriver::Core {
     commands_ = {};
     stopping_.store(false);
     zeros_.store(0);
-    if (lost_.load() == Lost::kNo) start();
+    if (lost_.load() == Lost::kNo) start(Owner::kVendor);
     while (!clock.stopped()) {
       std::this_thread::sleep_for(kOwnPeriod);
-      if (lost_.load() == Lost::kNo) {
-        watch_scheduler();
-        continue;
-      }
+      if (lost_.load() == Lost::kNo) watch_scheduler();
       if (lost_.load() == Lost::kBack) {
-        lost_.store(Lost::kNo);
-        start();
-        continue;
+        start(Owner::kOwn);
+        lost_.store(Lost::kAwaited);
       }
-      // nobody else ticks meanwhile
+      if (lost_.load() == Lost::kAwaited) await_frame();
+      if (lost_.load() == Lost::kNo) continue;
+      // nobody else ticks meanwhile, and other devices may hang on these ticks
       for (std::size_t d = 0; d < count_; ++d) {
         samples_[d] = units_[d].sample;
         samples_[d].fault = true;
@@ -307,8 +305,9 @@ class OpenHapticsDriver::Core {
  private:
   /// Who calls the servo. Only a change from kVendor lets another in.
   enum class Owner : std::uint8_t { kVendor, kInFrame, kOwn };
-  /// Whose the library is: kNo the vendor's thread and run(), kYes the finder, kBack run().
-  enum class Lost : std::uint8_t { kNo, kYes, kBack };
+  /// Whose the library is: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited: as kNo,
+  /// but that run() ticks until a frame has ended.
+  enum class Lost : std::uint8_t { kNo, kYes, kBack, kAwaited };
 
   // ---- whoever opens, and the finder
   void describe(HdUnit& unit) {
@@ -399,12 +398,13 @@ class OpenHapticsDriver::Core {
   }
 
   // ---- run()'s thread
-  void start() {
+  void start(Owner ticks) {
     for (HdUnit& unit : units_) unit.carried = 0;
     // a halt or a stop may have left it off: the first frame switches it on
     force_on_.store(false);
     last_frame_ns_.store(monotonic_ns());
-    owner_.store(Owner::kVendor);
+    has_framed_.store(false);
+    owner_.store(ticks);
     scheduled_ = library_->hdScheduleAsynchronous(
         [](void* core) -> unsigned {
           Core& self = *static_cast<Core*>(core);
@@ -424,19 +424,30 @@ class OpenHapticsDriver::Core {
     if (!failed && since_ns < hd_ns(kLate_s)) return;
     // it holds what it was told last
     if (force_on_.load()) switch_off();
-    if (!failed && since_ns < hd_ns(kGivenUp_s)) return;
+    has_framed_.store(false);
     Owner vendor = Owner::kVendor;
     // who is in the servo has to come out of it first
     if (!owner_.compare_exchange_strong(vendor, Owner::kOwn) && vendor != Owner::kOwn) return;
-    if (!failed) note(HdTrouble::kStalled, 0);
     failed_.store(false);
-    lost_.store(Lost::kYes);
+    lost_.store(failed ? Lost::kYes : Lost::kAwaited);
+  }
+
+  // the vendor's thread has the ticks again as soon as it shows that it frames
+  void await_frame() {
+    if (has_framed_.load()) {
+      lost_.store(Lost::kNo);
+      owner_.store(Owner::kVendor);
+    } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kGivenUp_s)) {
+      note(HdTrouble::kStalled, 0);
+      lost_.store(Lost::kYes);
+    }
   }
 
   // a zero in a frame, and then the library comes to rest
   void stop() {
     stopping_.store(true);
-    if (lost_.load() == Lost::kNo) {
+    if (lost_.load() == Lost::kNo || lost_.load() == Lost::kAwaited) {
+      lost_.store(Lost::kNo);
       const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
       while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
       stop_.store(true);
@@ -521,6 +532,9 @@ class OpenHapticsDriver::Core {
     }
     for (std::size_t d = 0; d < count_; ++d) end_frame(units_[d], nullptr);
     drain(*library_);
+    if (stopping_.load()) zeros_.fetch_add(1);
+    last_frame_ns_.store(monotonic_ns());
+    has_framed_.store(true);
   }
 
   void read(HdUnit& unit, std::int64_t now_ns) {
@@ -669,7 +683,8 @@ class OpenHapticsDriver::Core {
   std::atomic<Owner> owner_{Owner::kOwn};
   std::atomic<Lost> lost_{Lost::kNo};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
-      inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false}, is_finder_done_{false};
+      has_framed_{false}, inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false},
+      is_finder_done_{false};
   std::atomic<int> zeros_{0};
   std::atomic<std::int64_t> last_frame_ns_{0};
   std::atomic<HdTrouble> trouble_{HdTrouble::kNone};

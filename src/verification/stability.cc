@@ -5,6 +5,7 @@
 #include "verification/stability_contact.h"
 #include "verification/stability_dropout.h"
 #include "verification/stability_energy.h"
+#include "verification/stability_following.h"
 #include "verification/stability_grip.h"
 #include "verification/stability_names.h"
 #include "verification/stability_theory.h"
@@ -116,6 +117,9 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto dropouts = dropout_figures(progress);
   if (!dropouts) return dropouts.error();
   report.figures.insert(report.figures.end(), dropouts->begin(), dropouts->end());
+  const auto following = following_figures(progress);
+  if (!following) return following.error();
+  report.figures.insert(report.figures.end(), following->begin(), following->end());
   const auto grips = grip_figures(progress);
   if (!grips) return grips.error();
   report.figures.insert(report.figures.end(), grips->begin(), grips->end());

@@ -2486,6 +2486,33 @@ class WithTwoTools(Viewer):
         x, y = numpy.mean(drawn["shaft"], 0).astype(int)
         self.assertGreater(alpha[y - 3:y + 4, x - 3:x + 4].max(), 60, "its shaft in the volume")
 
+    def test_the_scope_is_the_second_one_and_may_be_the_first(self):
+        stack = "document.querySelector('#picture-scope .stack')"
+        holder = "document.querySelectorAll('#picture-scope select')[2]"
+        seen = f"""palpateViewer.draw();
+            const axis = ({{ orientation: [w, x, y, z] }}) => [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)];
+            const {{ devices, rotation }} = palpateViewer.pose, holder = {holder};
+            return {{ eye: palpateViewer.scopeFrame.eye, tips: devices.map(({{ tip }}) => tip), hidden: holder.hidden, chosen: holder.value,
+                      names: [...holder.options].map(({{ text }}) => text) }};"""
+        self.page.press("5")
+        self.page.wait("document.querySelector('#picture-scope canvas').width > 50")
+        at = self.page.run(seen)
+        self.assertEqual((at["hidden"], at["chosen"], at["names"]), (False, "1", ["1: probe tool", "2: ball tool"]))
+        # 8 mm back along the shaft of the one that is held still
+        self.assertAlmostEqual(numpy.linalg.norm(numpy.subtract(at["eye"], at["tips"][1])), 8, delta=0.1)
+        choose = f"const holder = {holder}; holder.value = arguments[0]; holder.dispatchEvent(new Event('change'));"
+        self.page.run(choose, "0")
+        self.page.run("const back = document.querySelector('#picture-scope select'); back.value = '0'; back.dispatchEvent(new Event('change'));")
+        at = self.page.run(seen)
+        self.assertLess(numpy.linalg.norm(numpy.subtract(at["eye"], at["tips"][0])), 8.1, "it may stand off what the first one touches")
+        self.assertGreater(numpy.linalg.norm(numpy.subtract(at["eye"], at["tips"][1])), 10)
+        # who holds it can be undone as well
+        for _ in range(2):
+            self.page.run("document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'z', ctrlKey: true, bubbles: true, cancelable: true }))")
+        at = self.page.run(seen)
+        self.assertEqual(at["chosen"], "1")
+        self.assertAlmostEqual(numpy.linalg.norm(numpy.subtract(at["eye"], at["tips"][1])), 8, delta=0.1)
+
 
 class WithBurr(Viewer):
     """The mock's with a tool that cuts away 3 mm around the middle of the first structure when its motor is switched on, and 7 mm above the next time."""

@@ -31,6 +31,7 @@ GOOD = {
     "src/volume/volume_test.cc": '#include <gtest/gtest.h>\n#include "palpate/session/session.h"\n',
     "src/volume/test_grids.h": "#include <gmock/gmock.h>\n",
     "src/volume_io/nrrd_test.cc": '#include "volume/test_grids.h"\n#include "volume_io/nrrd.h"\n',
+    "tests/servo/two_test.cc": '#include "servo/test_loop.h"\n',
     "apps/palpate/verb.h": '#include <CLI/CLI.hpp>\n#include "palpate/base/result.h"\n',
     "apps/palpate/info.cc": '#include "verb.h"\n#include "palpate/session/session.h"\n',
     "bench/gaussian_bench.cc": '#include <itkImage.h>\n#include <CLI/CLI.hpp>\n',

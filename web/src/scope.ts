@@ -27,9 +27,11 @@ export function standOff(isClosed: (off_mm: number) => boolean, most_mm: number,
   return Math.min(most_mm, begin + room_mm, (begin + end) / 2);
 }
 
-type ScopeStand = Pick<Scope, "optics_deg" | "back_mm" | "post_deg" | "free">;
+type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
 
 export class Scope {
+  /** Whose shaft it stands on, of the session's devices; null: nobody has said so. */
+  tool: number | null = null;
   optics_deg: number = 30;
   back_mm: number = 8;
   /** How far the optics are turned about the shaft, by the light post; 0: they lean to the picture's top. */
@@ -44,8 +46,8 @@ export class Scope {
   }
   /** How it is set and where it was moved to. */
   get stand(): ScopeStand {
-    const { optics_deg, back_mm, post_deg, free } = this;
-    return { optics_deg, back_mm, post_deg, free };
+    const { tool, optics_deg, back_mm, post_deg, free } = this;
+    return { tool, optics_deg, back_mm, post_deg, free };
   }
 
   /** @param axes  of the tool, in the patient: the shaft goes from the tip along the third */

@@ -47,6 +47,7 @@ export class ScopeView {
   told = ""; // that stands in the picture
   private readonly live: LivePicture<Stand>;
   private readonly pointers = new Map<number, [number, number]>();
+  private readonly holder = says(element("select", { className: "small", hidden: true }), { label: "scopeHolder", title: "scopeHolder" });
   private readonly toTip = says(element("button", { type: "button", className: "small" }), { text: "toTheTip", title: "atTipTitle" });
 
   private gesture = 0; // that moves it
@@ -59,9 +60,11 @@ export class ScopeView {
     const back = says(element("select", { className: "small" }, ...BACK_MM.map((mm) => new Option(`${mm} mm`, String(mm)))), { label: "scopeBack", title: "scopeBack" });
     back.value = String(this.scope.back_mm);
     back.addEventListener("change", () => this.change("back", () => (this.scope.back_mm = Number(back.value))));
+    this.holder.addEventListener("change", () => this.change("tool", () => (this.scope.tool = Number(this.holder.value))));
     history.part("scope", () => this.scope.stand, (to) => {
       Object.assign(this.scope, to);
       [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
+      this.offerHolders();
       session.touch();
     });
     const turns = ([["↺", -KEY_POST_DEG, ","], ["↻", KEY_POST_DEG, "."]] as const).map(([sign, by, key]) => {
@@ -70,7 +73,7 @@ export class ScopeView {
       return button;
     });
     this.toTip.addEventListener("click", () => this.change("tip", () => this.scope.toTip()));
-    this.picture.head.append(back, optics, ...turns, this.toTip);
+    this.picture.head.append(back, optics, this.holder, ...turns, this.toTip);
     this.listen();
   }
 
@@ -83,11 +86,24 @@ export class ScopeView {
     this.live.lost();
   }
 
+  /** Which of the session's devices holds it: of several the second one at first, beside the probe. */
+  private get heldBy(): number {
+    const devices = this.session.scene?.tools.length ?? 1;
+    return this.scope.tool !== null && this.scope.tool < devices ? this.scope.tool : Math.min(1, devices - 1);
+  }
+  private offerHolders(): void {
+    const names = this.session.scene!.tools.map(({ name }, n) => `${n + 1}: ${words.toolNamed(name)}`);
+    if (names.some((name, n) => this.holder.options[n]?.text !== name) || this.holder.length > names.length)
+      this.holder.replaceChildren(...names.map((name, n) => new Option(name, String(n))));
+    this.holder.hidden = names.length < 2;
+    this.holder.value = String(this.heldBy);
+  }
+
   /** Where it looks from now; null as long as nobody knows where the tool is. */
   frame(): Stand | null {
     const { pose } = this.session;
-    const device = pose?.devices[0];
-    if (!device) return null;
+    const device = pose?.devices.find(({ number }) => number === this.heldBy);
+    if (!pose || !device) return null;
     const axes = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]] as Vec3[]).map((axis) => this.session.toPatient(pose, rotate(device.orientation, axis)));
     const onShaft = this.scope.frame(this.session.toolAt(device), axes as [Vec3, Vec3, Vec3]);
     return { ...onShaft, ...this.standOff(pose, device, onShaft.eye) };
@@ -120,6 +136,7 @@ export class ScopeView {
     const frame = picture.isShown && session.volumes && session.scene ? this.frame() : null;
     if (!frame) return;
     if (resized) this.live.show();
+    this.offerHolders();
     this.toTip.disabled = !this.scope.isFree;
     const { width, height, ratio } = picture.frame();
     const size = Math.min(width, height);
@@ -174,8 +191,8 @@ export class ScopeView {
     }
     context.clip();
     for (const each of session.drawn) {
-      // the camera is at the first one's tip
-      if (each.number === 0 && !scope.isFree && scope.back_mm === 0) continue;
+      // the camera is at its tip
+      if (each.number === this.heldBy && !scope.isFree && scope.back_mm === 0) continue;
       const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
       const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
       const tool = session.toolAt(each);

@@ -25,11 +25,11 @@ struct OpenHapticsSettings {
 /// called. The maker's scheduler calls the servo in a thread of its own, inside its frame
 /// (DeviceInfo::Drive::kCallback): the state of a frame is answered in that frame.
 ///
-///     vendor's thread   |frame|frame|frame|frame                        |frame|frame
-///     run()                                 ╳ lost: ticks with `fault`  |
+///     vendor's thread   |frame|frame|frame|frame                        |zeros|frame|frame
+///     run()                                 ╳ ticks with `fault` until a frame has ended
 ///     finder                                  stop, disable, init, …  ──┘
 ///
-/// Exactly one of the two threads calls the servo. **A fault** takes the force first: the samples say
+/// Exactly one of the first two threads calls the servo. **A fault** takes the force first: the samples say
 /// `fault`, frames carry zeros whatever the servo answers, and then trouble() says what it is. A device that
 /// is lost, or whose scheduler stands still, is disabled and begun anew by a thread of its own, ten times a
 /// second.
@@ -49,7 +49,7 @@ class OpenHapticsDriver final : public DeviceDriver {
   void resume(std::uint64_t newest) noexcept override;
   std::optional<Error> trouble() const override;
 
-  /// Since when no frame has ended: the motors are switched off; the scheduler is given up.
+  /// Since when no frame has ended: the motors are switched off, and run() ticks; the scheduler is given up.
   static constexpr double kLate_s = 0.008, kGivenUp_s = 0.1;
   /// How long motors that are warm, a force or a speed that was too high is a fault.
   static constexpr double kCalm_s = 1;

@@ -354,6 +354,7 @@ export const de: Words = {
   toTheTip: "Zur Spitze",
   atTipTitle: "Zurück an die Spitze des Werkzeugs (Pos1)",
   movedFromTip: "von der Spitze fortbewegt",
+  scopeHolder: "An wessen Schaft das Endoskop sitzt",
   scopeBack: "Wie weit hinter der Spitze die Kamera steht",
   atTheTip: "an der Spitze",
   offTouched: (way: string) => `${way} vor dem Berührten`,

@@ -354,6 +354,7 @@ export const en = {
   toTheTip: "At tip",
   atTipTitle: "Back to the tool's tip (Home)",
   movedFromTip: "moved from the tip",
+  scopeHolder: "Whose shaft the scope stands on",
   scopeBack: "How far behind the tip the camera stands",
   atTheTip: "at the tip",
   offTouched: (way: string) => `${way} off what is touched`,
