@@ -144,8 +144,10 @@ SceneKeys declared_keys() {
                         "Without it: the only one that can be used."},
             {.name = "labels",
              .type = kFile,
-             .meaning = "The segmentation on it, in the same formats or `.seg.nrrd`; or surfaces (STL, OBJ, "
-                        "PLY, VTK polydata), a file or a folder with one for each structure."},
+             .meaning =
+                 "The segmentation on it, in the same formats or `.seg.nrrd`; or surfaces (STL, OBJ, "
+                 "PLY, VTK polydata), a file or a folder with one for each structure; or a folder with a "
+                 "mask for each."},
             {.name = "mesh_space",
              .type = kChoice,
              .choices = names_of(kSurfaceAxes),

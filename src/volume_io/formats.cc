@@ -6,6 +6,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
 #include "volume_io/label_text.h"
+#include "volume_io/masks.h"
 #include "volume_io/meshes.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
@@ -197,7 +198,7 @@ using namespace volume_io;
 
 bool is_volume(const std::filesystem::path& file) {
   std::error_code ignored;
-  if (is_dicom(file) || is_meshes(file)) return true;
+  if (is_dicom(file) || is_meshes(file) || is_masks(file)) return true;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
   const auto kind = content_of(file, unpacked_front);
@@ -207,7 +208,7 @@ bool is_volume(const std::filesystem::path& file) {
 std::optional<Error> something_else(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
-  if (is_dicom(file) || is_meshes(file)) return std::nullopt;
+  if (is_dicom(file) || is_meshes(file) || is_masks(file)) return std::nullopt;
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
   const auto kind = content_of(file, unpacked_front);

@@ -28,7 +28,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       for (const std::uint32_t corner : triangle)
         if (corner >= mesh.points.size()) std::abort();
     if (mesh.triangles.size() > kMostOnGrid) continue;
-    const MeshVoxels voxels = MeshVoxels::make(closed_mesh(mesh), grid, [] { return true; });
+    const VoxelRuns voxels = voxels_of_mesh(closed_mesh(mesh), grid, [] { return true; });
     for (int k = -1; k <= grid.dims[2]; ++k)
       voxels.read_slice(k, [&](std::size_t v) {
         if (v >= 9 * 8) std::abort();

@@ -233,9 +233,8 @@ ClosedMesh closed_mesh(const TriangleMesh& mesh) {
   return closed;
 }
 
-MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
-                            const std::function<bool()>& look) {
-  MeshVoxels voxels;
+VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
+                         const std::function<bool()>& look) {
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   std::vector<Vec3> points;
@@ -256,7 +255,7 @@ MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
     first[at] = static_cast<int>(std::clamp(std::ceil(low[a]), 0.0, most + 1));
     last[at] = static_cast<int>(std::clamp(std::floor(high[a]), -1.0, most));
   }
-  voxels.first_slice_ = first[2];
+  VoxelRuns voxels(first[2]);
   if (first[0] > last[0] || first[1] > last[1] || first[2] > last[2]) return voxels;
 
   const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.own));
@@ -299,26 +298,13 @@ MeshVoxels MeshVoxels::make(const ClosedMesh& mesh, const GridGeometry& grid,
         if (!fans.empty() && blocks.matter(i, j))
           turns_around -= fans.at((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
         if (!(std::abs(turns_around) > 0.5)) continue;
-        const auto v = static_cast<std::uint32_t>(j) * static_cast<std::uint32_t>(grid.dims[0]) +
-                       static_cast<std::uint32_t>(i);
-        if (!voxels.runs_.empty() && voxels.runs_.size() > (voxels.ends_.empty() ? 0 : voxels.ends_.back()) &&
-            voxels.runs_.back().first + voxels.runs_.back().count == v)
-          ++voxels.runs_.back().count;
-        else
-          voxels.runs_.push_back({v, 1});
-        ++voxels.count_;
+        voxels.add(static_cast<std::uint32_t>(j) * static_cast<std::uint32_t>(grid.dims[0]) +
+                   static_cast<std::uint32_t>(i));
       }
     }
-    voxels.ends_.push_back(voxels.runs_.size());
+    voxels.end_slice();
   }
   return voxels;
-}
-
-std::span<const MeshVoxels::Run> MeshVoxels::runs_of(int slice) const {
-  const auto at = static_cast<std::size_t>(slice - first_slice_);
-  if (slice < first_slice_ || at >= ends_.size()) return {};
-  const std::size_t begin = at == 0 ? 0 : ends_[at - 1];
-  return std::span(runs_).subspan(begin, ends_[at] - begin);
 }
 
 }  // namespace palpate::volume_io

@@ -3,12 +3,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <span>
-#include <utility>
 #include <vector>
 
 #include "palpate/volume/volume.h"
 #include "volume_io/mesh.h"
+#include "volume_io/voxel_runs.h"
 #include "volume_io/winding_number.h"
 
 /// A surface on a grid: a voxel is in where the surface winds around its centre by more than a half,
@@ -36,28 +35,7 @@ ClosedMesh closed_mesh(const TriangleMesh& mesh);
 /// on the surface belongs to one side by rule, so that meshes which share a wall share no voxel and leave
 /// none. Where a mesh is open, the winding number of its fans, where they can be seen as half of all
 /// directions, is taken off (FastWinding); what is in is within the mesh's own box.
-class MeshVoxels {
- public:
-  /// @param look  called before each row; false: nobody listens any more, and the rest is left out
-  static MeshVoxels make(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
-
-  /// Calls take(i + j * dims[0]) once for each voxel of a slice of the grid that is in.
-  template <class Take>
-  void read_slice(int slice, const Take& take) const {
-    for (const Run& run : runs_of(slice))
-      for (std::uint32_t n = 0; n < run.count; ++n) take(std::size_t{run.first} + n);
-  }
-  std::uint64_t count() const { return count_; }
-
- private:
-  struct Run {
-    std::uint32_t first = 0, count = 0;
-  };
-  std::span<const Run> runs_of(int slice) const;
-  int first_slice_ = 0;
-  std::vector<std::size_t> ends_;  // of the slices from the first on
-  std::vector<Run> runs_;
-  std::uint64_t count_ = 0;
-};
+/// @param look  called before each row; false: nobody listens any more, and the rest is left out
+VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
 
 }  // namespace palpate::volume_io

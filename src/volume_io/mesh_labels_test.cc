@@ -31,7 +31,7 @@ GridGeometry oblique_grid(const std::array<int, 3>& dims, const Vector3& spacing
 }
 
 std::vector<char> mask_of_mesh(const TriangleMesh& mesh, const GridGeometry& grid) {
-  const MeshVoxels voxels = MeshVoxels::make(closed_mesh(mesh), grid, [] { return true; });
+  const VoxelRuns voxels = voxels_of_mesh(closed_mesh(mesh), grid, [] { return true; });
   std::vector<char> mask(grid.voxel_count());
   const std::size_t slice = static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]);
   std::uint64_t count = 0;
@@ -206,12 +206,12 @@ TEST(MeshLabels, EachRowIsASignOfLife) {
   const ClosedMesh box = closed_mesh(
       test_meshes::moved(test_meshes::box_mesh({4, 4, 4}), Eigen::Matrix3d::Identity(), {5.5, 5.5, 5.5}));
   int looks = 0;
-  const auto whole = MeshVoxels::make(box, grid, [&] { return ++looks > 0; });
+  const auto whole = voxels_of_mesh(box, grid, [&] { return ++looks > 0; });
   EXPECT_EQ(whole.count(), 8u * 8 * 8);
   EXPECT_GE(looks, 64);
   const int half = looks / 2;
   looks = 0;
-  EXPECT_LT(MeshVoxels::make(box, grid, [&] { return ++looks < half; }).count(), whole.count());
+  EXPECT_LT(voxels_of_mesh(box, grid, [&] { return ++looks < half; }).count(), whole.count());
   EXPECT_EQ(looks, half);
 }
 

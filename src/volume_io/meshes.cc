@@ -1,24 +1,18 @@
 #include "volume_io/meshes.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <new>
+#include <map>
 
 #include "palpate/base/file.h"
-#include "palpate/base/reading.h"
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
 #include "volume_io/label_text.h"
 #include "volume_io/layered_labels.h"
 #include "volume_io/mesh_labels.h"
 #include "volume_io/mesh_placing.h"
-#include "volume_io/volume_message.h"
 #include "volume_io/volume_reader.h"
 
 namespace palpate::volume_io {
@@ -28,88 +22,47 @@ namespace fs = std::filesystem;
 
 // ---- which files there are ----------------------------------------------------------------------
 
-struct NamedMesh {
-  fs::path file;
-  MeshFormat format{};
-};
-
 struct FoundMeshes {
-  std::vector<NamedMesh> files;  // in the order of their names
-  std::vector<fs::path> roots;   // that the process may open, and what stands below them
-  std::vector<std::string> notes;
+  StructureFiles found;
+  std::map<fs::path, MeshFormat> formats;
   bool volumes = false;  // among them
 };
 
 FoundMeshes find_meshes(const fs::path& named) {
-  FoundMeshes found;
-  found.roots.push_back(named);
-  std::error_code failed;
-  if (!fs::is_directory(named, failed)) {
-    if (const auto format = mesh_format_of(named)) found.files.push_back({named, *format});
-    return found;
-  }
-  constexpr std::size_t kMostFiles = 4096, kMostRoots = 32;
-  std::size_t looked_at = 0, others = 0, led_out = 0;
-  fs::directory_iterator entry(named, failed);
-  for (; !failed && entry != fs::directory_iterator() && looked_at < kMostFiles; entry.increment(failed)) {
-    std::error_code ignored;
-    if (!entry->is_regular_file(ignored)) continue;
-    ++looked_at;
-    found.volumes = found.volumes || format_of(entry->path());
-    const auto format = mesh_format_of(entry->path());
-    if (!format) {
-      ++others;
-    } else if (entry->is_symlink(ignored) && !check_stays_in(named, entry->path())) {
-      ++led_out;
-    } else {
-      if (entry->is_symlink(ignored) && found.roots.size() < kMostRoots)
-        found.roots.push_back(fs::canonical(entry->path(), ignored).parent_path());
-      found.files.push_back({entry->path(), *format});
-    }
-  }
-  if (!failed && entry != fs::directory_iterator())
-    found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
-                          " files, of which no more were looked at");
-  std::ranges::sort(found.files, {}, &NamedMesh::file);
-  if (led_out > 0)
-    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
-                          " out of the folder and was not followed (--follow-links allows it)");
-  if (others > 0)
-    found.notes.push_back(std::to_string(others) +
-                          (others == 1 ? " other file in it is" : " other files in it are") +
-                          " no surface, and passed over");
-  return found;
+  FoundMeshes meshes;
+  meshes.found = find_structure_files(
+      named,
+      [&](const fs::path& file) {
+        meshes.volumes = meshes.volumes || format_of(file);
+        const auto format = mesh_format_of(file);
+        if (format) meshes.formats.emplace(file, *format);
+        return format.has_value();
+      },
+      "surface");
+  return meshes;
 }
 
 // ---- in the process that reads ------------------------------------------------------------------
 
-Result<MeshFile> parse_file(const NamedMesh& named) {
-  const auto bytes = palpate::read_file(named.file, kMostMeshBytes);
+Result<MeshFile> parse_file(const fs::path& file, MeshFormat format) {
+  const auto bytes = palpate::read_file(file, kMostMeshBytes);
   if (!bytes) return bytes.error();
-  return parse_mesh(*bytes, named.format, named.file.string());
+  return parse_mesh(*bytes, format, file.string());
 }
 
 // the words of anatomy in its own name where a file holds several, else those in its file's, numbered
-struct MeshName {
-  std::string name;
-  bool left_out = false;  // of a name something
-};
-MeshName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
-                      bool only_file, const std::vector<std::string>& others) {
+StructureName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
+                           bool only_file, const std::vector<std::string>& others) {
   // read_labels() calls a single structure after its file
   if (meshes == 1 && only_file) return {"", false};
-  const auto alone = [&](std::string name) {
-    if (std::ranges::find(others, name) != others.end())
-      name += " (" + std::to_string(others.size() + 1) + ")";
-    return name;
-  };
+  if (meshes == 1) return name_of_structure(file, others);
   // whoever saved the file wrote this name as well
-  const AnatomyInName own = meshes > 1 ? anatomy_in(mesh.name) : AnatomyInName();
-  if (!own.name.empty() && !name_fault(own.name)) return {alone(own.name), own.left_out};
+  const AnatomyInName own = anatomy_in(mesh.name);
+  if (!own.name.empty() && !name_fault(own.name)) return {told_apart(own.name, others), own.left_out};
   const AnatomyInName words = name_of_mask(file);
-  const bool left_out = own.left_out || words.left_out;
-  if (words.name.empty()) return {alone("structure " + std::to_string(others.size() + 1)), left_out};
-  return {alone(meshes == 1 ? words.name : words.name + " " + std::to_string(n + 1)), left_out};
+  const std::string name = words.name.empty() ? "structure " + std::to_string(others.size() + 1)
+                                              : words.name + " " + std::to_string(n + 1);
+  return {told_apart(name, others), own.left_out || words.left_out};
 }
 
 std::string as_text(double value) {
@@ -140,39 +93,20 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 // of all files together: each is compared with those that it meets
 constexpr std::size_t kMostMeshes = 1024;
 
-struct MeshLabels {
-  std::vector<std::string> names;
-  std::vector<MeshVoxels> voxels;
-  std::vector<int> layers;
-  VolumeFile file;
-};
-
-// Signs of life, some a second however often they are asked for.
-template <class Sign>
-std::function<bool()> now_and_then(const Sign& sign) {
-  using Clock = std::chrono::steady_clock;
-  static constexpr std::chrono::milliseconds kBetween(100);
-  return [sign, next = Clock::now(), heard = true]() mutable {
-    if (const auto now = Clock::now(); heard && now >= next) {
-      next = now + kBetween;
-      heard = sign();
-    }
-    return heard;
-  };
-}
-
 // @param look  called now and then; false: nobody listens any more
-Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& named, const GridGeometry* scan,
-                                  const MeshPlacing& asked, const std::function<bool()>& look) {
+Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
+                                       const GridGeometry* scan, const MeshPlacing& asked,
+                                       const std::function<bool()>& look) {
   // what their points say of how they lie; of files that say their axes each for itself
   MeshSurvey survey(scan, asked.unit_mm);
   std::optional<MeshSpace> stated;
   bool first = true, alike = true;
   std::size_t meshes = 0;
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
-  for (const NamedMesh& one : found.files) {
+  const StructureFiles& found = meshes_of.found;
+  for (const fs::path& one : found.files) {
     if (!look()) return bad_input("", "nobody reads it");
-    const auto file = parse_file(one);
+    const auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     alike = alike && (first || stated == file->space);
     stated = file->space;
@@ -198,7 +132,7 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
   const auto placed = place_meshes(survey, asked, stated);
   if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
 
-  MeshLabels labels;
+  StructureLabels labels;
   GridGeometry grid;
   if (scan) {
     grid = *scan;
@@ -209,8 +143,8 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
   }
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   std::vector<std::string> open, cut, empty, named_in_part;
-  for (const NamedMesh& one : found.files) {
-    auto file = parse_file(one);
+  for (const fs::path& one : found.files) {
+    auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
       if (!look()) return bad_input("", "nobody reads it");
@@ -222,14 +156,14 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
         for (int a = 0; a < 3; ++a)
           beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
       }
-      const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one.file,
-                                                 found.files.size() == 1 && one.file == named, labels.names);
+      const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one,
+                                                 found.files.size() == 1 && one == named, labels.names);
       if (left_out) named_in_part.push_back(name);
       const std::string said = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
       if (!look()) return bad_input("", "nobody reads it");
-      labels.voxels.push_back(MeshVoxels::make(closed, grid, look));
+      labels.voxels.push_back(voxels_of_mesh(closed, grid, look));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
         open.push_back(said + " along " + std::to_string(closed.open_edges) + " edges");
@@ -240,18 +174,8 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
     }
   }
 
-  const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
-    for (std::size_t n = 0; n < labels.voxels.size(); ++n)
-      labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { take(v, static_cast<int>(n)); });
-    return {};
-  };
-  const auto meetings = find_meetings(grid, read_slice, look);
-  if (!meetings) return meetings.error();
-  labels.file = labels_in_slices(grid, named);
+  if (auto done = lay_out(labels, grid, named, look); !done) return done.error();
   labels.file.header.has_geometry = placed->space_is_known;
-  labels.layers = put_in_layers(labels.voxels.size(), *meetings, labels.file);
-  for (std::size_t n = 0; n < labels.names.size(); ++n)
-    put_segment(labels.file, n, labels.names[n], static_cast<int>(n + 1), labels.layers[n], "");
   auto& notes = labels.file.notes;
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
   notes.push_back(placed->note);
@@ -267,23 +191,8 @@ Result<MeshLabels> look_at_meshes(const FoundMeshes& found, const fs::path& name
       open);
   tell("reaches beyond the scan and is cut off there", cut);
   tell("has surfaces of which no voxel's centre is in", empty);
-  tell(
-      "has words in the names of its files or objects that are not known to be anatomy and might name a "
-      "patient; a table gives their structures any name, numbered as they stand in order (--names TABLE). "
-      "They are called",
-      named_in_part);
+  if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
-}
-
-Result<void> send_meshes(const MeshLabels& labels, VoxelSink& sink) {
-  const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
-    for (std::size_t n = 0; n < labels.voxels.size(); ++n)
-      if (labels.layers[n] == layer)
-        labels.voxels[n].read_slice(static_cast<int>(k),
-                                    [&](std::size_t v) { take(v, static_cast<int>(n + 1)); });
-    return {};
-  };
-  return send_layers(labels.file.header, read_slice, sink);
 }
 
 }  // namespace
@@ -300,51 +209,19 @@ std::optional<MeshFormat> mesh_format_of(const fs::path& file) {
 bool is_meshes(const fs::path& file) {
   std::error_code failed;
   if (!fs::is_directory(file, failed)) return mesh_format_of(file).has_value();
-  const FoundMeshes found = find_meshes(file);
-  return !found.files.empty() && !found.volumes && !is_dicom(file);
+  const FoundMeshes meshes = find_meshes(file);
+  return !meshes.found.files.empty() && !meshes.volumes && !is_dicom(file);
 }
 
-Result<MeshReader> open_meshes(const fs::path& file, const GridGeometry* scan, const MeshPlacing& placing,
-                               const Progress& progress) {
-  const FoundMeshes found = find_meshes(file);
-  std::vector<int> descriptors;
-  for (const fs::path& root : found.roots)
-    if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
-      descriptors.push_back(descriptor);
-  // whose refusals may name any of them
-  std::vector<fs::path> names{file};
-  for (const NamedMesh& one : found.files) names.push_back(one.file);
-  auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    const auto labels = [&]() -> Result<MeshLabels> {
-      try {
-        return look_at_meshes(found, file, scan, placing, now_and_then(sign_of_life(parent)));
-      } catch (const std::bad_alloc&) {
-        return bad_input(
-            file.string(), "does not fit into the memory that it is read in",
-            "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate), or take some of it");
-      }
-    }();
-    return read_labels_for(parent, file, labels, [&](VoxelSink& sink) { return send_meshes(*labels, sink); });
-  });
-  for (const int descriptor : descriptors) ::close(descriptor);
-  if (!process)
-    return Error{process.error().kind, process.error().what, file.string(), process.error().remedy};
-  while (true) {
-    std::uint32_t word = 0;
-    if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
-      return about(said.error(), names);
-    if (word != kEnd) continue;
-    if (auto understood = receive_end(**process, names); !understood) return understood.error();
-    break;
-  }
-  const Files named{&file, 1};
-  auto answer = receive_answer(**process, named);
-  if (!answer) return answer.error();
-  auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kSlices ||
-      (scan && !volume->header.geometry.same_grid(*scan)))
-    return nonsense(named);
-  return MeshReader{*std::move(process), std::move(*volume)};
+Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, const MeshPlacing& placing,
+                                const Progress& progress) {
+  const FoundMeshes meshes = find_meshes(file);
+  auto reader = open_structure_files(
+      meshes.found, file, progress,
+      [&](const std::function<bool()>& look) { return look_at_meshes(meshes, file, scan, placing, look); },
+      "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate), or take some of it");
+  if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});
+  return reader;
 }
 
 }  // namespace palpate::volume_io

@@ -10,6 +10,7 @@
 #include "volume_io/kept_voxels.h"
 #include "volume_io/label_names.h"
 #include "volume_io/looks_like.h"
+#include "volume_io/masks.h"
 #include "volume_io/meshes.h"
 #include "volume_io/segment_fields.h"
 #include "volume_io/volume_reader.h"
@@ -407,9 +408,14 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
                            Unpacked unpacked, std::optional<int> volume) try {
-  if (!volume && !is_dicom(file) && is_meshes(file))
-    return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
+  const auto holds = [&](const char* what) {
+    return bad_input(file.string(), std::string("holds ") + what + ", which are labels and not a scan",
                      "give it as the labels, after the scan");
+  };
+  if (!volume && !is_dicom(file)) {
+    if (is_meshes(file)) return holds("surfaces");
+    if (is_masks(file)) return holds("several volumes, and is read as a mask for each structure");
+  }
   auto reader = VolumeReader::open(file, progress, volume);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, unpacked);

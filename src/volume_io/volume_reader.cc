@@ -10,6 +10,7 @@
 #include "volume_io/dicom.h"
 #include "volume_io/dicom_volumes.h"
 #include "volume_io/formats.h"
+#include "volume_io/masks.h"
 #include "volume_io/meshes.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_stream.h"
@@ -118,14 +119,15 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
     return reader;
   }
-  if (!number && is_meshes(file)) {
-    auto meshes = open_meshes(file, grid, placing, progress);
-    if (!meshes) return meshes.error();
+  const bool meshes = !number && is_meshes(file);
+  if (meshes || (!number && is_masks(file))) {
+    auto labels = meshes ? open_meshes(file, grid, placing, progress) : open_masks(file, progress);
+    if (!labels) return labels.error();
     VolumeReader reader(progress);
     reader.names_.push_back(file);
-    reader.process_ = std::move(meshes->process);
-    reader.volume_ = std::move(meshes->volume);
-    reader.volume_.header.format = "surfaces";
+    reader.process_ = std::move(labels->process);
+    reader.volume_ = std::move(labels->volume);
+    reader.volume_.header.format = meshes ? "surfaces" : "masks";
     reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
     return reader;
   }

@@ -157,13 +157,35 @@ class FirstSteps(cli.PalpateTest):
         surfaces.mkdir(parents=True)
         (surfaces / "knee.off").write_bytes(b"OFF\n")
         for verb in ("info", "section", "explore", "scene new"):
-            for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["name a file in it: femur_left.nii.gz", "1 more"]),
+            for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["femur_left.nii.gz"]),
                                  (empty, ["without a file"]), (surfaces.parent, ["surface (OFF)", ".seg.nrrd"])):
                 with self.subTest(folder.name, verb=verb):
                     done = self.run_verb(verb, folder)
                     self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
                     for text in says:
                         self.assertIn(text, done.stderr)
+
+    def test_a_folder_of_masks_is_felt(self):
+        masks = self.folder / "masks"
+        masks.mkdir()
+        for name, which in ("femur", 1), ("DOE_CANARY_tibia", 2):
+            write_nrrd(masks / f"{name}.nrrd", lambda i, j, k, which=which: int(blocks(i, j, k) == which))
+        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
+        listed = json.loads(self.succeed("info", masks, "--json").stdout)
+        self.assertEqual({label["name"]: label["voxels"] for label in listed["labels"]}, {"tibia": 2048, "femur": 2048})
+        done = self.succeed("scene", "new", scan, masks, "-o", self.folder / "scene.toml")
+        self.assertNotIn("CANARY", done.stderr.split("masks:")[-1] + (self.folder / "scene.toml").read_text())
+        for what in ((scan, masks), (masks,), (self.folder / "scene.toml",)):
+            done = self.succeed("simulate", *what, "-o", self.folder / "run.h5")
+            for name in "tibia", "femur":
+                self.assertRegex(done.stdout, rf"\n{name} +1\.\d\d +0\.\d\d ")
+        # a scan among them is no mask
+        scan.rename(masks / "scan.nrrd")
+        for verb in ("info", "simulate", "scene new"):
+            done = self.run_verb(verb, masks)
+            self.assertEqual(done.returncode, cli.BAD_INPUT, done.stderr)
+            self.assertIn("scan.nrrd: has several values besides 0, and in a folder of masks each file is one structure", done.stderr)
+            self.assertIn("a folder of their own", done.stderr)
 
     def test_shared_dicom_is_named(self):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent

@@ -12,7 +12,8 @@
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
 /// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file),
-/// and surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each structure).
+/// surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each structure), and a
+/// folder with a mask for each structure (volumes on one grid) as labels.
 /// Every error names the file, what is wrong and how to mend it; short data are an error, never zeros. Text
 /// fields of a file other than segment names and colours are dropped on reading: they may name a patient.
 ///

@@ -1,0 +1,189 @@
+#include "volume_io/masks.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+
+#include "volume_io/component.h"
+#include "volume_io/formats.h"
+#include "volume_io/layered_labels.h"
+#include "volume_io/meshes.h"
+#include "volume_io/voxel_runs.h"
+#include "volume_io/voxel_stream.h"
+
+namespace palpate::volume_io {
+namespace {
+
+namespace fs = std::filesystem;
+
+// each is compared with those that it meets
+constexpr std::size_t kMostMasks = 1024;
+
+StructureFiles find_masks(const fs::path& folder) {
+  return find_structure_files(
+      folder, [](const fs::path& file) { return format_of(file).ok(); }, "volume");
+}
+
+// ---- in the process that reads ------------------------------------------------------------------
+
+// whoever reads is gone
+struct Unheard : std::runtime_error {
+  Unheard() : std::runtime_error("nobody reads it") {}
+};
+
+/// Takes the voxels of one file, and keeps where they are not 0.
+class MaskSink final : public VoxelSink {
+ public:
+  MaskSink(const VolumeFile& file, const std::function<bool()>& look)
+      : file_(file),
+        look_(look),
+        slice_(static_cast<std::uint64_t>(file.header.geometry.dims[0]) *
+               static_cast<std::uint64_t>(file.header.geometry.dims[1])),
+        piece_(kPieceValues * sizeof(double)) {}
+
+  std::span<std::byte> room() override { return piece_; }
+  void put(std::size_t bytes) override {
+    still_reading();
+    with_type(file_.voxels.component, [&](auto type) { take<decltype(type)>(bytes); });
+  }
+  void still_reading() override {
+    if (!look_()) throw Unheard();
+  }
+  /// Why it is no mask; empty: it is one.
+  const std::string& fault() const { return fault_; }
+  VoxelRuns take_runs() {
+    while (slices_ < file_.header.geometry.dims[2]) end_slice();
+    return std::move(runs_);
+  }
+
+ private:
+  template <class T>
+  void take(std::size_t bytes) {
+    for (std::size_t n = 0; n < bytes / sizeof(T); ++n, ++at_) {
+      T typed;
+      std::memcpy(&typed, piece_.data() + n * sizeof(T), sizeof(T));
+      // most voxels are as the one before
+      if (const auto stored = static_cast<double>(typed); stored != stored_ || at_ == 0) {
+        stored_ = stored;
+        look_at(file_.voxels.slope * stored + file_.voxels.intercept);
+      }
+      if (is_in_) put_in();
+    }
+  }
+  void look_at(double value) {
+    is_in_ = value != 0;
+    if (!is_in_ || !fault_.empty()) return;
+    if (!(value > 0 && value <= 65535 && value == std::floor(value))) {
+      char text[32];
+      std::snprintf(text, sizeof text, "%.6g", value);
+      fault_ = std::string("has values that are none of a mask's, as ") + text;
+    } else if (number_ != 0 && value != number_) {
+      fault_ = "has several values besides 0";
+    }
+    number_ = value;
+  }
+  void put_in() {
+    const auto slice = static_cast<int>(at_ / slice_);
+    while (slices_ < slice) end_slice();
+    runs_.add(static_cast<std::uint32_t>(at_ % slice_));
+  }
+  void end_slice() {
+    runs_.end_slice();
+    ++slices_;
+  }
+
+  const VolumeFile& file_;
+  const std::function<bool()>& look_;
+  const std::uint64_t slice_;
+  std::vector<std::byte> piece_;
+  std::uint64_t at_ = 0;
+  double stored_ = 0, number_ = 0;
+  bool is_in_ = false;
+  int slices_ = 0;
+  std::string fault_;
+  VoxelRuns runs_;
+};
+
+Error no_mask(const fs::path& file, const std::string& why) {
+  return bad_input(file.string(), why + ", and in a folder of masks each file is one structure",
+                   "name the file that is meant by itself, or put the masks into a folder of their own");
+}
+
+Result<VolumeFile> understand_mask(const fs::path& file) {
+  const auto format = format_of(file);
+  if (!format) return format.error();
+  OtherFiles others;
+  auto volume = understand(**format, file, others);
+  if (others.asked()) return no_mask(file, "has its voxels in another file");
+  if (volume && volume->header.layers > 1) return no_mask(file, "has several values for each voxel");
+  return volume;
+}
+
+Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
+                                      const std::function<bool()>& look) try {
+  if (found.files.size() > kMostMasks)
+    return bad_input(named.string(),
+                     "has " + std::to_string(found.files.size()) + " masks, and " +
+                         std::to_string(kMostMasks) + " are read at most",
+                     "take some of them");
+  StructureLabels labels;
+  GridGeometry grid;
+  bool has_geometry = true;
+  std::vector<std::string> empty, named_in_part;
+  for (const fs::path& one : found.files) {
+    const auto file = understand_mask(one);
+    if (!file) return file.error();
+    if (labels.names.empty()) {
+      grid = file->header.geometry;
+    } else if (!file->header.geometry.same_grid(grid)) {
+      return no_mask(one, "has another grid than " + found.files.front().filename().string());
+    }
+    has_geometry = has_geometry && file->header.has_geometry;
+    MaskSink sink(*file, look);
+    if (auto read = send_voxels(*file, sink); !read) return read.error();
+    if (!sink.fault().empty()) return no_mask(one, sink.fault());
+    const auto [name, left_out] = name_of_structure(one, labels.names);
+    if (left_out) named_in_part.push_back(name);
+    labels.names.push_back(name);
+    labels.voxels.push_back(sink.take_runs());
+    if (labels.voxels.back().count() == 0) empty.push_back(name);
+  }
+
+  if (auto done = lay_out(labels, grid, named, look); !done) return done.error();
+  labels.file.header.has_geometry = has_geometry;
+  auto& notes = labels.file.notes;
+  notes.insert(notes.end(), found.notes.begin(), found.notes.end());
+  if (!empty.empty()) notes.push_back("has masks without a voxel: " + names_in_words(empty));
+  if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
+  return labels;
+} catch (const Unheard& unheard) {
+  return bad_input("", unheard.what());
+}
+
+}  // namespace
+
+bool is_masks(const fs::path& folder) {
+  std::error_code failed;
+  if (!fs::is_directory(folder, failed)) return false;
+  std::size_t volumes = 0, meshes = 0;
+  find_structure_files(
+      folder,
+      [&](const fs::path& file) {
+        volumes += format_of(file).ok();
+        meshes += mesh_format_of(file).has_value();
+        return true;
+      },
+      "");
+  return volumes >= 2 && meshes == 0 && !is_dicom(folder);
+}
+
+Result<LabelReader> open_masks(const fs::path& folder, const Progress& progress) {
+  const StructureFiles found = find_masks(folder);
+  return open_structure_files(
+      found, folder, progress,
+      [&](const std::function<bool()>& look) { return look_at_masks(found, folder, look); },
+      "take some of the masks, or crop them first");
+}
+
+}  // namespace palpate::volume_io

@@ -1,0 +1,166 @@
+#include "volume_io/structure_files.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <new>
+#include <variant>
+
+#include "palpate/base/file.h"
+#include "palpate/base/reading.h"
+#include "volume_io/label_names.h"
+#include "volume_io/layered_labels.h"
+#include "volume_io/volume_message.h"
+#include "volume_io/volume_reader.h"
+
+namespace palpate::volume_io {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// some a second, however often they are asked for
+std::function<bool()> now_and_then(const std::function<bool()>& sign) {
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kBetween(100);
+  return [sign, next = Clock::now(), heard = true]() mutable {
+    if (const auto now = Clock::now(); heard && now >= next) {
+      next = now + kBetween;
+      heard = sign();
+    }
+    return heard;
+  };
+}
+
+Result<void> send_structures(const StructureLabels& labels, VoxelSink& sink) {
+  const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
+    for (std::size_t n = 0; n < labels.voxels.size(); ++n)
+      if (labels.layers[n] == layer)
+        labels.voxels[n].read_slice(static_cast<int>(k),
+                                    [&](std::size_t v) { take(v, static_cast<int>(n + 1)); });
+    return {};
+  };
+  return send_layers(labels.file.header, read_slice, sink);
+}
+
+}  // namespace
+
+StructureFiles find_structure_files(const fs::path& named, const std::function<bool(const fs::path&)>& is_one,
+                                    std::string_view kind) {
+  StructureFiles found;
+  found.roots.push_back(named);
+  std::error_code failed;
+  if (!fs::is_directory(named, failed)) {
+    if (is_one(named)) found.files.push_back(named);
+    return found;
+  }
+  constexpr std::size_t kMostFiles = 4096, kMostRoots = 32;
+  std::size_t looked_at = 0, others = 0, led_out = 0;
+  fs::directory_iterator entry(named, failed);
+  for (; !failed && entry != fs::directory_iterator() && looked_at < kMostFiles; entry.increment(failed)) {
+    std::error_code ignored;
+    if (!entry->is_regular_file(ignored)) continue;
+    ++looked_at;
+    if (!is_one(entry->path())) {
+      ++others;
+    } else if (entry->is_symlink(ignored) && !check_stays_in(named, entry->path())) {
+      ++led_out;
+    } else {
+      if (entry->is_symlink(ignored) && found.roots.size() < kMostRoots)
+        found.roots.push_back(fs::canonical(entry->path(), ignored).parent_path());
+      found.files.push_back(entry->path());
+    }
+  }
+  if (!failed && entry != fs::directory_iterator())
+    found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
+                          " files, of which no more were looked at");
+  std::ranges::sort(found.files);
+  if (led_out > 0)
+    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
+                          " out of the folder and was not followed (--follow-links allows it)");
+  if (others > 0)
+    found.notes.push_back(std::to_string(others) +
+                          (others == 1 ? " other file in it is" : " other files in it are") + " no " +
+                          std::string(kind) + ", and passed over");
+  return found;
+}
+
+std::string told_apart(std::string name, const std::vector<std::string>& others) {
+  if (std::ranges::find(others, name) != others.end()) name += " (" + std::to_string(others.size() + 1) + ")";
+  return name;
+}
+
+StructureName name_of_structure(const fs::path& file, const std::vector<std::string>& others) {
+  const AnatomyInName words = name_of_mask(file);
+  if (words.name.empty())
+    return {told_apart("structure " + std::to_string(others.size() + 1), others), words.left_out};
+  return {told_apart(words.name, others), words.left_out};
+}
+
+std::string note_of_left_out(const std::vector<std::string>& names) {
+  return "has words in the names of its files or objects that are not known to be anatomy and might name a "
+         "patient; a table gives their structures any name, numbered as they stand in order (--names TABLE). "
+         "They are called: " +
+         names_in_words(names);
+}
+
+Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs::path& named,
+                     const std::function<bool()>& look) {
+  const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
+    for (std::size_t n = 0; n < labels.voxels.size(); ++n)
+      labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { take(v, static_cast<int>(n)); });
+    return {};
+  };
+  const auto meetings = find_meetings(grid, read_slice, look);
+  if (!meetings) return meetings.error();
+  labels.file = labels_in_slices(grid, named);
+  labels.layers = put_in_layers(labels.voxels.size(), *meetings, labels.file);
+  for (std::size_t n = 0; n < labels.names.size(); ++n)
+    put_segment(labels.file, n, labels.names[n], static_cast<int>(n + 1), labels.layers[n], "");
+  return {};
+}
+
+Result<LabelReader> open_structure_files(
+    const StructureFiles& found, const fs::path& named, const Progress& progress,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& look)>& look_at,
+    const char* too_large) {
+  std::vector<int> descriptors;
+  for (const fs::path& root : found.roots)
+    if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
+      descriptors.push_back(descriptor);
+  // whose refusals may name any of them
+  std::vector<fs::path> names{named};
+  names.insert(names.end(), found.files.begin(), found.files.end());
+  auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    const auto labels = [&]() -> Result<StructureLabels> {
+      try {
+        return look_at(now_and_then(sign_of_life(parent)));
+      } catch (const std::bad_alloc&) {
+        return bad_input(named.string(), "does not fit into the memory that it is read in", too_large);
+      }
+    }();
+    return read_labels_for(parent, named, labels,
+                           [&](VoxelSink& sink) { return send_structures(*labels, sink); });
+  });
+  for (const int descriptor : descriptors) ::close(descriptor);
+  if (!process)
+    return Error{process.error().kind, process.error().what, named.string(), process.error().remedy};
+  while (true) {
+    std::uint32_t word = 0;
+    if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
+      return about(said.error(), names);
+    if (word != kEnd) continue;
+    if (auto understood = receive_end(**process, names); !understood) return understood.error();
+    break;
+  }
+  const Files one{&named, 1};
+  auto answer = receive_answer(**process, one);
+  if (!answer) return answer.error();
+  auto* volume = std::get_if<VolumeFile>(&*answer);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(one);
+  return LabelReader{*std::move(process), std::move(*volume)};
+}
+
+}  // namespace palpate::volume_io
