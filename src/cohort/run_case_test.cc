@@ -30,8 +30,7 @@ TEST(RunCase, AKneeIsPreparedCheckedPalpatedAndDrawn) {
   const auto femur = std::ranges::find(result->structures, "femur", &StructureResult::name);
   ASSERT_NE(femur, result->structures.end());
   EXPECT_GT(femur->volume_mm3, 50'000);
-  // a voxel that stands out by itself is the least there is
-  EXPECT_GE(femur->thinnest_mm, 2.5);
+  EXPECT_GT(femur->thinnest_mm, 10);
   EXPECT_NEAR(femur->mean_force_N, 0.8, 0.2);
   const auto key = case_key(one, "1.0");
   ASSERT_TRUE(key);

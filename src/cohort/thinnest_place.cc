@@ -166,6 +166,28 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
   std::ranges::sort(middle, [](const Middle& a, const Middle& b) {
     return a.thickness_mm != b.thickness_mm ? a.thickness_mm < b.thickness_mm : a.voxel < b.voxel;
   });
+  // Whether a place is within a voxel of a ball in the structure whose radius is larger than its own by a
+  // voxel: it then belongs to what is there, and only stands out of it. The voxels below it tell so.
+  const double longest_mm = grid.spacing_mm.maxCoeff();
+  const auto stands_out = [&](double thickness_mm, const std::array<int, 3>& here) {
+    constexpr int kBelow = 4;
+    // from the middle to the centres outside, as of the balls
+    const double own_mm = 0.5 * (thickness_mm + longest_mm);
+    const auto from = [&](std::size_t a) { return std::max(0, here[a] - kBelow); };
+    const auto to = [&](std::size_t a) { return std::min(dims[a] - 1, here[a] + kBelow); };
+    for (int k = from(2); k <= to(2); ++k)
+      for (int j = from(1); j <= to(1); ++j)
+        for (int i = from(0); i <= to(0); ++i) {
+          const std::size_t other = offset(i, j, k);
+          if (outside[other] || nearest.index[other] < 0) continue;
+          const double radius_mm = std::sqrt(nearest.squared_mm2[other]);
+          if (radius_mm < own_mm + 0.99 * longest_mm) continue;
+          const Eigen::Vector3d off =
+              Eigen::Vector3d(i - here[0], j - here[1], k - here[2]).cwiseProduct(grid.spacing_mm);
+          if (off.norm() < radius_mm + longest_mm) return true;
+        }
+    return false;
+  };
   std::array<int, 3> reach;
   for (std::size_t a = 0; a < 3; ++a)
     reach[a] = static_cast<int>(kRim_mm / grid.spacing_mm[static_cast<Eigen::Index>(a)]);
@@ -174,6 +196,7 @@ std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const Seg
     const auto row = static_cast<std::size_t>(dims[0]), rows = static_cast<std::size_t>(dims[1]);
     const std::array<int, 3> here{static_cast<int>(n % row), static_cast<int>(n / row % rows),
                                   static_cast<int>(n / (row * rows))};
+    if (stands_out(one.thickness_mm, here)) continue;
     // the middle's own middle around it: at a rim it lies to one side
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     std::size_t voxels = 0;

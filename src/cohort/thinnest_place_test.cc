@@ -113,6 +113,54 @@ TEST(ThinnestPlace, OfASlantedPlateIsItsThicknessToAVoxel) {
   EXPECT_NEAR(thin->thickness_mm, 3.5, 0.75);
 }
 
+// a coarse bone is as thick as it is, whatever stands out of its surface
+TEST(ThinnestPlace, VoxelsThatStandOutAreNoPlates) {
+  constexpr unsigned kSeed = 21;
+  std::mt19937 random(kSeed);
+  for (const double spacing_mm : {0.5, 1.0, 2.5}) {
+    const auto grid = grid_of_test(30, Eigen::Vector3d::Constant(spacing_mm));
+    const Volume<LabelId> smooth = where(grid, [&](const Eigen::Vector3d& at) {
+      return std::abs(at[2]) < 5 * spacing_mm && at.head<2>().norm() < 13 * spacing_mm;
+    });
+    Volume<LabelId> labels = smooth;
+    std::uniform_int_distribution<int> chance(0, 19);
+    for (int k = 1; k < 29; ++k)
+      for (int j = 1; j < 29; ++j)
+        for (int i = 1; i < 29; ++i) {
+          const int beside = smooth.at(i - 1, j, k) + smooth.at(i + 1, j, k) + smooth.at(i, j - 1, k) +
+                             smooth.at(i, j + 1, k) + smooth.at(i, j, k - 1) + smooth.at(i, j, k + 1);
+          if (smooth.at(i, j, k) == 0 && beside > 0 && chance(random) == 0) labels.at(i, j, k) = 1;
+        }
+    const auto thin = thinnest_of(labels);
+    ASSERT_TRUE(thin);
+    EXPECT_NEAR(thin->thickness_mm, 10 * spacing_mm, 2 * spacing_mm)
+        << "seed " << kSeed << ", " << spacing_mm << " mm";
+
+    Volume<LabelId> plate = where(grid, [&](const Eigen::Vector3d& at) {
+      return std::abs(at[2]) < 2 * spacing_mm && at.head<2>().norm() < 9 * spacing_mm;
+    });
+    plate.at(15, 15, 17) = plate.at(11, 16, 12) = 1;
+    const auto thick = thinnest_of(plate);
+    ASSERT_TRUE(thick) << spacing_mm;
+    EXPECT_NEAR(thick->thickness_mm, 4 * spacing_mm, 0.1 * spacing_mm);
+  }
+}
+
+// what is thin beside what is thick is found
+TEST(ThinnestPlace, APlateBetweenTwoBlocksIsThin) {
+  for (const double spacing_mm : {0.5, 2.5}) {
+    const auto grid = grid_of_test(40, Eigen::Vector3d::Constant(spacing_mm));
+    const auto thin = thinnest_of(where(grid, [&](const Eigen::Vector3d& at) {
+      const Eigen::Vector3d v = at / spacing_mm;
+      const bool is_block = std::abs(v.x()) > 8 && v.cwiseAbs().maxCoeff() < 18;
+      return is_block || (std::abs(v.x()) <= 8 && std::abs(v.y()) < 18 && std::abs(v.z()) < 1);
+    }));
+    ASSERT_TRUE(thin) << spacing_mm;
+    EXPECT_NEAR(thin->thickness_mm, 2 * spacing_mm, 0.1 * spacing_mm);
+    EXPECT_LT(std::abs((thin->place - grid.centre()).eigen().x()), 9 * spacing_mm);
+  }
+}
+
 TEST(ThinnestPlace, EdgesAreNotThin) {
   const auto grid = grid_of_test(36, {1, 1, 1});
   const auto thin =

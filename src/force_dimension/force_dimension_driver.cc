@@ -84,6 +84,7 @@ using DhdUnit = dhd::Unit;
 
 // how often a lost device is looked for, and whether one is to be looked for
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
+constexpr std::int64_t kLastCall_ns = 1'000'000'000;
 constexpr std::uint16_t kForceDimensionUsb = 0x1451, kFtdiUsb = 0x0403, kFalconUsb = 0xcb48;
 constexpr const char* kGet =
     "get Force Dimension's SDK from forcedimension.com/software/sdk and copy libdrd.so.3 to /usr/local/lib, "
@@ -585,10 +586,15 @@ class ForceDimensionDriver::Core {
     }
   }
 
-  // nobody calls about it any more, nor is in a call: a halt may come from any thread, and must not wait
+  // Nobody calls about it any more, nor is in a call: a halt may come from any thread, and must not wait. One
+  // that the library keeps in there keeps the device open as well.
   static char take_back(DhdUnit& unit) {
     const char id = unit.id.exchange(kNobody);
-    while (unit.halts.load() > 0) std::this_thread::sleep_for(kFindPoll);
+    const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
+    while (unit.halts.load() > 0) {
+      if (monotonic_ns() > until_ns) return kNobody;
+      std::this_thread::sleep_for(kFindPoll);
+    }
     return id;
   }
 
@@ -623,7 +629,7 @@ class ForceDimensionDriver::Core {
           unit.state.store(DhdUnit::State::kBack);
           return;
         }
-        take_back(unit);
+        if (take_back(unit) == kNobody) continue;
       }
       close_device(*library_, id);
     }

@@ -279,10 +279,7 @@ class OpenHapticsDriver::Core {
       if (lost_.load() == Lost::kAwaited) await_frame();
       if (lost_.load() == Lost::kNo) continue;
       // nobody else ticks meanwhile, and other devices may hang on these ticks
-      for (std::size_t d = 0; d < count_; ++d) {
-        samples_[d] = units_[d].sample;
-        samples_[d].fault = true;
-      }
+      for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
       servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
     stop();
@@ -303,10 +300,11 @@ class OpenHapticsDriver::Core {
   }
 
  private:
-  /// Who calls the servo. Only a change from kVendor lets another in.
-  enum class Owner : std::uint8_t { kVendor, kInFrame, kOwn };
+  /// Who calls the servo: the vendor's thread, which is in no frame, reads in one or is past that, or run().
+  /// Only a change from kVendor or kReading lets another in.
+  enum class Owner : std::uint8_t { kVendor, kReading, kInFrame, kOwn };
   /// Whose the library is: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited: as kNo,
-  /// but that run() ticks until a frame has ended.
+  /// but run() ticks, and the vendor's frames are zeros, until one of them has ended.
   enum class Lost : std::uint8_t { kNo, kYes, kBack, kAwaited };
 
   // ---- whoever opens, and the finder
@@ -404,6 +402,7 @@ class OpenHapticsDriver::Core {
     force_on_.store(false);
     last_frame_ns_.store(monotonic_ns());
     has_framed_.store(false);
+    failed_.store(false);
     owner_.store(ticks);
     scheduled_ = library_->hdScheduleAsynchronous(
         [](void* core) -> unsigned {
@@ -420,21 +419,25 @@ class OpenHapticsDriver::Core {
 
   void watch_scheduler() {
     const std::int64_t since_ns = monotonic_ns() - last_frame_ns_.load();
-    const bool failed = failed_.load();
-    if (!failed && since_ns < hd_ns(kLate_s)) return;
+    if (!failed_.load() && since_ns < hd_ns(kLate_s)) return;
     // it holds what it was told last
     if (force_on_.load()) switch_off();
     has_framed_.store(false);
-    Owner vendor = Owner::kVendor;
-    // who is in the servo has to come out of it first
-    if (!owner_.compare_exchange_strong(vendor, Owner::kOwn) && vendor != Owner::kOwn) return;
-    failed_.store(false);
-    lost_.store(failed ? Lost::kYes : Lost::kAwaited);
+    Owner was = Owner::kVendor;
+    // who is in the servo has to come out of it first; who is on the way to it will find it taken
+    if (!owner_.compare_exchange_strong(was, Owner::kOwn) &&
+        (was != Owner::kReading || !owner_.compare_exchange_strong(was, Owner::kOwn)) && was != Owner::kOwn)
+      return;
+    // a frame may have failed since
+    lost_.store(failed_.exchange(false) ? Lost::kYes : Lost::kAwaited);
   }
 
   // the vendor's thread has the ticks again as soon as it shows that it frames
   void await_frame() {
-    if (has_framed_.load()) {
+    if (failed_.exchange(false)) {
+      note(HdTrouble::kLost, 0);
+      lost_.store(Lost::kYes);
+    } else if (has_framed_.load()) {
       lost_.store(Lost::kNo);
       owner_.store(Owner::kVendor);
     } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kGivenUp_s)) {
@@ -485,12 +488,19 @@ class OpenHapticsDriver::Core {
 
   // ---- the vendor's thread
   void frame() {
-    Owner vendor = Owner::kVendor;
-    if (!owner_.compare_exchange_strong(vendor, Owner::kInFrame)) return zero_frame();
+    Owner own = Owner::kVendor;
+    if (!owner_.compare_exchange_strong(own, Owner::kReading)) return zero_frame();
     const std::int64_t now_ns = monotonic_ns();
     const bool was_off = !force_on_.load();
+    for (HdUnit& unit : std::span(units_).first(count_)) read(unit, now_ns);
+    own = Owner::kReading;
+    if (!owner_.compare_exchange_strong(own, Owner::kInFrame)) {
+      if (std::ranges::any_of(std::span(units_).first(count_),
+                              [](const HdUnit& unit) { return unit.trouble == HdTrouble::kLost; }))
+        failed_.store(true);
+      return end_with_zeros();
+    }
     for (std::size_t d = 0; d < count_; ++d) {
-      read(units_[d], now_ns);
       samples_[d] = units_[d].sample;
       // what comes back comes by the ramp
       samples_[d].fault = samples_[d].fault || was_off;
@@ -530,8 +540,12 @@ class OpenHapticsDriver::Core {
       library_->hdMakeCurrentDevice(units_[d].handle);
       library_->hdBeginFrame(units_[d].handle);
     }
+    end_with_zeros();
+  }
+  void end_with_zeros() {
     for (std::size_t d = 0; d < count_; ++d) end_frame(units_[d], nullptr);
-    drain(*library_);
+    if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error))
+      failed_.store(true);
     if (stopping_.load()) zeros_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
     has_framed_.store(true);

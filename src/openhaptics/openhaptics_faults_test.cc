@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <functional>
 #include <random>
@@ -14,13 +15,17 @@ namespace {
 
 using testing::FakeHd;
 using testing::hd_faults;
+using testing::hd_faults_and_hang;
 using testing::HdFault;
 using testing::HdRig;
 using testing::soon;
 
 class HdFaults : public ::testing::TestWithParam<HdFault> {};
-INSTANTIATE_TEST_SUITE_P(Each, HdFaults, ::testing::ValuesIn(hd_faults()),
-                         [](const auto& tested) { return std::string(tested.param.name); });
+INSTANTIATE_TEST_SUITE_P(Each, HdFaults, ::testing::ValuesIn(hd_faults_and_hang()), [](const auto& tested) {
+  std::string name = tested.param.name;
+  std::ranges::replace(name, ' ', '_');
+  return name;
+});
 
 TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   HdRig rig;
@@ -47,6 +52,22 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
   EXPECT_FALSE(rig.wall.twice_at_once);
+}
+
+// also where the frame that brings the error is late, and somebody else ticks already
+TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
+  for (const int late_ms : {0, 5, 9, 12, 30}) {
+    SCOPED_TRACE(late_ms);
+    HdRig rig;
+    ASSERT_TRUE(rig.presses());
+    const int before = rig.device.inits;
+    rig.fake.hangs = late_ms > 0;
+    rig.device.error = 0x300;
+    std::this_thread::sleep_for(std::chrono::milliseconds(late_ms));
+    rig.fake.hangs = false;
+    EXPECT_TRUE(soon([&] { return rig.device.inits > before; }));
+    EXPECT_TRUE(rig.presses()) << rig.said();
+  }
 }
 
 TEST(HdFaultsAlone, AnotherDeviceByTheNameIsNotFelt) {
@@ -111,7 +132,7 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
 // and none above the wall's. PALPATE_TEST_FAULTS=200 takes that many
 TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
   HdRig rig;
-  testing::outlive_any(rig, rig.fake, hd_faults(), 6);
+  testing::outlive_any(rig, rig.fake, hd_faults_and_hang(), 6);
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
   EXPECT_LE(rig.device.largest_N, testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);

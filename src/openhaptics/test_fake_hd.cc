@@ -391,6 +391,8 @@ void hdStartScheduler() {
   if (fake().running) return violated("started twice");
   if (!callback) violated("started before anything is scheduled");
   if (current == kNobody) violated("started without a device");
+  // one that hung when it was stopped has come back
+  if (scheduler.joinable()) scheduler.join();
   fake().running = true;
   stop_scheduler = false;
   scheduler = std::thread(schedule_for_ever);

@@ -66,9 +66,28 @@ inline const std::vector<HdFault>& hd_faults() {
       error("forceError", 0x204, "force was too high"),
       error("deviceFault", 0x300, "not reach"),
       error("timer", 0x304, "not reach"),
+      {"slow and lost",
+       [](FakeHd& fake) {
+         fake.hangs = true;
+         std::this_thread::sleep_for(std::chrono::milliseconds(20));
+         fake.device[0].error = 0x300;
+         fake.hangs = false;
+       },
+       [](FakeHd&) {}, "not reach"},
       {"stalled", [](FakeHd& fake) { fake.stalled = true; }, [](FakeHd& fake) { fake.stalled = false; },
        "stands still"},
   };
+  return faults;
+}
+
+/// And a frame that does not come back from the library: whoever ends a session then leaves it there.
+inline const std::vector<HdFault>& hd_faults_and_hang() {
+  static const std::vector<HdFault> faults = [] {
+    std::vector<HdFault> all = hd_faults();
+    all.push_back({"hanging", [](FakeHd& fake) { fake.hangs = true; },
+                   [](FakeHd& fake) { fake.hangs = false; }, "stands still"});
+    return all;
+  }();
   return faults;
 }
 

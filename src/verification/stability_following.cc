@@ -142,9 +142,9 @@ std::array<PressedDevice, 2> press_together(const Model& wall, const Following& 
   return {owns.result(), follows.result()};
 }
 
-PressedDevice press_alone(const Model& wall, const PressingDevice& pressing) {
+PressedDevice press_alone(const Model& wall, const PressingDevice& pressing, bool controller) {
   Presser alone(wall, pressing, Following{}.press_N, -kApart_mm / 2);
-  Parameters parameters = parameters_of(true);
+  Parameters parameters = parameters_of(controller);
   parameters.device[0] = alone.parameters(pressing.delay_s);
   const double tick_s = 1 / pressing.rate_hz;
   SessionState state;

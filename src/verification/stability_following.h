@@ -39,7 +39,7 @@ double following_delay_s(const PressingDevice& owner, const PressingDevice& foll
 /// [0] the owner, [1] the follower.
 std::array<PressedDevice, 2> press_together(const Model& wall, const Following& following);
 /// A device whose own clock ticks, and nobody else's, where the owner presses.
-PressedDevice press_alone(const Model& wall, const PressingDevice& pressing);
+PressedDevice press_alone(const Model& wall, const PressingDevice& pressing, bool controller = true);
 
 /// Both devices in either place, 1 kHz and 250 Hz, in both documented grips, each as stiff as is recommended
 /// for its clock and its delay; beside each the same device alone. Errors: kInterrupted.

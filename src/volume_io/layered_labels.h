@@ -16,7 +16,7 @@
 #include "volume_io/voxel_stream.h"
 
 /// What the readers of labels share that make their voxels themselves, slice by slice, and whose structures
-/// may overlap: segmentations and structure sets of DICOM, and meshes. In the process that reads.
+/// may overlap: segmentations and structure sets of DICOM, surfaces and masks. In the process that reads.
 namespace palpate::volume_io {
 
 /// Of labels, background included.
@@ -29,18 +29,34 @@ struct Meetings {
 };
 
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
-/// @param look        called before each slice; false: nobody listens any more
+/// @param look        called now and then; false: nobody listens any more, and the rest is left out
 template <class ReadSlice, class Look>
 Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
   Meetings meetings;
+  // many meet in many voxels: most pairs are known
+  constexpr int kKnown = 1024;
+  std::vector<bool> known(std::size_t{kKnown} * kKnown);
+  const auto meet = [&](int a, int b) {
+    const auto [low, high] = std::minmax(a, b);
+    if (high >= kKnown) return void(meetings.pairs.emplace(low, high));
+    const std::size_t at = static_cast<std::size_t>(low) * kKnown + static_cast<std::size_t>(high);
+    if (known[at]) return;
+    known[at] = true;
+    meetings.pairs.emplace(low, high);
+  };
+  constexpr std::size_t kLookEvery = 4096;
+  std::size_t taken = 0;
+  bool heard = true;
   // of each voxel the segments that it is in
   std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
                                    static_cast<std::size_t>(grid.dims[1]));
   for (int k = 0; k < grid.dims[2]; ++k) {
-    if (!look()) break;
+    heard = heard && look();
+    if (!heard) break;
     for (auto& voxel : in) voxel.clear();
     const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
-      for (const int other : in[v]) meetings.pairs.insert(std::minmax(index, other));
+      if (++taken % kLookEvery == 0) heard = heard && look();
+      for (const int other : in[v]) meet(index, other);
       if (in[v].size() == 1) ++meetings.voxels;
       in[v].push_back(index);
     });

@@ -8,7 +8,6 @@
 #include "volume_io/component.h"
 #include "volume_io/formats.h"
 #include "volume_io/layered_labels.h"
-#include "volume_io/meshes.h"
 #include "volume_io/voxel_runs.h"
 #include "volume_io/voxel_stream.h"
 
@@ -17,12 +16,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// each is compared with those that it meets
+// of which each may meet each in every voxel
 constexpr std::size_t kMostMasks = 1024;
 
+// of a header and its voxels the header
+bool is_named_as_volume(const fs::path& file) {
+  return format_of(file).ok() && !has_ending(file, ".img") && !has_ending(file, ".img.gz");
+}
+
 StructureFiles find_masks(const fs::path& folder) {
-  return find_structure_files(
-      folder, [](const fs::path& file) { return format_of(file).ok(); }, "volume");
+  return find_structure_files(folder, is_named_as_volume, "volume");
 }
 
 // ---- in the process that reads ------------------------------------------------------------------
@@ -121,7 +124,7 @@ Result<VolumeFile> understand_mask(const fs::path& file) {
 }
 
 Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
-                                      const std::function<bool()>& look) try {
+                                      const std::function<bool()>& look, double& share) try {
   if (found.files.size() > kMostMasks)
     return bad_input(named.string(),
                      "has " + std::to_string(found.files.size()) + " masks, and " +
@@ -131,15 +134,25 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   GridGeometry grid;
   bool has_geometry = true;
   std::vector<std::string> empty, named_in_part;
+  // what the headers tell, before much is read
+  std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
-    const auto file = understand_mask(one);
+    if (!look()) throw Unheard();
+    auto file = understand_mask(one);
     if (!file) return file.error();
-    if (labels.names.empty()) {
+    if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
+    if (files.empty()) {
       grid = file->header.geometry;
     } else if (!file->header.geometry.same_grid(grid)) {
       return no_mask(one, "has another grid than " + found.files.front().filename().string());
     }
     has_geometry = has_geometry && file->header.has_geometry;
+    files.push_back(*std::move(file));
+  }
+  for (std::size_t n = 0; n < files.size(); ++n) {
+    const fs::path& one = found.files[n];
+    const VolumeFile* const file = &files[n];
+    share = static_cast<double>(n) / static_cast<double>(files.size());
     MaskSink sink(*file, look);
     if (auto read = send_voxels(*file, sink); !read) return read.error();
     if (!sink.fault().empty()) return no_mask(one, sink.fault());
@@ -163,26 +176,23 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
 
 }  // namespace
 
-bool is_masks(const fs::path& folder) {
+std::vector<fs::path> volumes_in(const fs::path& folder) {
   std::error_code failed;
-  if (!fs::is_directory(folder, failed)) return false;
-  std::size_t volumes = 0, meshes = 0;
-  find_structure_files(
-      folder,
-      [&](const fs::path& file) {
-        volumes += format_of(file).ok();
-        meshes += mesh_format_of(file).has_value();
-        return true;
-      },
-      "");
-  return volumes >= 2 && meshes == 0 && !is_dicom(folder);
+  if (!fs::is_directory(folder, failed)) return {};
+  return find_masks(folder).files;
+}
+
+bool is_masks(const fs::path& folder) {
+  return volumes_in(folder).size() >= 2 && !is_dicom(folder);
 }
 
 Result<LabelReader> open_masks(const fs::path& folder, const Progress& progress) {
   const StructureFiles found = find_masks(folder);
   return open_structure_files(
       found, folder, progress,
-      [&](const std::function<bool()>& look) { return look_at_masks(found, folder, look); },
+      [&](const std::function<bool()>& look, double& share) {
+        return look_at_masks(found, folder, look, share);
+      },
       "take some of the masks, or crop them first");
 }
 

@@ -1,11 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <random>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "base/test_files.h"
@@ -21,9 +24,9 @@ using test::TemporaryFolder;
 using test::write_text;
 using ::testing::HasSubstr;
 
-GridGeometry grid_of_masks() {
+GridGeometry grid_of_masks(const std::array<int, 3>& dims = {23, 31, 17}) {
   GridGeometry grid;
-  grid.dims = {23, 31, 17};
+  grid.dims = dims;
   grid.spacing_mm = {0.7, 0.9, 1.3};
   grid.direction = Eigen::AngleAxisd(0.3, Eigen::Vector3d(2, 1, -1).normalized()).toRotationMatrix();
   grid.origin = Point<Patient>(12, -40, 7);
@@ -31,8 +34,9 @@ GridGeometry grid_of_masks() {
 }
 
 // 1 with the chance
-Volume<std::uint8_t> random_mask(std::mt19937& random, double chance, std::uint8_t in = 1) {
-  Volume<std::uint8_t> mask(grid_of_masks());
+Volume<std::uint8_t> random_mask(std::mt19937& random, double chance, std::uint8_t in = 1,
+                                 const GridGeometry& grid = grid_of_masks()) {
+  Volume<std::uint8_t> mask(grid);
   std::bernoulli_distribution is_in(chance);
   for (int k = 0; k < mask.geometry().dims[2]; ++k)
     for (int j = 0; j < mask.geometry().dims[1]; ++j)
@@ -58,15 +62,18 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  for (int round = 0; round < 4; ++round) {
+  // a voxel, a row, a slice, and more than fits into a piece of what is read at a time
+  for (const std::array<int, 3>& dims : {std::array{23, 31, 17}, std::array{1, 1, 1}, std::array{1, 40, 1},
+                                         std::array{33, 29, 1}, std::array{80, 71, 60}}) {
+    const GridGeometry grid = grid_of_masks(dims);
     const TemporaryFolder folder;
     // names in order; the last one lies everywhere, in the first and in the last voxel too
     const std::vector<std::pair<std::string, Volume<std::uint8_t>>> masks{
-        {"femur_left.nii.gz", random_mask(random, 0.02)},
-        {"kidney_right.nrrd", random_mask(random, 0.5, 255)},
-        {"liver.mha", random_mask(random, 0.1)},
-        {"pancreas.nii", random_mask(random, 0)},
-        {"spleen.nii.gz", random_mask(random, 1)}};
+        {"femur_left.nii.gz", random_mask(random, 0.02, 1, grid)},
+        {"kidney_right.nrrd", random_mask(random, 0.5, 255, grid)},
+        {"liver.mha", random_mask(random, 0.1, 1, grid)},
+        {"pancreas.nii", random_mask(random, 0, 1, grid)},
+        {"spleen.nii.gz", random_mask(random, 1, 1, grid)}};
     for (const auto& [name, mask] : masks) {
       const auto written = name == "liver.mha" ? write_volume(folder / name, as_floats(mask))
                                                : write_volume(folder / name, mask);
@@ -79,7 +86,7 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
     ASSERT_TRUE(labels) << labels.error().message();
     EXPECT_EQ(labels->header.format, "masks");
     EXPECT_TRUE(labels->header.has_geometry);
-    EXPECT_TRUE(labels->labels.geometry().same_grid(grid_of_masks()));
+    EXPECT_TRUE(labels->labels.geometry().same_grid(grid));
     EXPECT_TRUE(labels->unnamed.empty());
     const auto& segments = labels->labels.segments;
     ASSERT_EQ(segments.size(), masks.size());
@@ -95,12 +102,14 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
                 << kExpected[n] << " " << i << " " << j << " " << k;
     }
     const std::string all = ::testing::PrintToString(said);
-    EXPECT_THAT(all, HasSubstr("segments overlap in"));
-    EXPECT_THAT(all, HasSubstr("has masks without a voxel: pancreas"));
+    if (grid.voxel_count() > 100) {
+      EXPECT_THAT(all, HasSubstr("segments overlap in"));
+    }
+    EXPECT_THAT(all, HasSubstr("pancreas"));
     EXPECT_THAT(all, HasSubstr("1 other file in it is no volume"));
     const auto scan = read_scan(folder.path());
     ASSERT_FALSE(scan);
-    EXPECT_THAT(scan.error().message(), HasSubstr("labels and not a scan"));
+    EXPECT_THAT(scan.error().message(), HasSubstr("name the scan in it: femur_left.nii.gz, kidney_right"));
   }
 }
 
@@ -203,15 +212,79 @@ TEST(Masks, DamagedOnesAreRefused) {
   EXPECT_GE(refused, 20);
 }
 
+// values are scaled as anywhere else
+TEST(Masks, OfScaledValuesTheMaskIsTheSame) {
+  std::mt19937 random(8);
+  const TemporaryFolder folder;
+  ASSERT_TRUE(write_volume(folder / "liver.nii", random_mask(random, 0.1)));
+  ASSERT_TRUE(write_volume(folder / "spleen.nii", random_mask(random, 0.1)));
+  const auto plain = read_masks(folder.path());
+  ASSERT_TRUE(plain) << plain.error().message();
+  for (const auto& [slope, intercept, is_mask] :
+       {std::tuple(7.F, 0.F, true), std::tuple(-3.F, 3.F, true), std::tuple(0.5F, 0.F, false)}) {
+    auto bytes = read_file(folder / "liver.nii", 1 << 20);
+    ASSERT_TRUE(bytes);
+    // scl_slope and scl_inter of NIfTI-1
+    std::memcpy(bytes->data() + 112, &slope, sizeof slope);
+    std::memcpy(bytes->data() + 116, &intercept, sizeof intercept);
+    const TemporaryFolder scaled;
+    write_text(scaled / "liver.nii", *bytes);
+    fs::copy_file(folder / "spleen.nii", scaled / "spleen.nii");
+    const auto labels = read_masks(scaled.path());
+    ASSERT_EQ(labels.ok(), is_mask) << slope;
+    if (!is_mask) continue;
+    std::size_t in = 0, of_plain = 0;
+    const auto count = [](const LabelFile& file) { return segment_statistics(file.labels).front().voxels; };
+    in = count(*labels);
+    of_plain = count(*plain);
+    // where it was 0 it is the structure then
+    EXPECT_EQ(in, slope > 0 ? of_plain : grid_of_masks().voxel_count() - of_plain);
+  }
+}
+
+TEST(Masks, WhatSystemsLeaveBesideFilesAndLinksThatLeadOutAreNone) {
+  std::mt19937 random(9);
+  const TemporaryFolder folder, elsewhere;
+  ASSERT_TRUE(write_volume(folder / "liver.nii.gz", random_mask(random, 0.1)));
+  write_text(folder / "._liver.nii.gz", "of macOS");
+  EXPECT_FALSE(is_volume(folder.path())) << "one volume is none";
+  ASSERT_TRUE(write_volume(folder / "spleen.nii.gz", random_mask(random, 0.1)));
+  write_text(folder / "._spleen.nii.gz", "of macOS");
+  const auto labels = read_masks(folder.path());
+  ASSERT_TRUE(labels) << labels.error().message();
+  EXPECT_EQ(labels->labels.segments.size(), 2u);
+
+  // one of two files is no folder of masks
+  const TemporaryFolder pair;
+  for (const char* name : {"knee.hdr", "knee.img"}) write_text(pair / name, "");
+  EXPECT_FALSE(is_volume(pair.path()));
+
+  const TemporaryFolder links;
+  for (const char* name : {"liver.nii.gz", "spleen.nii.gz"}) fs::create_symlink(folder / name, links / name);
+  EXPECT_FALSE(is_volume(links.path()));
+  const auto refused = read_masks(links.path());
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message(), HasSubstr("liver.nii.gz, spleen.nii.gz"));
+  // within the folder they are as files
+  for (const char* name : {"heart.nii.gz", "aorta.nii.gz"}) fs::create_symlink("liver.nii.gz", folder / name);
+  const auto linked = read_masks(folder.path());
+  ASSERT_TRUE(linked) << linked.error().message();
+  EXPECT_EQ(linked->labels.segments.size(), 4u);
+}
+
 TEST(Masks, ReadingThemCanBeInterrupted) {
   std::mt19937 random(9);
   const TemporaryFolder folder;
   for (const char* name : {"liver.nii.gz", "spleen.nii.gz"})
-    ASSERT_TRUE(write_volume(folder / name, random_mask(random, 0.1)));
-  const std::atomic<bool> stop{true};
-  const auto labels = read_labels(folder.path(), {}, Progress({}, &stop));
-  ASSERT_FALSE(labels);
-  EXPECT_EQ(labels.error().kind, ErrorKind::kInterrupted);
+    ASSERT_TRUE(write_volume(folder / name, random_mask(random, 0.1, 1, grid_of_masks({80, 71, 60}))));
+  // at once, and in the middle
+  for (const bool at_once : {true, false}) {
+    std::atomic<bool> stop{at_once};
+    const Progress progress([&](std::string_view, double) { stop = true; }, &stop);
+    const auto labels = read_labels(folder.path(), {}, progress);
+    ASSERT_FALSE(labels) << at_once;
+    EXPECT_EQ(labels.error().kind, ErrorKind::kInterrupted);
+  }
 }
 
 }  // namespace

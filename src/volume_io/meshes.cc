@@ -11,6 +11,7 @@
 #include "volume_io/label_names.h"
 #include "volume_io/label_text.h"
 #include "volume_io/layered_labels.h"
+#include "volume_io/masks.h"
 #include "volume_io/mesh_labels.h"
 #include "volume_io/mesh_placing.h"
 #include "volume_io/volume_reader.h"
@@ -25,7 +26,6 @@ namespace fs = std::filesystem;
 struct FoundMeshes {
   StructureFiles found;
   std::map<fs::path, MeshFormat> formats;
-  bool volumes = false;  // among them
 };
 
 FoundMeshes find_meshes(const fs::path& named) {
@@ -33,7 +33,6 @@ FoundMeshes find_meshes(const fs::path& named) {
   meshes.found = find_structure_files(
       named,
       [&](const fs::path& file) {
-        meshes.volumes = meshes.volumes || format_of(file);
         const auto format = mesh_format_of(file);
         if (format) meshes.formats.emplace(file, *format);
         return format.has_value();
@@ -96,7 +95,7 @@ constexpr std::size_t kMostMeshes = 1024;
 // @param look  called now and then; false: nobody listens any more
 Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
                                        const GridGeometry* scan, const MeshPlacing& asked,
-                                       const std::function<bool()>& look) {
+                                       const std::function<bool()>& look, double& share) {
   // what their points say of how they lie; of files that say their axes each for itself
   MeshSurvey survey(scan, asked.unit_mm);
   std::optional<MeshSpace> stated;
@@ -143,7 +142,9 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
   }
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   std::vector<std::string> open, cut, empty, named_in_part;
+  const double part = 1 / static_cast<double>(found.files.size());
   for (const fs::path& one : found.files) {
+    share = part * static_cast<double>(&one - found.files.data());
     auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
@@ -209,8 +210,9 @@ std::optional<MeshFormat> mesh_format_of(const fs::path& file) {
 bool is_meshes(const fs::path& file) {
   std::error_code failed;
   if (!fs::is_directory(file, failed)) return mesh_format_of(file).has_value();
-  const FoundMeshes meshes = find_meshes(file);
-  return !meshes.found.files.empty() && !meshes.volumes && !is_dicom(file);
+  // by their names alone, before any file is opened
+  if (!volumes_in(file).empty()) return false;
+  return !find_meshes(file).found.files.empty() && !is_dicom(file);
 }
 
 Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, const MeshPlacing& placing,
@@ -218,7 +220,9 @@ Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, 
   const FoundMeshes meshes = find_meshes(file);
   auto reader = open_structure_files(
       meshes.found, file, progress,
-      [&](const std::function<bool()>& look) { return look_at_meshes(meshes, file, scan, placing, look); },
+      [&](const std::function<bool()>& look, double& share) {
+        return look_at_meshes(meshes, file, scan, placing, look, share);
+      },
       "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate), or take some of it");
   if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});
   return reader;

@@ -9,6 +9,7 @@
 #include "volume_io/formats.h"
 #include "volume_io/kept_voxels.h"
 #include "volume_io/label_names.h"
+#include "volume_io/layered_labels.h"
 #include "volume_io/looks_like.h"
 #include "volume_io/masks.h"
 #include "volume_io/meshes.h"
@@ -408,13 +409,17 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
                            Unpacked unpacked, std::optional<int> volume) try {
-  const auto holds = [&](const char* what) {
-    return bad_input(file.string(), std::string("holds ") + what + ", which are labels and not a scan",
-                     "give it as the labels, after the scan");
-  };
   if (!volume && !is_dicom(file)) {
-    if (is_meshes(file)) return holds("surfaces");
-    if (is_masks(file)) return holds("several volumes, and is read as a mask for each structure");
+    if (is_meshes(file))
+      return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
+                       "give it as the labels, after the scan");
+    if (is_masks(file)) {
+      std::vector<std::string> names;
+      for (const std::filesystem::path& one : volumes_in(file)) names.push_back(one.filename().string());
+      return bad_input(file.string(), "holds several volumes, and a scan is one",
+                       "name the scan in it: " + names_in_words(names) +
+                           "; a folder of masks is given as the labels, after the scan");
+    }
   }
   auto reader = VolumeReader::open(file, progress, volume);
   if (!reader) return reader.error();

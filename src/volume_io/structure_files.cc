@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <new>
+#include <set>
 #include <variant>
 
 #include "palpate/base/file.h"
@@ -56,23 +58,35 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
     if (is_one(named)) found.files.push_back(named);
     return found;
   }
-  constexpr std::size_t kMostFiles = 4096, kMostRoots = 32;
-  std::size_t looked_at = 0, others = 0, led_out = 0;
+  // each root is a descriptor of the process that reads
+  constexpr std::size_t kMostFiles = 4096, kMostRoots = 256;
+  std::size_t looked_at = 0, others = 0, led_out = 0, scattered = 0;
+  std::set<fs::path> outside;
   fs::directory_iterator entry(named, failed);
   for (; !failed && entry != fs::directory_iterator() && looked_at < kMostFiles; entry.increment(failed)) {
     std::error_code ignored;
-    if (!entry->is_regular_file(ignored)) continue;
+    // what a system keeps of its own beside files, as macOS in "._liver.nii.gz"
+    if (!entry->is_regular_file(ignored) || entry->path().filename().string().starts_with('.')) continue;
     ++looked_at;
     if (!is_one(entry->path())) {
       ++others;
-    } else if (entry->is_symlink(ignored) && !check_stays_in(named, entry->path())) {
-      ++led_out;
-    } else {
-      if (entry->is_symlink(ignored) && found.roots.size() < kMostRoots)
-        found.roots.push_back(fs::canonical(entry->path(), ignored).parent_path());
-      found.files.push_back(entry->path());
+      continue;
     }
+    if (entry->is_symlink(ignored)) {
+      if (!check_stays_in(named, entry->path())) {
+        ++led_out;
+        continue;
+      }
+      const fs::path root = fs::canonical(entry->path(), ignored).parent_path();
+      if (outside.size() >= kMostRoots && !outside.contains(root)) {
+        ++scattered;
+        continue;
+      }
+      outside.insert(root);
+    }
+    found.files.push_back(entry->path());
   }
+  found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   if (!failed && entry != fs::directory_iterator())
     found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
                           " files, of which no more were looked at");
@@ -80,6 +94,10 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   if (led_out > 0)
     found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
+  if (scattered > 0)
+    found.notes.push_back(std::to_string(scattered) + (scattered == 1 ? " link was" : " links were") +
+                          " not followed, for they lead to more than " + std::to_string(kMostRoots) +
+                          " folders");
   if (others > 0)
     found.notes.push_back(std::to_string(others) +
                           (others == 1 ? " other file in it is" : " other files in it are") + " no " +
@@ -124,7 +142,7 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs
 
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& look)>& look_at,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& look, double& share)>& look_at,
     const char* too_large) {
   std::vector<int> descriptors;
   for (const fs::path& root : found.roots)
@@ -134,9 +152,14 @@ Result<LabelReader> open_structure_files(
   std::vector<fs::path> names{named};
   names.insert(names.end(), found.files.begin(), found.files.end());
   auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
+    double share = 0;
+    const auto tell = [&] {
+      const auto word = static_cast<std::uint32_t>(std::lround(1000 * share));
+      return parent.write(std::as_bytes(std::span(&word, 1)));
+    };
     const auto labels = [&]() -> Result<StructureLabels> {
       try {
-        return look_at(now_and_then(sign_of_life(parent)));
+        return look_at(now_and_then(tell), share);
       } catch (const std::bad_alloc&) {
         return bad_input(named.string(), "does not fit into the memory that it is read in", too_large);
       }
@@ -151,7 +174,10 @@ Result<LabelReader> open_structure_files(
     std::uint32_t word = 0;
     if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
       return about(said.error(), names);
-    if (word != kEnd) continue;
+    if (word != kEnd) {
+      progress.report("looking at each structure", std::min(1.0, word / 1000.0));
+      continue;
+    }
     if (auto understood = receive_end(**process, names); !understood) return understood.error();
     break;
   }

@@ -27,7 +27,7 @@ struct StructureFiles {
   std::vector<std::filesystem::path> roots;  ///< that the process may open, and what stands below them
   std::vector<std::string> notes;            ///< of what was left out
 };
-/// @param named   such a file, or a folder of which those that stand in it count
+/// @param named   such a file, or a folder of which those that stand in it count; hidden ones do not
 /// @param is_one  whether a plain file is one of them
 /// @param kind    what they are: "surface"
 StructureFiles find_structure_files(const std::filesystem::path& named,
@@ -59,11 +59,12 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const st
                      const std::function<bool()>& look);
 
 /// Starts a process that reads them.
-/// @param look_at    called in that process with the `look` of lay_out(), which it has called
+/// @param look_at    called in that process with the `look` of lay_out(), which it has called, and where it
+///                   writes which share of its work is done, 0 ... 1
 /// @param too_large  what to do where it does not fit into the memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& look)>& look_at,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& look, double& share)>& look_at,
     const char* too_large);
 
 }  // namespace palpate::volume_io

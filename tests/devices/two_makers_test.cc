@@ -73,7 +73,7 @@ class Omega final : testing::DhdSide, public MadeWithFaults<testing::FakeDhdDevi
 
 class Touch final : testing::HdSide, public MadeWithFaults<testing::FakeHd> {
  public:
-  Touch() : MadeWithFaults(fake, testing::hd_faults()) { device.max_force_N = kMost_N; }
+  Touch() : MadeWithFaults(fake, testing::hd_faults_and_hang()) { device.max_force_N = kMost_N; }
   DeviceDriver& driver() override { return *driver_; }
   void lead(double deep_mm) override { device.intended_x_mm = deep_mm - kBoneRadius_mm; }
   double force_N() const override { return device.force_N; }
@@ -163,6 +163,17 @@ class TwoMakers {
              return false;
            });
   }
+  /// Whether it presses for longer than any command of before is worth anything, and is ticked all the while.
+  bool goes_on_pressing(std::size_t d) const {
+    return soon([&] {
+      const std::uint64_t then = loop_->snapshot().tick;
+      for (int n = 0; n < 50; ++n) {
+        if (!presses(d)) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      return loop_->snapshot().tick > then + 20;
+    });
+  }
   /// What there is to read where it went wrong.
   std::string said() const {
     if (!loop_) return "no loop";
@@ -223,10 +234,13 @@ TEST_P(TwoMakersFaults, AnySequenceOfThemIsOutlived) {
     const auto which = 1 + random() % 3;
     for (std::size_t d = 0; d < 2; ++d)
       if (which >> d & 1) rig.device(d).begin_faults(random);
+    const auto is_faulty = [&](std::size_t d) { return (which >> d & 1) != 0; };
     for (std::size_t d = 0; d < 2; ++d) {
-      const bool faulty = which >> d & 1;
-      ASSERT_TRUE(soon([&] { return faulty ? rig.device(d).force_N() == 0 : rig.presses(d); }))
+      ASSERT_TRUE(!is_faulty(d) || soon([&] { return rig.device(d).force_N() == 0; }))
           << d << ": " << rig.said();
+    }
+    for (std::size_t d = 0; d < 2; ++d) {
+      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.said();
     }
     for (std::size_t d = 0; d < 2; ++d) rig.device(d).end_faults(random);
   }

@@ -151,13 +151,18 @@ class FirstSteps(cli.PalpateTest):
             folder.mkdir()
         for n in range(3):
             (series / f"IM{n}").write_bytes(dicom("1.2.840.10008.5.1.4.1.1.4"))
+        # volumes in a folder are masks, and below it are listed
+        nested = self.folder / "nested"
+        (nested / "below").mkdir(parents=True)
         for name in "liver", "spleen", "femur_left", "femur_right":
-            (mixed / f"{name}.nii.gz").write_bytes(b"")
+            for folder in mixed, nested / "below":
+                (folder / f"{name}.nii.gz").write_bytes(b"")
         surfaces = self.folder / "surfaces" / "below"
         surfaces.mkdir(parents=True)
         (surfaces / "knee.off").write_bytes(b"OFF\n")
         for verb in ("info", "section", "explore", "scene new"):
-            for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["femur_left.nii.gz"]),
+            for folder, says in ((series, ["no DICOM image that can be read"]), (mixed, ["femur_left.nii.gz: "]),
+                                 (nested, ["name a file in it: below/femur_left.nii.gz", "1 more"]),
                                  (empty, ["without a file"]), (surfaces.parent, ["surface (OFF)", ".seg.nrrd"])):
                 with self.subTest(folder.name, verb=verb):
                     done = self.run_verb(verb, folder)
@@ -174,11 +179,13 @@ class FirstSteps(cli.PalpateTest):
         listed = json.loads(self.succeed("info", masks, "--json").stdout)
         self.assertEqual({label["name"]: label["voxels"] for label in listed["labels"]}, {"tibia": 2048, "femur": 2048})
         done = self.succeed("scene", "new", scan, masks, "-o", self.folder / "scene.toml")
-        self.assertNotIn("CANARY", done.stderr.split("masks:")[-1] + (self.folder / "scene.toml").read_text())
+        self.assertNotIn("CANARY", done.stderr + done.stdout + (self.folder / "scene.toml").read_text())
         for what in ((scan, masks), (masks,), (self.folder / "scene.toml",)):
             done = self.succeed("simulate", *what, "-o", self.folder / "run.h5")
             for name in "tibia", "femur":
                 self.assertRegex(done.stdout, rf"\n{name} +1\.\d\d +0\.\d\d ")
+            self.assertNotIn("CANARY", done.stderr + done.stdout)
+            self.assertNotIn(b"CANARY", (self.folder / "run.h5").read_bytes())
         # a scan among them is no mask
         scan.rename(masks / "scan.nrrd")
         for verb in ("info", "simulate", "scene new"):

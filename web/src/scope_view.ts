@@ -92,7 +92,9 @@ export class ScopeView {
     return this.scope.tool !== null && this.scope.tool < devices ? this.scope.tool : Math.min(1, devices - 1);
   }
   private offerHolders(): void {
-    const names = this.session.scene!.tools.map(({ name }, n) => `${n + 1}: ${words.toolNamed(name)}`);
+    const { scene } = this.session;
+    if (!scene) return;
+    const names = scene.tools.map(({ name }, n) => `${n + 1}: ${words.toolNamed(name)}`);
     if (names.some((name, n) => this.holder.options[n]?.text !== name) || this.holder.length > names.length)
       this.holder.replaceChildren(...names.map((name, n) => new Option(name, String(n))));
     this.holder.hidden = names.length < 2;

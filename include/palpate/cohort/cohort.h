@@ -68,9 +68,9 @@ struct ThinPlace {
 };
 /// Of a structure's middle, where the nearest voxels outside lie to either side (130 degrees apart or more),
 /// the place where they are nearest, less a voxel: on a plate of n voxels n. Where a structure ends it tapers
-/// off, so the middle counts only where it goes on to all sides, within kRim_mm. The volume's
-/// border is no side. Nothing where there is no such middle (a structure of a few voxels, one without an
-/// outside).
+/// off, so the middle counts only where it goes on to all sides, within kRim_mm. What stands out of a thicker
+/// part by no more than a voxel is none of its own. The volume's border is no side. Nothing where there is no
+/// such middle (a structure of a few voxels, one without an outside).
 /// @param labels  flattened
 std::optional<ThinPlace> thinnest_place(const Volume<LabelId>& labels, const SegmentStatistics& structure);
 inline constexpr double kRim_mm = 3;
