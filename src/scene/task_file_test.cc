@@ -132,7 +132,7 @@ TEST(ParseTask, SaysWhatIsWrongAndWhere) {
       {"plane_normal = [0, -3, 0]\n", "", "half a plane"},
       {"structures = [\"femur\"]\n", "", "a region of no structure"},
       {"kind = \"visit\"", "kind = \"touch\"", "cannot be touched"},
-      {"kind = \"cover\"\n", "kind = \"visit\"\n", "coverage of a step that does not cover"},
+      {"kind = \"cover\"\n", "kind = \"visit\"\n", "a surface cannot be visited"},
       {"force = [2, 3.6]", "force = [3.6, 2]", "not below its end"},
       {"band = [1.6, 3.6]\nlimit = 8.5\n", "", "without band and limit"},
       {"name = \"answer_error\"", "name = \"answer\"", "unknown name \"answer\""},

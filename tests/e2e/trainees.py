@@ -101,17 +101,19 @@ def palpate(*arguments):
     return done.stdout
 
 
-def run_of(task, kind, seed, folder, data_set=None):
-    """A trainee's score, as palpate task score --json has it, with what the hand did not reach."""
+def recording_of(task, kind, seed, folder, data_set):
+    """What a trainee did, recorded."""
     name = folder / f"{task}-{kind}-{seed}"
     script, recording = name.with_suffix(".toml"), name.with_suffix(".h5")
     script.write_text(script_text(task, kind, seed), encoding="utf-8")
-    # of four knees, so that what was prepared is found again
-    data_set = data_set or palpate("task", "draw", task, "--seed", seed % 4 if "nodule" not in task else seed).strip()
     palpate("simulate", data_set, "--script", script, "-o", recording, "--max-force", TASKS[task][1])
-    score = json.loads(palpate("task", "score", recording, "--task", task, "--json"))["runs"][0]
-    recording.unlink()
-    return {metric["name"]: metric["value"] for metric in score["metrics"]}
+    return recording
+
+
+def scores_of(task, recordings):
+    """{metric: value} of each, as palpate task score --json has it."""
+    runs = json.loads(palpate("task", "score", *recordings, "--task", task, "--json"))["runs"]
+    return [{metric["name"]: metric["value"] for metric in run["metrics"]} for run in runs]
 
 
 def area(better, worse, more_is_better):
@@ -125,8 +127,15 @@ def area(better, worse, more_is_better):
 def areas_of(task, seeds, folder, workers, data_set=None):
     """{kind: {metric: area}} and the values. @param data_set  for every run; else as the seed draws it"""
     jobs = [(kind, seed) for kind in ("expert", *KINDS) for seed in range(seeds)]
+    # of four knees, so that what was prepared is found again
+    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task == "find-the-nodule" else seed % 4).strip() for seed in range(seeds)]
+    found = {}
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        found = dict(zip(jobs, pool.map(lambda job: run_of(task, *job, folder, data_set), jobs)))
+        recordings = dict(zip(jobs, pool.map(lambda job: recording_of(task, *job, folder, data_sets[job[1]]), jobs)))
+        # those of one scene together: it is loaded once
+        groups = [[job for job in jobs if data_sets[job[1]] == name] for name in dict.fromkeys(data_sets)]
+        for group, scores in zip(groups, pool.map(lambda group: scores_of(task, [recordings[job] for job in group]), groups)):
+            found.update(zip(group, scores))
     values = {kind: [found[kind, seed] for seed in range(seeds)] for kind in ("expert", *KINDS)}
     metrics = list(values["expert"][0])
     return {kind: {metric: area([v[metric] for v in values["expert"]], [v[metric] for v in values[kind]], metric in MORE_IS_BETTER)
