@@ -29,12 +29,14 @@ STEADY_MM, SHAKY_MM = 0.03, 0.25
 
 
 def contact(where, force_N, draw, hold_s=0.3, slide=None, then_N=None):
-    """Touches, presses, holds, runs along; a heavy hand then pushes as hard as it likes."""
-    steps = [{"approach": where[0], "speed": draw["speed"], **where[1]}, {"press": force_N, "settle": 0.3}, {"hold": hold_s}]
+    """Touches, presses, holds, runs along; a heavy hand is brief with that, and then pushes as hard as it likes."""
+    heavy = then_N is not None
+    steps = [{"approach": where[0], "speed": draw["speed"], **where[1]}, {"press": force_N, "settle": 0.1 if heavy else 0.3},
+             {"hold": 0.1 if heavy and hold_s < 1 else hold_s}]
     if slide:
-        steps.append({"slide": slide[0], "direction": slide[1], "speed": 8})
-    if then_N:
-        steps.append({"press": then_N, "settle": 0.1})
+        steps.append({"slide": slide[0], "direction": slide[1], "speed": 11 if heavy else 8})
+    if heavy:
+        steps.append({"press": then_N, "settle": 0.05})
     return steps + [{"leave": True}]
 
 
