@@ -116,6 +116,13 @@ constexpr OtherWord kOtherWords[] = {
     {"diagnostics", "palpate doctor"},
     {"setup", "palpate doctor"},
     {"bench", "palpate verify latency"},
+    {"learners", "palpate records list"},
+    {"scores", "palpate records list"},
+    {"score", "palpate task score RECORDING --task TASK"},
+    {"grade", "palpate task score RECORDING --task TASK"},
+    {"tasks", "palpate task list"},
+    {"training", "palpate task list"},
+    {"calibrate", "palpate task calibrate RECORDING... --task TASK"},
     {"password", "palpate token"},
     {"version", "palpate --version"},
 };
@@ -239,10 +246,10 @@ int run(int argc, char** argv) {
       "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
 
   Run verb;
-  for (const auto add :
-       {add_info,    add_data,   add_cache,    add_scene,   add_prepare,  add_forces, add_hold,
-        add_section, add_render, add_simulate, add_explore, add_devices,  add_doctor, add_token,
-        add_replay,  add_export, add_report,   add_cohort,  add_register, add_pivot,  add_verify})
+  for (const auto add : {add_info,     add_data,    add_cache,  add_scene,    add_prepare, add_forces,
+                         add_hold,     add_section, add_render, add_simulate, add_explore, add_devices,
+                         add_doctor,   add_token,   add_replay, add_export,   add_report,  add_cohort,
+                         add_register, add_pivot,   add_task,   add_records,  add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

@@ -4,6 +4,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/task_file.h"
 
 namespace palpate {
 namespace {
@@ -45,6 +46,13 @@ TEST(Docs, ScriptListsEveryKey) {
   check_section("script.md", "keys", script_keys());
 }
 
+TEST(Docs, TasksListEveryKey) {
+  check_section("tasks.md", "keys", task_keys());
+}
+TEST(Docs, TasksListEveryMetric) {
+  check_section("tasks.md", "metrics", metric_table());
+}
+
 /// The fenced TOML blocks of a document.
 std::vector<std::string> examples(const std::string& file) {
   const auto text = read_file(std::string(PALPATE_SOURCE_DIR "/docs/") + file);
@@ -63,6 +71,15 @@ TEST(Docs, ExamplesOfScenesParse) {
   for (const std::string& block : blocks) {
     const auto scene = parse_scene(block, "scene.md");
     EXPECT_TRUE(scene.ok()) << scene.error().message() << "\n" << block;
+  }
+}
+
+TEST(Docs, ExamplesOfTasksParse) {
+  const auto blocks = examples("tasks.md");
+  EXPECT_GE(blocks.size(), 1u);
+  for (const std::string& block : blocks) {
+    const auto task = parse_task(block, "tasks.md");
+    EXPECT_TRUE(task.ok()) << task.error().message() << "\n" << block;
   }
 }
 

@@ -46,16 +46,6 @@ std::string range_cell(const KeySpec& key) {
   return concat({number_text(key.min), " … ", number_text(key.max)});
 }
 
-std::string table_markdown(const TableSpec& table) {
-  std::string text = concat({"### ", table.heading, "\n\n", table.about, "\n\n"});
-  text += "| key | value | default | unit | range | meaning |\n|---|---|---|---|---|---|\n";
-  for (const KeySpec& key : table.keys) {
-    text += concat({"| `", key.name, "` | ", value_cell(key), " | ", default_cell(key), " | ", key.unit,
-                    " | ", range_cell(key), " | ", key.meaning, " |\n"});
-  }
-  return text;
-}
-
 char lower(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
@@ -86,6 +76,16 @@ std::vector<std::string_view> method_names() {
 }
 
 }  // namespace
+
+std::string table_markdown(const TableSpec& table) {
+  std::string text = concat({"### ", table.heading, "\n\n", table.about, "\n\n"});
+  text += "| key | value | default | unit | range | meaning |\n|---|---|---|---|---|---|\n";
+  for (const KeySpec& key : table.keys) {
+    text += concat({"| `", key.name, "` | ", value_cell(key), " | ", default_cell(key), " | ", key.unit,
+                    " | ", range_cell(key), " | ", key.meaning, " |\n"});
+  }
+  return text;
+}
 
 const KeySpec* TableSpec::find(std::string_view key) const {
   const auto found = std::find_if(keys.begin(), keys.end(), [&](const KeySpec& k) { return k.name == key; });

@@ -62,6 +62,9 @@ struct ScriptKeys {
 };
 const ScriptKeys& script_key_tables();
 
+/// A table's keys with what they take and mean, for the documents.
+std::string table_markdown(const TableSpec& table);
+
 /// "0.001 ... 20 N/mm", "\"direct\" or \"fourier\"", "" where everything goes.
 std::string range_text(const KeySpec& key);
 /// "a number", "a list of label numbers and names", ...

@@ -1,0 +1,284 @@
+#include "palpate/records/records.h"
+
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+
+#include "palpate/base/file.h"
+#include "palpate/base/hash.h"
+#include "palpate/base/output.h"
+#include "palpate/base/printable.h"
+#include "recorded_runs.h"
+#include "scored.h"
+#include "text.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct RecordsOptions {
+  std::filesystem::path file, output;
+  RunFilter filter;
+  std::int64_t id = 0;
+  std::string format = "csv", home_page = "https://palpate.invalid/learners", learner;
+  bool json = false, yes = false;
+};
+
+Result<std::filesystem::path> records_file(const std::filesystem::path& asked) {
+  const auto file = asked.empty() ? default_records_file() : asked;
+  if (file.empty())
+    return Error{ErrorKind::kUsage, "there is no place for records: neither HOME nor XDG_DATA_HOME is set",
+                 "", "name a file with --records"};
+  return file;
+}
+
+Result<std::unique_ptr<Records>> opened(const RecordsOptions& options) {
+  const auto file = records_file(options.file);
+  if (!file) return file.error();
+  return Records::open_to_read(*file);
+}
+
+nlohmann::ordered_json json_of(const RunRecord& run) {
+  const auto number = [](const std::optional<double>& value) {
+    return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json json{{"run", run.id},
+                              {"learner", run.learner},
+                              {"task", run.task},
+                              {"task_hash", run.task_hash},
+                              {"started_utc", run.started_utc},
+                              {"data_set", run.data_set},
+                              {"palpate_version", run.palpate_version},
+                              {"commit", run.commit},
+                              {"device", run.device},
+                              {"hand", run.hand},
+                              {"settings_hash", run.settings_hash},
+                              {"run_hash", run.run_hash},
+                              {"score_hash", run.score_hash},
+                              {"duration_s", run.duration_s},
+                              {"in_a_row_asked", run.in_a_row},
+                              {"in_band", run.in_band}};
+  if (run.metrics.empty()) return json;
+  json["metrics"] = nlohmann::ordered_json::array();
+  for (const RunMetric& metric : run.metrics)
+    json["metrics"].push_back({{"name", metric.name},
+                               {"value", number(metric.value)},
+                               {"unit", metric.unit},
+                               {"counts", metric.counts},
+                               {"at_least", number(metric.at_least)},
+                               {"at_most", number(metric.at_most)},
+                               {"in_band", metric.in_band}});
+  return json;
+}
+
+std::string text_of(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+int list(const RecordsOptions& options, Console& console) {
+  auto records = opened(options);
+  if (!records) return console.fail(records.error());
+  // how many runs of a learner's task were in band, one after the other, counted over what is listed
+  std::map<std::pair<std::string, std::string>, int> in_a_row;
+  if (!options.json)
+    std::printf(
+        "   run  started               learner           task                          in band  in a row\n");
+  const auto done = (*records)->list(options.filter, [&](const RunRecord& run) -> Result<void> {
+    if (options.json) {
+      std::printf("%s\n", text_of(json_of(run)).c_str());
+      return {};
+    }
+    int& row = in_a_row[{run.learner, run.task_hash}];
+    row = run.in_band ? row + 1 : 0;
+    std::printf("%6lld  %s  %s  %s  %s  %d of %d%s\n", static_cast<long long>(run.id),
+                fitted(printable_name(run.started_utc), 20).c_str(),
+                fitted(printable_name(run.learner), 16).c_str(), fitted(printable_name(run.task), 28).c_str(),
+                run.in_band ? "yes    " : "no     ", row, run.in_a_row,
+                row >= run.in_a_row ? "  PASSED" : "");
+    return {};
+  });
+  return done ? int{kExitOk} : console.fail(done.error());
+}
+
+int show(const RecordsOptions& options, Console& console) {
+  auto records = opened(options);
+  if (!records) return console.fail(records.error());
+  const auto run = (*records)->run(options.id);
+  if (!run) return console.fail(run.error());
+  if (options.json) {
+    std::printf("%s\n", text_of(json_of(*run)).c_str());
+    return kExitOk;
+  }
+  const auto line = [](const char* name, const std::string& text) {
+    std::printf("%-14s %s\n", name, printable_name(text).c_str());
+  };
+  line("run", std::to_string(run->id));
+  line("learner", run->learner);
+  line("task", run->task);
+  line("started", run->started_utc);
+  line("data set", run->data_set);
+  line("palpate", run->palpate_version + " (" + run->commit + ")");
+  line("device", run->device.empty() ? "a real one" : run->device);
+  line("hand", run->hand.empty() ? "a real one" : run->hand);
+  line("settings", run->settings_hash);
+  line("score", run->score_hash);
+  std::printf("%-14s %.2f s\n%-14s %s\n", "duration", run->duration_s, "in band",
+              run->in_band ? "yes" : "no");
+  for (const RunMetric& metric : run->metrics) {
+    char value[40] = "none";
+    if (metric.value) std::snprintf(value, sizeof value, "%.4g", *metric.value);
+    std::printf("  %s  %s %s%s\n", fitted(printable_name(metric.name), 34).c_str(), value,
+                metric.unit == "1" ? "" : printable_name(metric.unit).c_str(),
+                !metric.counts   ? ""
+                : metric.in_band ? "  in band"
+                                 : "  OUT OF BAND");
+  }
+  return kExitOk;
+}
+
+int export_runs(const RecordsOptions& options, Console& console) {
+  const auto file = records_file(options.file);
+  if (!file) return console.fail(file.error());
+  auto records = Records::open_to_read(*file);
+  if (!records) return console.fail(records.error());
+  const std::vector<std::filesystem::path> never{*file, file->string() + "-wal", file->string() + "-shm"};
+  const auto claimed = claim_output(options.output, never);
+  if (!claimed) return console.fail(claimed.error());
+  const bool csv = options.format == "csv";
+  std::string text = csv ? csv_heading() : "";
+  std::vector<std::int64_t> ids;
+  const auto listed = (*records)->list(options.filter, [&](const RunRecord& run) -> Result<void> {
+    ids.push_back(run.id);
+    return {};
+  });
+  if (!listed) return console.fail(listed.error());
+  for (const std::int64_t id : ids) {
+    const auto run = (*records)->run(id);
+    if (!run) return console.fail(run.error());
+    text += csv ? csv_rows(*run) : xapi_statement(*run, options.home_page) + "\n";
+  }
+  if (const auto written = write_file(options.output, text); !written) return console.fail(written.error());
+  console.note(std::to_string(ids.size()) + " runs: " + options.output.string());
+  return kExitOk;
+}
+
+int erase(const RecordsOptions& options, Console& console) {
+  const auto file = records_file(options.file);
+  if (!file) return console.fail(file.error());
+  if (!options.yes)
+    return console.fail({ErrorKind::kUsage,
+                         "all runs of " + printable_name(options.learner) + " would be gone for good",
+                         file->string(), "say --yes; palpate records export keeps a copy"});
+  // a file is not made so as to erase from it
+  if (auto there = Records::open_to_read(*file); !there) return console.fail(there.error());
+  auto records = Records::open(*file);
+  if (!records) return console.fail(records.error());
+  const auto erased = (*records)->erase(options.learner);
+  if (!erased) return console.fail(erased.error());
+  if (!erased->was_known)
+    return console.fail({ErrorKind::kBadInput, "there is no learner " + printable_name(options.learner),
+                         file->string(), "palpate records list shows those that there are"});
+  std::printf("erased %lld runs of one learner; copies of the file are not palpate's to erase\n",
+              static_cast<long long>(erased->runs));
+  return kExitOk;
+}
+
+}  // namespace
+
+RunRecord record_of(const std::string& learner, const TaskFile& task, const ScoredRun& run) {
+  const auto hexadecimal = [](std::uint64_t hash) {
+    char text[17];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+    return std::string(text);
+  };
+  // what decided how it felt: the model, and what else a recording tells of that
+  std::uint64_t settings = kHashSeed;
+  hash_word(settings, run.header.model_hash);
+  hash_bytes(settings, run.header.feel.data(), run.header.feel.size());
+  RunRecord record{0,
+                   learner,
+                   task.title,
+                   hexadecimal(task.text_hash),
+                   run.header.started_utc,
+                   run.header.data_set,
+                   run.header.palpate_version,
+                   run.header.commit,
+                   run.header.device,
+                   run.header.hand,
+                   hexadecimal(hash_finish(settings)),
+                   hexadecimal(run.run_hash),
+                   hexadecimal(run.score.hash),
+                   run.score.time_s,
+                   task.in_a_row,
+                   run.score.in_band,
+                   {}};
+  for (const MetricValue& value : run.score.metrics) {
+    const TaskMetric& asked = task.metrics[value.part];
+    record.metrics.push_back({metric_name(asked), std::string(info_of(value.metric).unit),
+                              std::isfinite(value.value) ? std::optional(value.value) : std::nullopt,
+                              asked.at_least, asked.at_most, value.counts, value.counts && value.in_band});
+  }
+  return record;
+}
+
+Result<std::int64_t> record_run(const std::filesystem::path& asked, const std::string& learner,
+                                const TaskFile& task, const ScoredRun& scored, Console& console) {
+  const auto file = records_file(asked);
+  if (!file) return file.error();
+  if (asked.empty() && file->has_parent_path()) {
+    std::error_code told_by_open;
+    std::filesystem::create_directories(file->parent_path(), told_by_open);
+  }
+  auto records = Records::open(*file);
+  if (!records) return records.error();
+  if (looks_like_a_person(learner))
+    console.warn()("\"" + printable_name(learner) +
+                   "\" looks like a person's name: records are for pseudonyms");
+  return (*records)->add(record_of(learner, task, scored));
+}
+
+void add_records(CLI::App& app, Run& run) {
+  auto options = std::make_shared<RecordsOptions>();
+  CLI::App* verb = app.add_subcommand("records", "What learners did: list, show, export, erase");
+  verb->require_subcommand(1);
+  verb->footer(
+      "palpate task score RUN --task TASK --record LEARNER writes what stands here. A learner is a "
+      "pseudonym; who it is,\n"
+      "keep elsewhere. The file is PALPATE_RECORDS, or palpate/records.db in XDG_DATA_HOME or "
+      "~/.local/share.");
+  const auto add = [&](const char* name, const char* help, int (*what)(const RecordsOptions&, Console&)) {
+    CLI::App* sub = verb->add_subcommand(name, help);
+    sub->add_option("--records", options->file, "The file of the records");
+    sub->callback([options, &run, what] {
+      run = [options, what](Console& console) { return what(*options, console); };
+    });
+    return sub;
+  };
+  const auto add_filter = [&](CLI::App* sub) {
+    sub->add_option("--learner", options->filter.learner, "Of one learner");
+    sub->add_option("--task", options->filter.task, "Of one task, by its title");
+    sub->add_option("--newest", options->filter.newest, "So many at most, the newest")
+        ->check(whole_between(1, 1000000000));
+  };
+  CLI::App* listing = add("list", "A line for each run", list);
+  add_filter(listing);
+  listing->add_flag("--json", options->json, "A JSON object a line");
+  CLI::App* showing = add("show", "A run with its metrics", show);
+  showing->add_option("run", options->id, "Its number in the list")
+      ->required()
+      ->check(whole_between(1, 1ull << 62));
+  showing->add_flag("--json", options->json, "As JSON");
+  CLI::App* exporting = add("export", "Runs as CSV, or as xAPI statements", export_runs);
+  add_filter(exporting);
+  exporting->add_option("--format", options->format, "csv: a line for each metric; xapi: a statement a line")
+      ->check(CLI::IsMember({"csv", "xapi"}));
+  exporting->add_option("--home-page", options->home_page,
+                        "Of xAPI's actors: the system that gives out the pseudonyms");
+  exporting->add_option("-o,--output", options->output, "File to write")->required();
+  CLI::App* erasing = add("erase", "A learner with all runs, out of every byte of the file", erase);
+  erasing->add_option("learner", options->learner, "Pseudonym")->required();
+  erasing->add_flag("--yes", options->yes, "It is meant");
+}
+
+}  // namespace palpate::app

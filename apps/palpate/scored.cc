@@ -1,0 +1,121 @@
+#include "scored.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "palpate/loading/loading.h"
+#include "palpate/palpation/recorded_model.h"
+
+namespace palpate::app {
+namespace {
+
+nlohmann::ordered_json number_or_null(double value) {
+  return std::isnan(value) ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(value);
+}
+
+nlohmann::ordered_json number_or_null(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+}
+
+std::string_view kind_text(TaskEvent::Kind kind) {
+  switch (kind) {
+    case TaskEvent::Kind::kStepDone:
+      return "step_done";
+    case TaskEvent::Kind::kOverLimit:
+      return "over_limit";
+    case TaskEvent::Kind::kProtected:
+      return "protected";
+    case TaskEvent::Kind::kEnded:
+      return "ended";
+  }
+  return "";
+}
+
+std::string hexadecimal(std::uint64_t hash) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+}  // namespace
+
+Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console& console) {
+  const Progress progress = console.progress();
+  const auto source = RecordingSource::open(recording, progress);
+  if (!source) return source.error();
+  const auto named = [&](Error error) {
+    if (error.where.empty()) error.where = recording.string();
+    return error;
+  };
+  const RecordingHeader& header = source->head().header;
+  if (!model_ || loaded_ != header.data_set) {
+    const auto loaded = load_scene_of_recording(header, target_, progress, console.warn(), volume_);
+    if (!loaded) return loaded.error();
+    model_ = loaded->model;
+    loaded_ = header.data_set;
+    // patches lie on the surfaces that are felt
+    const bool covers = std::any_of(task_.steps.begin(), task_.steps.end(),
+                                    [](const TaskStep& step) { return step.kind == StepKind::kCover; });
+    if (covers) {
+      constexpr std::array kProxyAlone = {ForceMethod::kProxy};
+      auto ready = ready_for(model_, kProxyAlone, progress);
+      if (!ready) return ready.error();
+      model_ = *std::move(ready);
+    }
+    auto in_scene = look_up(task_, *model_, progress);
+    if (!in_scene) return in_scene.error();
+    in_scene_ = *std::move(in_scene);
+  }
+  if (const auto same = check_recorded_model(header, *model_); !same) return named(same.error());
+  auto scored = score_recording(*in_scene_, *source, progress);
+  if (!scored) return named(scored.error());
+  const auto& summary = source->head().summary;
+  return ScoredRun{recording, header, *std::move(scored), summary ? summary->run_hash : 0};
+}
+
+nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {
+  const TaskScore& score = run.score;
+  nlohmann::ordered_json json;
+  json["task"] = task.title;
+  json["task_hash"] = hexadecimal(task.text_hash);
+  json["recording"] = run.recording.filename().string();
+  json["data_set"] = run.header.data_set;
+  json["started_utc"] = run.header.started_utc;
+  json["palpate_version"] = run.header.palpate_version;
+  json["ticks"] = score.ticks;
+  json["missing_s"] = score.missing_s;
+  json["ended"] = score.ended;
+  json["cut_short"] = score.cut_short;
+  json["in_band"] = score.in_band;
+  json["score_hash"] = hexadecimal(score.hash);
+  json["metrics"] = nlohmann::ordered_json::array();
+  for (const MetricValue& value : score.metrics) {
+    const TaskMetric& asked = task.metrics[value.part];
+    const MetricInfo& info = info_of(value.metric);
+    json["metrics"].push_back({{"name", metric_name(asked)},
+                               {"value", number_or_null(value.value)},
+                               {"unit", info.unit},
+                               {"counts", value.counts},
+                               {"at_least", number_or_null(asked.at_least)},
+                               {"at_most", number_or_null(asked.at_most)},
+                               {"in_band", value.counts ? nlohmann::ordered_json(value.in_band) : nullptr},
+                               {"basis", asked.basis.empty() ? "not validated" : asked.basis},
+                               {"validity", info.validity}});
+  }
+  json["steps"] = nlohmann::ordered_json::array();
+  for (std::size_t n = 0; n < task.steps.size(); ++n)
+    json["steps"].push_back({{"name", task.steps[n].name}, {"done", static_cast<bool>(score.done[n])}});
+  json["events"] = nlohmann::ordered_json::array();
+  for (const TaskEvent& event : score.events)
+    json["events"].push_back({{"kind", kind_text(event.kind)},
+                              {"tick", event.tick},
+                              {"time_s", event.time_s},
+                              {"force_N", event.force_N},
+                              {"text", event_text(task, event)}});
+  json["more_events"] = score.more_events;
+  return json;
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "palpate/tasks/evaluator.h"
+#include "verb.h"
+
+namespace palpate::app {
+
+/// A run with the header of its recording.
+struct ScoredRun {
+  std::filesystem::path recording;
+  RecordingHeader header;
+  TaskScore score;
+  std::uint64_t run_hash = 0;  ///< of the recording; 0: it was cut short
+};
+
+/// Scores recordings by a task, one after the other; what they share is loaded once.
+class Scorer {
+ public:
+  /// @param target  scene of recordings that name no data set; may be empty
+  Scorer(TaskFile task, std::string target, std::optional<int> volume)
+      : task_(std::move(task)), target_(std::move(target)), volume_(volume) {}
+
+  /// Errors name the recording or the task's line.
+  Result<ScoredRun> score(const std::filesystem::path& recording, Console& console);
+  const TaskFile& task() const { return task_; }
+
+ private:
+  TaskFile task_;
+  std::string target_;
+  std::optional<int> volume_;
+  std::string loaded_;  // data set
+  std::shared_ptr<const Model> model_;
+  std::optional<TaskInScene> in_scene_;
+};
+
+/// A score as `palpate task score --json` writes it.
+nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run);
+
+}  // namespace palpate::app

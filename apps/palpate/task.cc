@@ -1,0 +1,286 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "palpate/base/printable.h"
+#include "palpate/tasks/calibration.h"
+#include "recorded_runs.h"
+#include "scored.h"
+#include "text.h"
+#include "verb.h"
+
+namespace palpate::app {
+namespace {
+
+struct TaskOptions {
+  std::vector<std::filesystem::path> recordings, novices;
+  std::string task, target, learner;
+  std::filesystem::path records;
+  std::optional<int> volume;
+  bool json = false;
+  double share = 0.9;
+  std::uint64_t seed = 1;
+};
+
+void print_score(const TaskFile& task, const ScoredRun& run) {
+  const TaskScore& score = run.score;
+  std::printf("%s: %s\n", run.recording.filename().string().c_str(), task.title.c_str());
+  for (const MetricValue& value : score.metrics) {
+    const TaskMetric& asked = task.metrics[value.part];
+    const char* verdict = !value.counts ? "" : value.in_band ? "in band" : "OUT OF BAND";
+    std::printf("  %s  %s  %s  %s%s\n", fitted(metric_name(asked), 34).c_str(),
+                fitted(metric_text(value.metric, value.value), 12).c_str(),
+                fitted(bounds_text(asked), 18).c_str(), verdict,
+                value.counts && asked.basis.empty() ? " (not validated)" : "");
+  }
+  for (const TaskEvent& event : score.events)
+    std::printf("  %9.3f s  %s\n", event.time_s, event_text(task, event).c_str());
+  if (score.more_events > 0)
+    std::printf("  and %llu more\n", static_cast<unsigned long long>(score.more_events));
+  for (std::size_t n = 0; n < task.steps.size(); ++n)
+    if (!score.done[n]) std::printf("  not done: %s\n", task.steps[n].name.c_str());
+  if (score.cut_short) std::printf("  the recording was cut short: no pass\n");
+  if (score.missing_s > 0) std::printf("  %.3f s are missing in the recording\n", score.missing_s);
+}
+
+int score_runs(const TaskOptions& options, Console& console) {
+  auto task = load_task(options.task);
+  if (!task) return console.fail(task.error());
+  Scorer scorer(*std::move(task), options.target, options.volume);
+  std::vector<ScoredRun> runs;
+  std::vector<bool> in_band;
+  for (const auto& recording : options.recordings) {
+    auto run = scorer.score(recording, console);
+    if (!run) return console.fail(run.error());
+    in_band.push_back(run->score.in_band);
+    runs.push_back(*std::move(run));
+  }
+  for (const ScoredRun& run : options.learner.empty() ? std::vector<ScoredRun>() : runs) {
+    const auto id = record_run(options.records, options.learner, scorer.task(), run, console);
+    if (!id) return console.fail(id.error());
+    console.note("run " + std::to_string(*id) + " of " + printable_name(options.learner) +
+                 " is in the records");
+  }
+  const int in_a_row = runs_in_a_row(in_band);
+  const bool passed = in_a_row >= scorer.task().in_a_row;
+  if (options.json) {
+    nlohmann::ordered_json json;
+    json["runs"] = nlohmann::ordered_json::array();
+    for (const ScoredRun& run : runs) json["runs"].push_back(json_of(scorer.task(), run));
+    json["in_a_row"] = in_a_row;
+    json["in_a_row_asked"] = scorer.task().in_a_row;
+    json["passed"] = passed;
+    std::printf("%s\n", json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+  } else {
+    for (const ScoredRun& run : runs) print_score(scorer.task(), run);
+    std::printf("%s: %d of %d runs in a row with every counted metric in its band\n",
+                passed ? "PASSED" : "not passed yet", in_a_row, scorer.task().in_a_row);
+  }
+  return runs.back().score.in_band ? kExitOk : kExitLimit;
+}
+
+int calibrate(const TaskOptions& options, Console& console) {
+  auto task = load_task(options.task);
+  if (!task) return console.fail(task.error());
+  Scorer scorer(*std::move(task), options.target, options.volume);
+  const auto values_of =
+      [&](const std::vector<std::filesystem::path>& recordings) -> Result<std::vector<std::vector<double>>> {
+    std::vector<std::vector<double>> values(scorer.task().metrics.size());
+    for (const auto& recording : recordings) {
+      const auto run = scorer.score(recording, console);
+      if (!run) return run.error();
+      if (run->score.cut_short)
+        console.warn()(recording.string() + " was cut short and is taken as far as it goes");
+      for (const MetricValue& value : run->score.metrics) values[value.part].push_back(value.value);
+    }
+    return values;
+  };
+  const auto experts = values_of(options.recordings);
+  if (!experts) return console.fail(experts.error());
+  const auto novices = values_of(options.novices);
+  if (!novices) return console.fail(novices.error());
+
+  nlohmann::ordered_json json;
+  json["task"] = scorer.task().title;
+  json["expert_runs"] = options.recordings.size();
+  json["novice_runs"] = options.novices.size();
+  json["cut_offs"] = nlohmann::ordered_json::array();
+  if (!options.json)
+    std::printf(
+        "# %s: cut-offs from %zu experts' runs%s. Runs of one person are not independent: the interval is "
+        "then\n"
+        "# too narrow. To be put into the task file.\n",
+        scorer.task().title.c_str(), options.recordings.size(),
+        options.novices.empty() ? ""
+                                : (" and " + std::to_string(options.novices.size()) + " novices'").c_str());
+  for (std::size_t n = 0; n < scorer.task().metrics.size(); ++n) {
+    const TaskMetric& metric = scorer.task().metrics[n];
+    const MetricInfo& info = info_of(metric.metric);
+    CalibrationOptions how;
+    how.share = options.share;
+    how.seed = options.seed;
+    const auto found = cut_off((*experts)[n], (*novices)[n], info.more_is_better, how);
+    nlohmann::ordered_json row{{"name", metric_name(metric)}, {"unit", info.unit}};
+    const double area = area_under_curve((*experts)[n], (*novices)[n], info.more_is_better);
+    if (!found) {
+      row["none"] = found.error().what;
+      if (!options.json)
+        std::printf("\n# %s: none; %s (%s)\n", metric_name(metric).c_str(), found.error().what.c_str(),
+                    found.error().remedy.c_str());
+    } else {
+      const std::string basis =
+          (found->is_enough ? "" : "not validated, too few runs: ") + found->method + ", " +
+          std::to_string(options.recordings.size()) + " experts' runs" +
+          (options.novices.empty() ? "" : ", " + std::to_string(options.novices.size()) + " novices'");
+      const char* key = info.more_is_better ? "at_least" : "at_most";
+      row[key] = found->value;
+      row["interval"] = found->interval;
+      row["method"] = found->method;
+      row["is_enough"] = found->is_enough;
+      if (found->experts_below) row["experts_that_fail"] = *found->experts_below;
+      if (found->novices_above) row["novices_that_pass"] = *found->novices_above;
+      if (!options.novices.empty()) row["area_under_curve"] = area;
+      if (!options.json) {
+        std::printf("\n[[metric]]\nname = \"%s\"\n", std::string(info.name).c_str());
+        if (!metric.structures.empty()) {
+          std::string list;
+          for (const LabelReference& structure : metric.structures) {
+            const auto* number = std::get_if<int>(&structure);
+            list +=
+                (list.empty() ? "" : ", ") +
+                (number ? std::to_string(*number) : nlohmann::json(std::get<std::string>(structure)).dump());
+          }
+          std::printf("structures = [%s]\n", list.c_str());
+        }
+        std::printf("%s = %.6g  # 95 %%: %.6g ... %.6g %s", key, found->value, found->interval[0],
+                    found->interval[1], info.unit == "1" ? "" : std::string(info.unit).c_str());
+        if (found->experts_below)
+          std::printf("; %.0f %% of experts' runs fail, %.0f %% of novices' pass; area under the curve %.2f",
+                      100 * *found->experts_below, 100 * *found->novices_above, area);
+        std::printf("\nbasis = \"%s\"\n", basis.c_str());
+      }
+    }
+    json["cut_offs"].push_back(row);
+  }
+  if (options.json) std::printf("%s\n", json.dump(2).c_str());
+  return kExitOk;
+}
+
+int list_tasks(const TaskOptions& options, Console&) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const EmbeddedFile& file : embedded_tasks()) {
+    const auto task = parse_task(file.text, std::string(file.name));
+    PALPATE_CHECK(task.ok());
+    const std::string name(file.name.substr(0, file.name.size() - std::string_view(".toml").size()));
+    if (options.json) {
+      json.push_back({{"name", name},
+                      {"title", task->title},
+                      {"data_set", task->data_set},
+                      {"briefing", task->briefing}});
+    } else {
+      std::printf("%s  %s  %s\n", fitted(name, 22).c_str(), fitted(task->data_set, 26).c_str(),
+                  task->title.c_str());
+    }
+  }
+  if (options.json) std::printf("%s\n", json.dump(2).c_str());
+  return kExitOk;
+}
+
+int show_task(const TaskOptions& options, Console& console) {
+  if (const EmbeddedFile* file = find_file(embedded_tasks(), options.task + ".toml")) {
+    std::fwrite(file->text.data(), 1, file->text.size(), stdout);
+    return kExitOk;
+  }
+  const auto task = load_task(options.task);
+  if (!task) return console.fail(task.error());
+  std::printf("%s\n%s\n", task->title.c_str(), task->briefing.c_str());
+  return kExitOk;
+}
+
+int draw(const TaskOptions& options, Console& console) {
+  const auto task = load_task(options.task);
+  if (!task) return console.fail(task.error());
+  const std::string drawn = drawn_data_set(*task, options.seed);
+  if (drawn.empty())
+    return console.fail({ErrorKind::kBadInput, "the task names no data set", task->source,
+                         "add data_set = \"...\", or give its scene yourself"});
+  std::printf("%s\n", drawn.c_str());
+  return kExitOk;
+}
+
+void add_task_option(CLI::App& verb, TaskOptions& options) {
+  verb.add_option("-t,--task", options.task, "Task file, or one of palpate task list")->required();
+  verb.add_option("--scene", options.target,
+                  "Scene file or volume that the recordings were made with; not needed for data sets");
+}
+
+}  // namespace
+
+void add_task(CLI::App& app, Run& run) {
+  auto options = std::make_shared<TaskOptions>();
+  CLI::App* verb = app.add_subcommand("task", "Training: what a run is measured by, and its score");
+  verb->require_subcommand(1);
+  const auto when = [&run, options](CLI::App* sub, int (*what)(const TaskOptions&, Console&)) {
+    sub->callback([options, &run, what] {
+      run = [options, what](Console& console) { return what(*options, console); };
+    });
+  };
+
+  CLI::App* list = verb->add_subcommand("list", "The tasks that palpate brings along");
+  list->add_flag("--json", options->json, "As JSON, with their briefings");
+  when(list, list_tasks);
+
+  CLI::App* show = verb->add_subcommand("show", "A task's file, to read or to make one's own of");
+  show->add_option("task", options->task, "One of palpate task list, or a file")->required();
+  when(show, show_task);
+
+  CLI::App* drawn = verb->add_subcommand("draw", "The data set of a task, with what the seed draws of it");
+  drawn->add_option("task", options->task, "Task file, or one of palpate task list")->required();
+  drawn->add_option("--seed", options->seed, "What is drawn; default 1")->check(whole_between(0, 1000000000));
+  drawn->footer("Example: palpate explore \"$(palpate task draw find-the-nodule --seed 7)\" -o run.h5");
+  when(drawn, draw);
+
+  CLI::App* score = verb->add_subcommand("score", "Measure recordings by a task");
+  score
+      ->add_option("recordings", options->recordings,
+                   "Recordings of palpate simulate or explore, in their order")
+      ->required();
+  add_task_option(*score, *options);
+  CLI::Option* record =
+      score->add_option("--record", options->learner, "Keep the scores as this learner's, a pseudonym");
+  score->add_option("--records", options->records, "The file of the records (palpate records --help)")
+      ->needs(record);
+  score->add_flag("--json", options->json, "As JSON, with every event");
+  score->footer(
+      "Examples:\n"
+      "  palpate task score run.h5 --task meniscus-probing\n"
+      "  palpate task score run.h5 --task meniscus-probing --record L042\n"
+      "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n\n"
+      "A pass takes as many runs in a row as the task says, each with every counted metric in its band.\n"
+      "Exit code 3: the last run has one out of its band. docs/tasks.md says what each metric is, and what "
+      "is known\n"
+      "of its validity: of most, nothing yet.");
+  when(score, score_runs);
+
+  CLI::App* calibration =
+      verb->add_subcommand("calibrate", "Cut-offs for a task's metrics from experts' runs");
+  calibration->add_option("recordings", options->recordings, "Recordings of experts")->required();
+  add_task_option(*calibration, *options);
+  calibration->add_option("--novices", options->novices,
+                          "Recordings of novices: cut-offs by contrasting groups");
+  calibration
+      ->add_option("--share", options->share, "Of experts' runs that pass, without novices; default 0.9")
+      ->check(number_between(0.5, 0.99));
+  calibration->add_flag("--json", options->json, "As JSON");
+  calibration->footer(
+      "Examples:\n"
+      "  palpate task calibrate expert-*.h5 --task meniscus-probing\n"
+      "  palpate task calibrate expert-*.h5 --novices novice-*.h5 --task meniscus-probing\n\n"
+      "Prints [[metric]] tables for the task file, with 95 % intervals by bootstrap. Fewer than 10 runs of a "
+      "group:\n"
+      "\"not validated\". docs/tasks.md says how.");
+  when(calibration, calibrate);
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "palpate/base/progress.h"
+#include "palpate/haptics/haptics.h"
+#include "palpate/scene/task_file.h"
+
+/// A task whose structures, regions and answer were looked up in a scene.
+namespace palpate {
+
+/// The surface of structures in patches: the cubes of 1 mm, in rows along the patient's axes from its origin,
+/// that the surface goes through.
+class SurfacePatches {
+ public:
+  static constexpr double kEdge_mm = 1;
+  static constexpr double kWithin_mm = 0.5;
+
+  /// Adds the cube of a place.
+  void add(const Eigen::Vector3d& place_mm);
+  std::size_t count() const { return covered_.size(); }
+  std::size_t covered() const { return covered_count_; }
+  /// Those with a part within kWithin_mm of a contact count as covered from now on.
+  void cover(const Eigen::Vector3d& contact_mm);
+
+ private:
+  std::unordered_map<std::uint64_t, std::uint32_t> at_;  // by cube
+  std::vector<bool> covered_;
+  std::size_t covered_count_ = 0;
+};
+
+/// A TaskRegion in a scene.
+struct RegionInScene {
+  std::vector<bool> has_label;  ///< by LabelId; empty: a ball
+  std::optional<Eigen::Vector3d> centre_mm;
+  double radius_mm = 0;
+  struct Plane {
+    Eigen::Vector3d point_mm, normal;
+  };
+  std::vector<Plane> planes;  ///< what lies on the side of each normal
+  SurfacePatches patches;     ///< of regions that a step covers
+
+  bool has(LabelId label) const { return label < has_label.size() && has_label[label]; }
+  bool bounds(const Eigen::Vector3d& place_mm) const;
+};
+
+struct TaskInScene {
+  TaskFile file;
+  std::vector<RegionInScene> regions;                  ///< as file.regions
+  std::vector<std::vector<bool>> forces, protections;  ///< by LabelId, as file.forces and file.protections
+  std::vector<std::vector<bool>> metrics;              ///< likewise; empty: all
+  std::optional<Eigen::Vector3d> answer_mm;            ///< centroid of what is to be found
+};
+
+/// Errors: kBadInput with the line of a structure that the scene does not have, or of a region without a
+/// place; kInterrupted.
+/// @param model  with its labels; surfaces are taken where the proxy's are there, else the voxels' own faces
+Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress = {});
+
+}  // namespace palpate

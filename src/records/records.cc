@@ -1,0 +1,404 @@
+#include "palpate/records/records.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+
+#include "palpate/base/file.h"
+#include "palpate/base/printable.h"
+#include "records/sqlite.h"
+
+namespace palpate {
+namespace {
+
+// "PaRc" in the file's header, by which its kind is known
+constexpr std::int64_t kApplication = 0x50615263, kFormat = 1;
+
+// docs/records.md shows it
+constexpr const char* kSchema = R"(
+CREATE TABLE learners(id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE);
+CREATE TABLE runs(id INTEGER PRIMARY KEY, learner INTEGER NOT NULL REFERENCES learners(id), task TEXT NOT NULL,
+  task_hash TEXT NOT NULL, started_utc TEXT NOT NULL, data_set TEXT NOT NULL, palpate_version TEXT NOT NULL,
+  commit_id TEXT NOT NULL, device TEXT NOT NULL, hand TEXT NOT NULL, settings_hash TEXT NOT NULL,
+  run_hash TEXT NOT NULL, score_hash TEXT NOT NULL, duration_s REAL NOT NULL, in_a_row INTEGER NOT NULL,
+  in_band INTEGER NOT NULL, UNIQUE(learner, task_hash, score_hash, started_utc));
+CREATE INDEX runs_by_task ON runs(task, id);
+CREATE TABLE metrics(run INTEGER NOT NULL REFERENCES runs(id), place INTEGER NOT NULL, name TEXT NOT NULL,
+  unit TEXT NOT NULL, value REAL, at_least REAL, at_most REAL, counts INTEGER NOT NULL, in_band INTEGER NOT NULL,
+  PRIMARY KEY(run, place)) WITHOUT ROWID;
+)";
+
+constexpr const char* kColumns =
+    "runs.id, learners.name, task, task_hash, started_utc, data_set, palpate_version, commit_id, device, "
+    "hand, "
+    "settings_hash, run_hash, score_hash, duration_s, in_a_row, in_band FROM runs JOIN learners ON "
+    "learners.id = "
+    "runs.learner";
+
+RunRecord run_of(const Statement& row) {
+  RunRecord run;
+  run.id = row.whole(0);
+  int column = 1;
+  for (std::string* text :
+       {&run.learner, &run.task, &run.task_hash, &run.started_utc, &run.data_set, &run.palpate_version,
+        &run.commit, &run.device, &run.hand, &run.settings_hash, &run.run_hash, &run.score_hash})
+    *text = row.text(column++);
+  run.duration_s = std::max(0.0, row.number(13).value_or(0));
+  run.in_a_row = static_cast<int>(std::clamp<std::int64_t>(row.whole(14), 1, 100));
+  run.in_band = row.whole(15) != 0;
+  return run;
+}
+
+/// Undoes what was begun unless it was committed.
+class Transaction {
+ public:
+  static Result<Transaction> begin(sqlite3* database, const std::filesystem::path& file) {
+    // the lock at once, so that two writers wait for each other instead of failing half-way
+    if (auto begun = execute(database, "BEGIN IMMEDIATE", file); !begun) return begun.error();
+    return Transaction(database, file);
+  }
+  Transaction(Transaction&& other) noexcept
+      : database_(std::exchange(other.database_, nullptr)), file_(std::move(other.file_)) {}
+  Transaction& operator=(Transaction&&) = delete;
+  ~Transaction() {
+    if (database_) sqlite3_exec(database_, "ROLLBACK", nullptr, nullptr, nullptr);
+  }
+  Result<void> commit() {
+    if (auto done = execute(database_, "COMMIT", file_); !done) return done;
+    database_ = nullptr;
+    return {};
+  }
+
+ private:
+  Transaction(sqlite3* database, std::filesystem::path file) : database_(database), file_(std::move(file)) {}
+  sqlite3* database_;
+  std::filesystem::path file_;
+};
+
+class SqliteRecords final : public Records {
+ public:
+  SqliteRecords(std::unique_ptr<sqlite3, CloseDatabase> database, std::filesystem::path file)
+      : database_(std::move(database)), file_(std::move(file)) {}
+
+  Result<void> prepare(bool write);
+  Result<std::int64_t> add(const RunRecord& run) override;
+  Result<void> list(const RunFilter& filter,
+                    const std::function<Result<void>(const RunRecord&)>& take) override;
+  Result<RunRecord> run(std::int64_t id) override;
+  Result<Erased> erase(const std::string& learner) override;
+
+ private:
+  Result<Statement> statement(const char* sql) { return Statement::prepare(database_.get(), sql, file_); }
+  Result<std::int64_t> number_of(const char* sql);
+  Result<void> check_tables();
+  Result<std::int64_t> learner_of(const std::string& name);
+  Result<void> clean();
+
+  std::unique_ptr<sqlite3, CloseDatabase> database_;
+  std::filesystem::path file_;
+};
+
+Result<std::int64_t> SqliteRecords::number_of(const char* sql) {
+  auto asked = statement(sql);
+  if (!asked) return asked.error();
+  const auto row = asked->step();
+  if (!row) return row.error();
+  return *row ? asked->whole(0) : 0;
+}
+
+// a file may come from anywhere: what stands in it is rows, and nothing that SQLite would do
+Result<void> SqliteRecords::prepare(bool write) {
+  sqlite3* const database = database_.get();
+  constexpr int kWait_ms = 5000;
+  sqlite3_busy_timeout(database, kWait_ms);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_limit(database, SQLITE_LIMIT_LENGTH, 1 << 20);
+  if (auto done = execute(
+          database, "PRAGMA cell_size_check = ON; PRAGMA temp_store = MEMORY; PRAGMA mmap_size = 0", file_);
+      !done)
+    return done;
+
+  const auto tables = number_of("SELECT count(*) FROM sqlite_schema");
+  if (!tables) return tables.error();
+  if (*tables == 0 && write) {
+    // what is freed is overwritten, and what is committed is on the disk
+    if (auto done = execute(database, "PRAGMA journal_mode = WAL", file_); !done) return done;
+    auto transaction = Transaction::begin(database, file_);
+    if (!transaction) return transaction.error();
+    const auto meanwhile = number_of("SELECT count(*) FROM sqlite_schema");
+    if (!meanwhile) return meanwhile.error();
+    if (*meanwhile == 0) {
+      const std::string marks = "PRAGMA application_id = " + std::to_string(kApplication) +
+                                "; PRAGMA user_version = " + std::to_string(kFormat);
+      for (const char* sql : {kSchema, marks.c_str()})
+        if (auto done = execute(database, sql, file_); !done) return done;
+      if (auto done = transaction->commit(); !done) return done;
+    }
+  }
+  if (auto checked = check_tables(); !checked) return checked;
+  if (!write) return {};
+  return execute(database, "PRAGMA secure_delete = ON; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON",
+                 file_);
+}
+
+Result<void> SqliteRecords::check_tables() {
+  const auto application = number_of("PRAGMA application_id");
+  if (!application) return application.error();
+  const auto format = number_of("PRAGMA user_version");
+  if (!format) return format.error();
+  if (*application != kApplication)
+    return Error{ErrorKind::kBadInput, "this is a database, but not of palpate's records", file_.string(),
+                 "name another file with --records"};
+  if (*format > kFormat)
+    return Error{ErrorKind::kBadInput,
+                 "these records are of format " + std::to_string(*format) + ", newer than palpate",
+                 file_.string(), "take the palpate that wrote them"};
+  // the tables as they are made here, in whatever order, and nothing besides
+  const auto plain = [](std::string text) {
+    std::erase_if(text, [](char c) { return c == '\n' || c == ' '; });
+    return text;
+  };
+  std::vector<std::string> made, there;
+  const std::string schema = plain(kSchema);
+  for (std::size_t at = 0; at < schema.size();) {
+    const std::size_t end = schema.find(';', at);
+    made.push_back(schema.substr(at, end - at));
+    at = end + 1;
+  }
+  auto asked = statement("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
+  if (!asked) return asked.error();
+  while (there.size() <= made.size()) {
+    const auto row = asked->step();
+    if (!row) return row.error();
+    if (!*row) break;
+    there.push_back(plain(asked->text(0)));
+  }
+  std::sort(made.begin(), made.end());
+  std::sort(there.begin(), there.end());
+  if (there != made)
+    return Error{ErrorKind::kBadInput, "the tables of these records are not palpate's", file_.string(),
+                 "take the last copy of the file"};
+  return {};
+}
+
+Result<std::int64_t> SqliteRecords::learner_of(const std::string& name) {
+  auto added = statement("INSERT INTO learners(name) VALUES(?1) ON CONFLICT(name) DO NOTHING");
+  if (!added) return added.error();
+  if (const auto done = added->bind(1, name).step(); !done) return done.error();
+  auto asked = statement("SELECT id FROM learners WHERE name = ?1");
+  if (!asked) return asked.error();
+  const auto row = asked->bind(1, name).step();
+  if (!row) return row.error();
+  return asked->whole(0);
+}
+
+Result<std::int64_t> SqliteRecords::add(const RunRecord& run) {
+  if (auto checked = check_learner(run.learner); !checked) return checked.error();
+  auto transaction = Transaction::begin(database_.get(), file_);
+  if (!transaction) return transaction.error();
+  const auto learner = learner_of(run.learner);
+  if (!learner) return learner.error();
+  {
+    auto known = statement(
+        "SELECT id FROM runs WHERE learner = ?1 AND task_hash = ?2 AND score_hash = ?3 AND started_utc = ?4");
+    if (!known) return known.error();
+    const auto row = known->bind(1, *learner)
+                         .bind(2, run.task_hash)
+                         .bind(3, run.score_hash)
+                         .bind(4, run.started_utc)
+                         .step();
+    if (!row) return row.error();
+    if (*row) return known->whole(0);
+  }
+  auto added = statement(
+      "INSERT INTO runs(learner, task, task_hash, started_utc, data_set, palpate_version, commit_id, device, "
+      "hand, "
+      "settings_hash, run_hash, score_hash, duration_s, in_a_row, in_band) "
+      "VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15)");
+  if (!added) return added.error();
+  added->bind(1, *learner);
+  int place = 2;
+  for (const std::string* text :
+       {&run.task, &run.task_hash, &run.started_utc, &run.data_set, &run.palpate_version, &run.commit,
+        &run.device, &run.hand, &run.settings_hash, &run.run_hash, &run.score_hash})
+    added->bind(place++, *text);
+  added->bind(13, std::optional(run.duration_s))
+      .bind(14, std::int64_t{run.in_a_row})
+      .bind(15, std::int64_t{run.in_band});
+  if (const auto done = added->step(); !done) return done.error();
+  const std::int64_t id = sqlite3_last_insert_rowid(database_.get());
+
+  auto metric = statement(
+      "INSERT INTO metrics(run, place, name, unit, value, at_least, at_most, counts, in_band) "
+      "VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)");
+  if (!metric) return metric.error();
+  for (std::size_t n = 0; n < run.metrics.size(); ++n) {
+    const RunMetric& m = run.metrics[n];
+    metric->bind(1, id)
+        .bind(2, static_cast<std::int64_t>(n))
+        .bind(3, m.name)
+        .bind(4, m.unit)
+        .bind(5, m.value);
+    metric->bind(6, m.at_least)
+        .bind(7, m.at_most)
+        .bind(8, std::int64_t{m.counts})
+        .bind(9, std::int64_t{m.in_band});
+    if (const auto done = metric->step(); !done) return done.error();
+    metric->reset();
+  }
+  if (auto done = transaction->commit(); !done) return done.error();
+  return id;
+}
+
+Result<void> SqliteRecords::list(const RunFilter& filter,
+                                 const std::function<Result<void>(const RunRecord&)>& take) {
+  std::string where;
+  if (!filter.learner.empty()) where += " WHERE learners.name = ?1";
+  if (!filter.task.empty()) where += std::string(where.empty() ? " WHERE" : " AND") + " task = ?2";
+  std::string sql = std::string("SELECT ") + kColumns + where + " ORDER BY runs.id";
+  // the newest, and these in their order
+  if (filter.newest > 0)
+    sql = "SELECT * FROM (" + sql + " DESC LIMIT " + std::to_string(filter.newest) + ") ORDER BY 1";
+  auto asked = statement(sql.c_str());
+  if (!asked) return asked.error();
+  if (!filter.learner.empty()) asked->bind(1, filter.learner);
+  if (!filter.task.empty()) asked->bind(2, filter.task);
+  while (true) {
+    const auto row = asked->step();
+    if (!row) return row.error();
+    if (!*row) return {};
+    if (auto taken = take(run_of(*asked)); !taken) return taken;
+  }
+}
+
+Result<RunRecord> SqliteRecords::run(std::int64_t id) {
+  const std::string sql = std::string("SELECT ") + kColumns + " WHERE runs.id = ?1";
+  auto asked = statement(sql.c_str());
+  if (!asked) return asked.error();
+  const auto row = asked->bind(1, id).step();
+  if (!row) return row.error();
+  if (!*row)
+    return Error{ErrorKind::kBadInput, "there is no run " + std::to_string(id), file_.string(),
+                 "palpate records list shows those that there are"};
+  RunRecord run = run_of(*asked);
+  auto metrics = statement(
+      "SELECT name, unit, value, at_least, at_most, counts, in_band FROM metrics WHERE run = ?1 ORDER BY "
+      "place");
+  if (!metrics) return metrics.error();
+  metrics->bind(1, id);
+  while (true) {
+    const auto next = metrics->step();
+    if (!next) return next.error();
+    if (!*next) return run;
+    run.metrics.push_back({metrics->text(0), metrics->text(1), metrics->number(2), metrics->number(3),
+                           metrics->number(4), metrics->whole(5) != 0, metrics->whole(6) != 0});
+  }
+}
+
+// what was freed is overwritten with zeros (secure_delete); then the log is emptied, the file written anew
+// without free pages, and the log, through which that goes, emptied once more
+Result<void> SqliteRecords::clean() {
+  const auto empty_log = [&]() -> Result<void> {
+    int frames = 0, done = 0;
+    const int code =
+        sqlite3_wal_checkpoint_v2(database_.get(), nullptr, SQLITE_CHECKPOINT_TRUNCATE, &frames, &done);
+    if (code != SQLITE_OK) return sqlite_error(code, sqlite3_errmsg(database_.get()), file_);
+    return {};
+  };
+  if (auto emptied = empty_log(); !emptied) return emptied;
+  if (auto done = execute(database_.get(), "VACUUM", file_); !done) return done;
+  return empty_log();
+}
+
+Result<Erased> SqliteRecords::erase(const std::string& learner) {
+  Erased erased;
+  {
+    auto transaction = Transaction::begin(database_.get(), file_);
+    if (!transaction) return transaction.error();
+    for (const char* sql : {"DELETE FROM metrics WHERE run IN (SELECT runs.id FROM runs JOIN learners ON "
+                            "learners.id = runs.learner "
+                            "WHERE learners.name = ?1)",
+                            "DELETE FROM runs WHERE learner IN (SELECT id FROM learners WHERE name = ?1)",
+                            "DELETE FROM learners WHERE name = ?1"}) {
+      auto removal = statement(sql);
+      if (!removal) return removal.error();
+      if (const auto done = removal->bind(1, learner).step(); !done) return done.error();
+      const std::int64_t changed = sqlite3_changes64(database_.get());
+      if (std::string_view(sql).starts_with("DELETE FROM runs")) erased.runs = changed;
+      if (std::string_view(sql).starts_with("DELETE FROM learners")) erased.was_known = changed > 0;
+    }
+    if (auto done = transaction->commit(); !done) return done.error();
+  }
+  // also where nobody of that name is left: an earlier erasure may have been kept from its end
+  if (auto cleaned = clean(); !cleaned) {
+    Error error = cleaned.error();
+    error.what = "the runs are erased, but traces may be left in the file: " + error.what;
+    error.remedy = "close what has the records open, and erase the same learner once more";
+    return error;
+  }
+  return erased;
+}
+
+Result<std::unique_ptr<Records>> open_records(const std::filesystem::path& file, bool write) {
+  // a folder, a pipe or a device is told as such
+  std::error_code unknown;
+  if (!write || std::filesystem::exists(file, unknown))
+    if (const auto opened = InputFile::open(file); !opened) return opened.error();
+  sqlite3* database = nullptr;
+  const int flags = (write ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READWRITE) |
+                    SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
+  // SQLite reads no address or option out of a name that begins with a folder
+  const std::string name = std::filesystem::absolute(file).string();
+  int code = sqlite3_open_v2(name.c_str(), &database, flags, nullptr);
+  if (code != SQLITE_OK && !write) {
+    sqlite3_close_v2(database);
+    code = sqlite3_open_v2(name.c_str(), &database, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, nullptr);
+  }
+  std::unique_ptr<sqlite3, CloseDatabase> owned(database);
+  if (code != SQLITE_OK) return sqlite_error(code, database ? sqlite3_errmsg(database) : "no memory", file);
+  auto records = std::make_unique<SqliteRecords>(std::move(owned), file);
+  if (auto prepared = records->prepare(write); !prepared) return prepared.error();
+  return std::unique_ptr<Records>(std::move(records));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Records>> Records::open(const std::filesystem::path& file) {
+  return open_records(file, true);
+}
+
+Result<std::unique_ptr<Records>> Records::open_to_read(const std::filesystem::path& file) {
+  return open_records(file, false);
+}
+
+Result<void> check_learner(const std::string& learner) {
+  constexpr std::size_t kMost = 64;
+  if (learner.empty() || learner.size() > kMost || printable_name(learner) != learner)
+    return Error{ErrorKind::kBadInput, "\"" + printable_name(learner) + "\" cannot be a learner's pseudonym",
+                 "", "1 to 64 bytes of letters, digits and marks on one line, such as L042"};
+  return {};
+}
+
+bool looks_like_a_person(const std::string& learner) {
+  return learner.find_first_of("^@, ") != std::string::npos;
+}
+
+std::filesystem::path default_records_file() {
+  const auto environment = [](const char* name) {
+    const char* text = std::getenv(name);
+    return std::filesystem::path(text ? text : "");
+  };
+  if (auto file = environment("PALPATE_RECORDS"); !file.empty()) return file;
+  // the XDG specification ignores relative ones
+  if (const auto data = environment("XDG_DATA_HOME"); data.is_absolute())
+    return data / "palpate" / "records.db";
+  if (const auto home = environment("HOME"); home.is_absolute())
+    return home / ".local" / "share" / "palpate" / "records.db";
+  return {};
+}
+
+}  // namespace palpate

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <sqlite3.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "palpate/base/result.h"
+
+/// SQLite with palpate's errors.
+namespace palpate {
+
+struct CloseDatabase {
+  void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
+};
+struct FinishStatement {
+  void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+};
+
+/// The error of a failed call, by its code.
+Error sqlite_error(int code, const std::string& what, const std::filesystem::path& file);
+
+/// A prepared statement; texts bound to it outlive its steps.
+class Statement {
+ public:
+  static Result<Statement> prepare(sqlite3* database, const char* sql, const std::filesystem::path& file);
+
+  Statement& bind(int place, const std::string& text);
+  Statement& bind(int place, std::int64_t number);
+  Statement& bind(int place, std::optional<double> number);
+  /// Whether there is a row.
+  Result<bool> step();
+  /// To be done once more, with other values.
+  void reset() { sqlite3_reset(statement_.get()); }
+
+  std::string text(int column) const;
+  std::int64_t whole(int column) const { return sqlite3_column_int64(statement_.get(), column); }
+  std::optional<double> number(int column) const;
+
+ private:
+  Statement(sqlite3_stmt* statement, std::filesystem::path file)
+      : statement_(statement), file_(std::move(file)) {}
+  std::unique_ptr<sqlite3_stmt, FinishStatement> statement_;
+  std::filesystem::path file_;
+};
+
+/// One or more statements without values or rows.
+Result<void> execute(sqlite3* database, const char* sql, const std::filesystem::path& file);
+
+}  // namespace palpate

@@ -1,0 +1,315 @@
+#include "palpate/scene/task_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "palpate/base/file.h"
+#include "palpate/base/hash.h"
+#include "scene/table_reader.h"
+#include "scene/task_keys.h"
+
+namespace palpate {
+namespace {
+
+Vector<Patient> direction_named(std::string_view name) {
+  for (const auto& [known, direction] : kPatientDirections)
+    if (known == name) return {direction[0], direction[1], direction[2]};
+  PALPATE_CHECK(false);
+  return {};
+}
+
+/// Tables of a kind, at most kMaxTaskParts.
+std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, Problems& problems) {
+  auto tables = top.tables(key);
+  if (tables.size() > kMaxTaskParts) {
+    problems.add(tables[kMaxTaskParts]->line,
+                 "more than " + std::to_string(kMaxTaskParts) + " [[" + std::string(key) + "]]",
+                 "split the task");
+    tables.resize(kMaxTaskParts);
+  }
+  return tables;
+}
+
+std::string named(const TableReader& reader, std::string_view heading, Problems& problems) {
+  auto name = reader.text("name");
+  if (!name && !reader.has("name"))
+    problems.add_missing(reader.line(), std::string(heading) + " without a name", "add name = \"...\"");
+  return name.value_or("");
+}
+
+std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,
+                                          Problems& problems) {
+  auto labels = reader.labels("structures");
+  if (needed && !reader.has("structures"))
+    problems.add_missing(reader.line(), std::string(heading) + " without structures",
+                         "add structures = [\"...\"], by name or number");
+  return labels ? std::move(labels->references) : std::vector<LabelReference>();
+}
+
+void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
+  for (const TomlTable* table : few_tables(top, "region", problems)) {
+    const TableReader reader(table, task_key_tables().region, problems);
+    TaskRegion region;
+    region.line = table->line;
+    region.name = named(reader, "a [[region]]", problems);
+    region.structures = structures_of(reader, "a [[region]]", false, problems);
+    if (const auto point = reader.point("point")) region.point = Point<Patient>(*point);
+    if (const auto landmark = reader.choice("landmark")) region.landmark = direction_named(*landmark);
+    region.radius_mm = reader.number("radius");
+    if (const auto half = reader.choice("half")) region.half = direction_named(*half);
+    if (const auto point = reader.point("plane_point")) region.plane_point = Point<Patient>(*point);
+    if (const auto normal = reader.direction("plane_normal")) {
+      const auto* vector = std::get_if<Eigen::Vector3d>(&*normal);
+      region.plane_normal =
+          vector ? Vector<Patient>(*vector).normalized() : direction_named(std::get<std::string>(*normal));
+    }
+    if (reader.has("point") && reader.has("landmark"))
+      problems.add(reader.line("landmark"), "a region with both point and landmark", "keep one of them");
+    if ((reader.has("point") || reader.has("landmark")) != reader.has("radius"))
+      problems.add(reader.line(),
+                   "a region with " + std::string(reader.has("radius") ? "radius" : "a place") +
+                       " and without " + (reader.has("radius") ? "a place" : "radius"),
+                   "write point or landmark together with radius");
+    if (reader.has("plane_point") != reader.has("plane_normal"))
+      problems.add(reader.line(), "a region with half a plane",
+                   "write plane_point together with plane_normal");
+    if (!reader.has("structures") && (reader.has("landmark") || reader.has("half") || !reader.has("point")))
+      problems.add(reader.line(), "a region of no structure that is no ball either",
+                   "add structures, or write point and radius alone");
+    if (std::any_of(task.regions.begin(), task.regions.end(), [&](const TaskRegion& other) {
+          return !region.name.empty() && other.name == region.name;
+        }))
+      problems.add(reader.line("name"), "a second region \"" + region.name + "\"", "give it another name");
+    task.regions.push_back(std::move(region));
+  }
+}
+
+void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems) {
+  std::vector<std::string_view> known;
+  for (const TaskRegion& region : task.regions) known.push_back(region.name);
+  for (const TomlTable* table : few_tables(top, "step", problems)) {
+    const TableReader reader(table, task_key_tables().step, problems);
+    TaskStep step;
+    step.line = table->line;
+    step.name = named(reader, "a [[step]]", problems);
+    const auto region = reader.text("region");
+    if (!reader.has("region"))
+      problems.add_missing(reader.line(), "a [[step]] without a region", "add region = \"...\"");
+    if (region) {
+      const auto found = std::find(known.begin(), known.end(), *region);
+      if (found == known.end()) {
+        problems.add(reader.line("region"), "there is no region \"" + *region + "\"",
+                     did_you_mean(*region, known, "\"") + "add a [[region]] of that name");
+      } else {
+        step.region = static_cast<std::size_t>(found - known.begin());
+      }
+    }
+    const std::string kind = reader.choice("kind").value_or("touch");
+    step.kind = kind == "touch" ? StepKind::kTouch : kind == "visit" ? StepKind::kVisit : StepKind::kCover;
+    if (const auto force = reader.interval("force")) step.force_N = *force;
+    step.seconds = reader.number("seconds").value_or(step.seconds);
+    step.coverage = reader.number("coverage").value_or(step.coverage);
+    if (reader.has("force") && step.kind != StepKind::kTouch)
+      problems.add(reader.line("force"), "force of a step that is no touch",
+                   "take it out, or write kind = \"touch\"");
+    if (reader.has("coverage") && step.kind != StepKind::kCover)
+      problems.add(reader.line("coverage"), "coverage of a step that does not cover",
+                   "take it out, or write kind = \"cover\"");
+    if (reader.has("seconds") && step.kind == StepKind::kCover)
+      problems.add(reader.line("seconds"), "seconds of a step that covers", "take it out");
+    if (step.region < task.regions.size()) {
+      const bool ball = task.regions[step.region].structures.empty();
+      if (ball != (step.kind == StepKind::kVisit) && reader.has("region"))
+        problems.add(reader.line("region"),
+                     ball ? "a ball without structures cannot be touched" : "a surface cannot be visited",
+                     ball ? "write kind = \"visit\", or give the region structures"
+                          : "write kind = \"touch\", or name a region that is a ball");
+    }
+    task.steps.push_back(std::move(step));
+  }
+}
+
+void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
+  for (const TomlTable* table : few_tables(top, "force", problems)) {
+    const TableReader reader(table, task_key_tables().force, problems);
+    TaskForce force;
+    force.line = table->line;
+    force.structures = structures_of(reader, "a [[force]]", true, problems);
+    force.band_N = reader.interval("band");
+    force.limit_N = reader.number("limit");
+    if (!reader.has("band") && !reader.has("limit"))
+      problems.add_missing(reader.line(), "a [[force]] without band and limit", "add one of them");
+    task.forces.push_back(std::move(force));
+  }
+  for (const TomlTable* table : few_tables(top, "protected", problems)) {
+    const TableReader reader(table, task_key_tables().protection, problems);
+    TaskProtected protection;
+    protection.line = table->line;
+    protection.structures = structures_of(reader, "a [[protected]]", true, problems);
+    protection.limit_N = reader.number("limit").value_or(protection.limit_N);
+    task.protections.push_back(std::move(protection));
+  }
+}
+
+/// What a metric is of, that the task has to have; empty: it has it.
+std::string missing_for(Metric metric, const TaskFile& task) {
+  const auto any_force = [&](auto member) {
+    return std::any_of(task.forces.begin(), task.forces.end(),
+                       [&](const TaskForce& force) { return (force.*member).has_value(); });
+  };
+  switch (metric) {
+    case Metric::kForceInBand:
+    case Metric::kLongestInBand:
+      return any_force(&TaskForce::band_N) ? "" : "a [[force]] with a band";
+    case Metric::kExcessImpulse:
+      return any_force(&TaskForce::limit_N) ? "" : "a [[force]] with a limit";
+    case Metric::kCoverage:
+      return std::any_of(task.steps.begin(), task.steps.end(),
+                         [](const TaskStep& step) { return step.kind == StepKind::kCover; })
+                 ? ""
+                 : "a [[step]] with kind = \"cover\"";
+    case Metric::kProtectedTime:
+      return task.protections.empty() ? "a [[protected]]" : "";
+    case Metric::kStepsDone:
+      return task.steps.empty() ? "a [[step]]" : "";
+    case Metric::kAnswerError:
+      return task.answer ? "" : "an [answer]";
+    default:
+      return "";
+  }
+}
+
+void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
+  const auto tables = few_tables(top, "metric", problems);
+  if (tables.empty() && !top.has("metric"))
+    problems.add_missing(top.line("metric"), "the task measures nothing",
+                         "add a [[metric]] with name = \"...\"");
+  for (const TomlTable* table : tables) {
+    const TableReader reader(table, task_key_tables().metric, problems);
+    TaskMetric metric;
+    metric.line = table->line;
+    const auto name = reader.choice("name");
+    if (!reader.has("name"))
+      problems.add_missing(reader.line(), "a [[metric]] without a name", "add name = \"...\"");
+    metric.structures = structures_of(reader, "a [[metric]]", false, problems);
+    metric.at_least = reader.number("at_least");
+    metric.at_most = reader.number("at_most");
+    metric.basis = reader.text("basis").value_or("");
+    if (metric.at_least && metric.at_most && *metric.at_least > *metric.at_most)
+      problems.add(reader.line("at_most"), "at_most below at_least", "no value lies in between");
+    if (name) {
+      const auto& infos = metric_infos();
+      const auto found = std::find_if(infos.begin(), infos.end(),
+                                      [&](const MetricInfo& info) { return info.name == *name; });
+      metric.metric = found->metric;
+      if (reader.has("structures") && !found->of_structures)
+        problems.add(reader.line("structures"), *name + " is not of single structures",
+                     "take structures out");
+      if (const std::string missing = missing_for(metric.metric, task); !missing.empty())
+        problems.add(reader.line("name"), *name + " of a task without " + missing, "add " + missing);
+    }
+    task.metrics.push_back(std::move(metric));
+  }
+}
+
+bool is_key_of_data_set(const std::string& key) {
+  return !key.empty() && key.size() <= 40 &&
+         std::all_of(key.begin(), key.end(), [](char c) { return (c >= 'a' && c <= 'z') || c == '-'; });
+}
+
+void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
+  for (const TomlTable* table : few_tables(top, "drawn", problems)) {
+    const TableReader reader(table, task_key_tables().drawn, problems);
+    TaskDraw draw;
+    const auto key = reader.text("key");
+    const auto range = reader.interval("range");
+    draw.step = reader.number("step").value_or(draw.step);
+    if (!reader.has("key") || !reader.has("range"))
+      problems.add_missing(reader.line(), "a [[drawn]] without key and range", "add both");
+    if (key && !is_key_of_data_set(*key))
+      problems.add(reader.line("key"), "\"" + *key + "\" is no key of a data set",
+                   "palpate data keys lists them; small letters and -");
+    if (key && *key == "seed")
+      problems.add(reader.line("key"), "the seed is drawn itself", "take this [[drawn]] out");
+    if (key) draw.key = *key;
+    if (range) draw.range = *range;
+    if (top.has("data_set") == false)
+      problems.add(reader.line(), "something drawn of a task without data_set",
+                   "add data_set = \"...\" at the top");
+    task.draws.push_back(std::move(draw));
+  }
+}
+
+}  // namespace
+
+Result<TaskFile> parse_task(std::string_view text, const std::string& source) {
+  const auto document = parse_toml(text, kMaxSceneBytes, source);
+  if (!document) return document.error();
+  if (document->find("tissue") && !document->find("metric"))
+    return Error{ErrorKind::kBadInput, "this is a scene, not a task",
+                 source + ":" + std::to_string(document->find("tissue")->line),
+                 "docs/tasks.md says what a task has"};
+
+  Problems problems(source);
+  TaskFile task;
+  task.source = source;
+  hash_bytes(task.text_hash = kHashSeed, text.data(), text.size());
+  task.text_hash = hash_finish(task.text_hash);
+  const TableReader top(&*document, task_key_tables().top, problems);
+  task.title = top.text("title").value_or("");
+  if (!top.has("title")) problems.add_missing(1, "the task has no title", "add title = \"...\" at the top");
+  task.briefing = top.text("briefing").value_or("");
+  task.data_set = top.text("data_set").value_or("");
+  task.ordered = top.flag("ordered").value_or(false);
+  if (top.choice("end") == "recording") task.end = TaskEnd::kRecording;
+  task.time_limit_s = top.number("time_limit");
+  if (const auto runs = top.whole("in_a_row")) task.in_a_row = static_cast<int>(*runs);
+  read_regions(top, task, problems);
+  read_task_steps(top, task, problems);
+  read_forces(top, task, problems);
+  if (const TomlTable* table = top.table("answer")) {
+    const TableReader reader(table, task_key_tables().answer, problems);
+    task.answer.emplace();
+    task.answer->line = table->line;
+    task.answer->structures = structures_of(reader, "[answer]", true, problems);
+    task.answer->seconds = reader.number("seconds").value_or(task.answer->seconds);
+  }
+  read_metrics(top, task, problems);
+  read_draws(top, task, problems);
+  if (task.steps.empty() && task.end == TaskEnd::kSteps && !top.has("step") && top.has("metric"))
+    problems.add_missing(top.line("end"), "a task without steps that its steps end",
+                         "add a [[step]], or write end = \"recording\"");
+  if (problems.any()) return problems.first();
+  return task;
+}
+
+Result<TaskFile> load_task(const std::string& name_or_file) {
+  if (const EmbeddedFile* file = find_file(embedded_tasks(), name_or_file + ".toml"))
+    return parse_task(file->text, name_or_file + ".toml");
+  auto text = read_file(name_or_file, kMaxSceneBytes);
+  if (!text) {
+    Error error = text.error();
+    error.remedy = "a task is a file, or one of those that palpate task list names";
+    return error;
+  }
+  return parse_task(*text, name_or_file);
+}
+
+std::string drawn_data_set(const TaskFile& task, std::uint64_t seed) {
+  if (task.data_set.empty()) return "";
+  const bool has_parameters = task.data_set.find(':') != std::string::npos;
+  std::string text = task.data_set + (has_parameters ? "," : ":") + "seed=" + std::to_string(seed);
+  std::mt19937_64 random(seed * 0x9e3779b97f4a7c15ull + 1);
+  for (const TaskDraw& draw : task.draws) {
+    const double most = std::floor((draw.range[1] - draw.range[0]) / draw.step + 1e-9);
+    const auto steps = static_cast<std::uint64_t>(std::clamp(most, 0.0, 1e9)) + 1;
+    // of so few values the remainder is even enough, and the same on every machine
+    const double value = draw.range[0] + draw.step * static_cast<double>(random() % steps);
+    // to a millionth, so that steps do not leave the crumbs of binary fractions
+    text += "," + draw.key + "=" + number_text(std::round(value * 1e6) / 1e6);
+  }
+  return text;
+}
+
+}  // namespace palpate

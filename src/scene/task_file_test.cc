@@ -1,0 +1,179 @@
+#include "palpate/scene/task_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace palpate {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr const char* kWholeTask = R"(title = "Probe"
+briefing = "Do it."
+data_set = "knee-phantom:side=right"
+ordered = true
+end = "recording"
+time_limit = 95
+in_a_row = 2
+[[region]]
+name = "tip"
+structures = ["medial_meniscus", 12]
+landmark = "anterior"
+radius = 8
+half = "left"
+[[region]]
+name = "pouch"
+point = [1, 2, 3.5]
+radius = 10
+[[region]]
+name = "front"
+structures = ["femur"]
+plane_point = [0, 0, 0]
+plane_normal = [0, -3, 0]
+[[step]]
+name = "push"
+region = "tip"
+force = [2, 3.6]
+seconds = 0.5
+[[step]]
+name = "go there"
+region = "pouch"
+kind = "visit"
+[[step]]
+name = "sweep"
+region = "front"
+kind = "cover"
+coverage = 0.25
+[[force]]
+structures = ["medial_meniscus"]
+band = [1.6, 3.6]
+limit = 8.5
+[[protected]]
+structures = ["nerve"]
+limit = 0.1
+[answer]
+structures = ["nodule"]
+seconds = 2
+[[drawn]]
+key = "lesion-depth"
+range = [2, 8]
+step = 0.1
+[[metric]]
+name = "peak_force"
+structures = ["medial_meniscus"]
+at_most = 8.5
+basis = "somebody"
+[[metric]]
+name = "answer_error"
+)";
+
+TEST(ParseTask, ReadsEveryKey) {
+  const auto task = parse_task(kWholeTask, "task.toml");
+  ASSERT_TRUE(task.ok()) << task.error().message();
+  EXPECT_EQ(task->title, "Probe");
+  EXPECT_EQ(task->briefing, "Do it.");
+  EXPECT_TRUE(task->ordered);
+  EXPECT_EQ(task->end, TaskEnd::kRecording);
+  EXPECT_EQ(task->time_limit_s, 95);
+  EXPECT_EQ(task->in_a_row, 2);
+  ASSERT_EQ(task->regions.size(), 3u);
+  EXPECT_EQ(std::get<int>(task->regions[0].structures[1]), 12);
+  EXPECT_EQ(*task->regions[0].landmark, Vector<Patient>(0, -1, 0));
+  EXPECT_EQ(*task->regions[0].half, Vector<Patient>(1, 0, 0));
+  EXPECT_EQ(task->regions[1].point->z(), 3.5);
+  EXPECT_EQ(*task->regions[2].plane_normal, Vector<Patient>(0, -1, 0));
+  ASSERT_EQ(task->steps.size(), 3u);
+  EXPECT_EQ(task->steps[0].force_N, (std::array<double, 2>{2, 3.6}));
+  EXPECT_EQ(task->steps[1].kind, StepKind::kVisit);
+  EXPECT_EQ(task->steps[2].coverage, 0.25);
+  EXPECT_EQ(task->steps[2].region, 2u);
+  EXPECT_EQ(task->forces[0].limit_N, 8.5);
+  EXPECT_EQ(task->protections[0].limit_N, 0.1);
+  EXPECT_EQ(task->answer->seconds, 2);
+  EXPECT_TRUE(task->metrics[0].counts());
+  EXPECT_FALSE(task->metrics[1].counts());
+  EXPECT_EQ(task->metrics[0].basis, "somebody");
+}
+
+TEST(ParseTask, DrawsBySeedWithinTheRange) {
+  const auto task = parse_task(kWholeTask, "task.toml");
+  ASSERT_TRUE(task.ok());
+  EXPECT_EQ(drawn_data_set(*task, 7), drawn_data_set(*task, 7));
+  EXPECT_THAT(drawn_data_set(*task, 7), StartsWith("knee-phantom:side=right,seed=7,lesion-depth="));
+  std::set<std::string> values;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    const std::string text = drawn_data_set(*task, seed);
+    values.insert(text.substr(text.rfind('=') + 1));
+    const double value = std::stod(text.substr(text.rfind('=') + 1));
+    EXPECT_GE(value, 2);
+    EXPECT_LE(value, 8);
+  }
+  EXPECT_GE(values.size(), 58u);  // of 61
+  EXPECT_TRUE(values.contains("2.1"));
+}
+
+struct Wrong {
+  const char* before;  // in kWholeTask
+  const char* after;
+  const char* told;
+};
+
+TEST(ParseTask, SaysWhatIsWrongAndWhere) {
+  const Wrong wrongs[] = {
+      {"title = \"Probe\"\n", "", "no title"},
+      {"ordered = true", "orderd = true", "did you mean ordered"},
+      {"region = \"pouch\"", "region = \"puoch\"", "did you mean \"pouch\""},
+      {"name = \"pouch\"", "name = \"tip\"", "a second region"},
+      {"radius = 8\n", "", "without radius"},
+      {"plane_normal = [0, -3, 0]\n", "", "half a plane"},
+      {"structures = [\"femur\"]\n", "", "a region of no structure"},
+      {"kind = \"visit\"", "kind = \"touch\"", "cannot be touched"},
+      {"kind = \"cover\"\n", "kind = \"visit\"\n", "a surface cannot be visited"},
+      {"force = [2, 3.6]", "force = [3.6, 2]", "not below its end"},
+      {"band = [1.6, 3.6]\nlimit = 8.5\n", "", "without band and limit"},
+      {"name = \"answer_error\"", "name = \"answer\"", "unknown name \"answer\""},
+      {"name = \"answer_error\"", "name = \"time\"\nstructures = [1]", "not of single structures"},
+      {"[answer]\nstructures = [\"nodule\"]\nseconds = 2\n", "",
+       "answer_error of a task without an [answer]"},
+      {"at_most = 8.5\n", "at_least = 9\nat_most = 8.5\n", "at_most below at_least"},
+      {"key = \"lesion-depth\"", "key = \"seed\"", "the seed is drawn itself"},
+      {"key = \"lesion-depth\"", "key = \"a,b=3\"", "no key of a data set"},
+      {"data_set = \"knee-phantom:side=right\"\n", "", "without data_set"},
+      {"in_a_row = 2", "in_a_row = 0", "outside 1 ... 100"},
+      {"time_limit = 95", "time_limit = nan", "not a finite number"},
+  };
+  for (const Wrong& wrong : wrongs) {
+    std::string text = kWholeTask;
+    const std::size_t at = text.find(wrong.before);
+    ASSERT_NE(at, std::string::npos) << wrong.before;
+    text.replace(at, std::string_view(wrong.before).size(), wrong.after);
+    const auto task = parse_task(text, "task.toml");
+    ASSERT_FALSE(task.ok()) << wrong.told;
+    EXPECT_THAT(task.error().message(), AllOf(StartsWith("task.toml:"), HasSubstr(wrong.told)))
+        << wrong.after;
+  }
+  EXPECT_THAT(parse_task("[[tissue]]\nname = \"bone\"\n", "x").error().what, HasSubstr("a scene"));
+  EXPECT_FALSE(parse_task("", "x").ok());
+  std::string many = kWholeTask;
+  for (std::size_t n = 0; n < kMaxTaskParts; ++n) many += "[[metric]]\nname = \"time\"\n";
+  EXPECT_THAT(parse_task(many, "x").error().what, HasSubstr("more than 200"));
+}
+
+TEST(LoadTask, KnowsItsOwnByName) {
+  EXPECT_GE(embedded_tasks().size(), 1u);
+  for (const EmbeddedFile& file : embedded_tasks()) {
+    const std::string name(file.name.substr(0, file.name.size() - 5));
+    const auto task = load_task(name);
+    ASSERT_TRUE(task.ok()) << task.error().message();
+    EXPECT_FALSE(task->briefing.empty()) << name;
+    EXPECT_FALSE(drawn_data_set(*task, 3).empty()) << name;
+  }
+  EXPECT_THAT(load_task("no-such-task").error().remedy, HasSubstr("palpate task list"));
+}
+
+}  // namespace
+}  // namespace palpate

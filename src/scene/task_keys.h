@@ -1,0 +1,12 @@
+#pragma once
+
+#include "scene/keys.h"
+
+namespace palpate {
+
+struct TaskKeys {
+  TableSpec top, region, step, force, protection, metric, answer, drawn;
+};
+const TaskKeys& task_key_tables();
+
+}  // namespace palpate

@@ -1,0 +1,354 @@
+#include "palpate/tasks/evaluator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/base/hash.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostEvents = 10000;
+constexpr double kTouch_N = 0.2;      // of coverage and answers
+constexpr double kRest_mm = 1.5;      // within which a tip rests
+constexpr double kMostForce_N = 1e6;  // beyond it a number is no force
+
+/// Part of a step from a to b, straight in between, that lies above a threshold.
+double part_above(double a, double b, double threshold) {
+  const bool first = a > threshold, last = b > threshold;
+  if (first && last) return 1;
+  if (!first && !last) return 0;
+  const double crossing = (threshold - a) / (b - a);
+  return first ? crossing : 1 - crossing;
+}
+
+/// Mean over such a step of what lies above a threshold.
+double mean_excess(double a, double b, double threshold) {
+  const double over_a = std::max(0.0, a - threshold), over_b = std::max(0.0, b - threshold);
+  return 0.5 * (over_a + over_b) * part_above(a, b, threshold);
+}
+
+Eigen::Vector3d vector_of(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+}  // namespace
+
+TaskEvaluator::TaskEvaluator(TaskInScene task)
+    : task_(std::move(task)),
+      forces_(task_.forces.size()),
+      protections_(task_.protections.size()),
+      metrics_(task_.metrics.size()),
+      step_s_(task_.file.steps.size()),
+      step_was_met_(task_.file.steps.size()),
+      done_(task_.file.steps.size()),
+      hash_(kHashSeed) {
+  hash_word(hash_, task_.file.text_hash);
+}
+
+void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
+                                    const std::optional<std::array<double, 2>>& band_N,
+                                    std::optional<double> limit_N) {
+  if (dt_s > 0) {
+    if (force_N > 0 || last_N > 0) contact_s += dt_s;
+    impulse_Ns += 0.5 * (force_N + last_N) * dt_s;
+    if (band_N) {
+      const double in_s =
+          dt_s * (part_above(last_N, force_N, (*band_N)[0]) - part_above(last_N, force_N, (*band_N)[1]));
+      in_band_s += in_s;
+      const bool inside = force_N >= (*band_N)[0] && force_N <= (*band_N)[1];
+      unbroken_s = inside ? unbroken_s + in_s : 0;
+      longest_s = std::max(longest_s, unbroken_s);
+    }
+    if (limit_N) {
+      excess_Ns += mean_excess(last_N, force_N, *limit_N) * dt_s;
+      above_s += part_above(last_N, force_N, *limit_N) * dt_s;
+    }
+  }
+  peak_N = std::max(peak_N, force_N);
+  last_N = force_N;
+}
+
+// what is no number was not touched
+void TaskEvaluator::read_contacts(const DeviceTick& device) {
+  contact_count_ = 0;
+  for (std::size_t n = 0; n < device.contact_label.size() && device.contact_label[n] != 0; ++n) {
+    Contact contact{device.contact_label[n],
+                    {device.contact_patient_mm[3 * n], device.contact_patient_mm[3 * n + 1],
+                     device.contact_patient_mm[3 * n + 2]},
+                    device.contact_N[n],
+                    false};
+    if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMostForce_N) continue;
+    // within 45 degrees of straight below what is touched first
+    if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
+      const Eigen::Vector3d way = contact.place_mm - contacts_[0].place_mm;
+      const double below_mm = -way.dot(vector_of(device.normal_patient));
+      constexpr double kLeast_mm = 0.1;
+      contact.is_beneath = below_mm > kLeast_mm && below_mm > std::numbers::sqrt2 / 2 * way.norm();
+    }
+    contacts_[contact_count_++] = contact;
+  }
+}
+
+double TaskEvaluator::force_on(const std::vector<bool>& labels) const {
+  const auto is_one = [&](const Contact& contact) {
+    return labels.empty() || (contact.label < labels.size() && labels[contact.label]);
+  };
+  double force_N = 0;
+  for (std::size_t n = 0; n < contact_count_; ++n)
+    if (is_one(contacts_[n]) || (contacts_[n].is_beneath && is_one(contacts_[0])))
+      force_N += contacts_[n].force_N;
+  return force_N;
+}
+
+void TaskEvaluator::tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N) {
+  if (events_.size() == kMostEvents) {
+    ++more_events_;
+    return;
+  }
+  events_.push_back({kind, part, tick.tick, tick.time_s - begun_s_, force_N});
+}
+
+Result<void> TaskEvaluator::see(const TickRecord& tick) {
+  if (ended_) return {};
+  if (!std::isfinite(tick.time_s) || (begun_ && tick.time_s <= time_s_))
+    return Error{ErrorKind::kBadInput, "the clock does not go forward at tick " + std::to_string(tick.tick),
+                 "", "a run can be scored only up to there; record it again"};
+  const double dt_s = begun_ ? tick.time_s - time_s_ : 0;
+  if (!begun_) begun_s_ = tick.time_s;
+  const DeviceTick& device = tick.device[0];
+  if (begun_ && tick.tick != last_tick_ + 1) missing_s_ += dt_s;
+
+  read_contacts(device);
+  // a tick without a place leaves the tip where it was
+  const Eigen::Vector3d tip_mm = vector_of(device.tip_patient_mm);
+  constexpr double kFar_mm = 1e6;
+  if (tip_mm.allFinite() && tip_mm.cwiseAbs().maxCoeff() < kFar_mm) {
+    if (!tip_known_) corners_mm_.push_back(tip_mm);
+    tip_known_ = true;
+    tip_mm_ = tip_mm;
+  }
+  if (tip_known_) motion_.see(tick.time_s, tip_mm_, contact_count_ > 0);
+  see_forces(tick, dt_s);
+  see_steps(tick, dt_s);
+  if (task_.answer_mm) see_answer(device, dt_s);
+  hash_word(hash_, tick.state_hash);
+
+  begun_ = true;
+  time_s_ = tick.time_s;
+  last_tick_ = tick.tick;
+  ++ticks_;
+  const bool all_done =
+      !done_.empty() && std::all_of(done_.begin(), done_.end(), [](bool done) { return done; });
+  const bool over = (task_.file.end == TaskEnd::kSteps && all_done) ||
+                    (task_.file.time_limit_s && time_s_ - begun_s_ >= *task_.file.time_limit_s);
+  if (over) {
+    ended_ = true;
+    tell(TaskEvent::Kind::kEnded, 0, tick, 0);
+  }
+  return {};
+}
+
+void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
+  for (std::size_t n = 0; n < forces_.size(); ++n) {
+    const TaskForce& force = task_.file.forces[n];
+    const double now_N = force_on(task_.forces[n]);
+    if (force.limit_N && now_N > *force.limit_N && !(forces_[n].last_N > *force.limit_N))
+      tell(TaskEvent::Kind::kOverLimit, n, tick, now_N);
+    forces_[n].see(now_N, dt_s, force.band_N, force.limit_N);
+  }
+  for (std::size_t n = 0; n < protections_.size(); ++n) {
+    const double limit_N = task_.file.protections[n].limit_N;
+    const double now_N = force_on(task_.protections[n]);
+    if (now_N > limit_N && !(protections_[n].last_N > limit_N))
+      tell(TaskEvent::Kind::kProtected, n, tick, now_N);
+    protections_[n].see(now_N, dt_s, {}, limit_N);
+  }
+  for (std::size_t n = 0; n < metrics_.size(); ++n)
+    if (info_of(task_.file.metrics[n].metric).of_structures)
+      metrics_[n].see(force_on(task_.metrics[n]), dt_s, {}, {});
+}
+
+void TaskEvaluator::see_steps(const TickRecord& tick, double dt_s) {
+  for (std::size_t n = 0; n < done_.size(); ++n) {
+    const TaskStep& step = task_.file.steps[n];
+    RegionInScene& region = task_.regions[step.region];
+    double force_N = 0;
+    for (std::size_t c = 0; c < contact_count_; ++c) {
+      const bool through =
+          contacts_[c].is_beneath && region.has(contacts_[0].label) && region.bounds(contacts_[0].place_mm);
+      const bool own = region.has(contacts_[c].label) && region.bounds(contacts_[c].place_mm);
+      if (own || through) force_N += contacts_[c].force_N;
+      if (!own) continue;
+      // covered is covered, whichever step is next
+      if (step.kind == StepKind::kCover && contacts_[c].force_N >= kTouch_N)
+        region.patches.cover(contacts_[c].place_mm);
+    }
+    if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
+    bool done = false;
+    if (step.kind == StepKind::kCover) {
+      done = static_cast<double>(region.patches.covered()) >=
+             step.coverage * static_cast<double>(region.patches.count());
+    } else {
+      const bool met = step.kind == StepKind::kVisit
+                           ? tip_known_ && region.bounds(tip_mm_)
+                           : force_N >= step.force_N[0] && force_N <= step.force_N[1];
+      step_s_[n] = met ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
+      step_was_met_[n] = met;
+      // so many steps of a clock add up to hardly less than the time they stand for
+      constexpr double kCrumb_s = 1e-9;
+      done = met && step_s_[n] >= step.seconds - kCrumb_s;
+    }
+    if (!done) continue;
+    done_[n] = true;
+    corners_mm_.push_back(tip_mm_);
+    tell(TaskEvent::Kind::kStepDone, n, tick, force_N);
+  }
+}
+
+void TaskEvaluator::see_answer(const DeviceTick& device, double dt_s) {
+  const auto strongest =
+      std::max_element(contacts_.begin(), contacts_.begin() + static_cast<std::ptrdiff_t>(contact_count_),
+                       [](const Contact& a, const Contact& b) { return a.force_N < b.force_N; });
+  const bool touching = contact_count_ > 0 && strongest->force_N >= kTouch_N;
+  if (!touching) {
+    resting_ = false;
+    return;
+  }
+  if (!resting_ || (strongest->place_mm - anchor_mm_).norm() > kRest_mm) {
+    resting_ = true;
+    anchor_mm_ = strongest->place_mm;
+    rest_s_ = 0;
+    return;
+  }
+  rest_s_ += dt_s;
+  const Eigen::Vector3d normal = vector_of(device.normal_patient);
+  if (rest_s_ < task_.file.answer->seconds || !normal.allFinite() || !(normal.norm() > 0.5)) return;
+  answered_ = true;
+  answer_mm_ = strongest->place_mm;
+  answer_normal_ = normal.normalized();
+}
+
+double TaskEvaluator::straight_mm() const {
+  double straight = 0;
+  for (std::size_t n = 1; n < corners_mm_.size(); ++n)
+    straight += (corners_mm_[n] - corners_mm_[n - 1]).norm();
+  return corners_mm_.empty() ? 0 : straight + (tip_mm_ - corners_mm_.back()).norm();
+}
+
+double TaskEvaluator::value_of(std::size_t n) const {
+  const auto sum = [](const std::vector<ForceMeter>& meters, double ForceMeter::*figure) {
+    double total = 0;
+    for (const ForceMeter& meter : meters) total += meter.*figure;
+    return total;
+  };
+  switch (task_.file.metrics[n].metric) {
+    case Metric::kTime:
+      return begun_ ? time_s_ - begun_s_ : kNotKnown;
+    case Metric::kIdleTime:
+      return motion_.idle_s();
+    case Metric::kPathLength:
+      return motion_.path_mm();
+    case Metric::kEconomy:
+      return motion_.path_mm() > 0 ? straight_mm() / motion_.path_mm() : kNotKnown;
+    case Metric::kSmoothness:
+      return motion_.smoothness();
+    case Metric::kMeanForce:
+      return metrics_[n].contact_s > 0 ? metrics_[n].impulse_Ns / metrics_[n].contact_s : kNotKnown;
+    case Metric::kPeakForce:
+      return metrics_[n].peak_N > 0 ? metrics_[n].peak_N : kNotKnown;
+    case Metric::kForceInBand: {
+      double in_s = 0, contact_s = 0;
+      for (std::size_t f = 0; f < forces_.size(); ++f) {
+        if (!task_.file.forces[f].band_N) continue;
+        in_s += forces_[f].in_band_s;
+        contact_s += forces_[f].contact_s;
+      }
+      return contact_s > 0 ? in_s / contact_s : kNotKnown;
+    }
+    case Metric::kLongestInBand: {
+      double longest = 0;
+      for (const ForceMeter& force : forces_) longest = std::max(longest, force.longest_s);
+      return longest;
+    }
+    case Metric::kExcessImpulse:
+      return sum(forces_, &ForceMeter::excess_Ns);
+    case Metric::kCoverage: {
+      std::size_t covered = 0, count = 0;
+      std::vector<bool> counted(task_.regions.size());
+      for (const TaskStep& step : task_.file.steps) {
+        if (step.kind != StepKind::kCover || counted[step.region]) continue;
+        counted[step.region] = true;
+        covered += task_.regions[step.region].patches.covered();
+        count += task_.regions[step.region].patches.count();
+      }
+      return count ? static_cast<double>(covered) / static_cast<double>(count) : kNotKnown;
+    }
+    case Metric::kProtectedTime:
+      return sum(protections_, &ForceMeter::above_s);
+    case Metric::kStepsDone:
+      return static_cast<double>(std::count(done_.begin(), done_.end(), true)) /
+             static_cast<double>(done_.size());
+    case Metric::kAnswerError: {
+      if (!answered_) return kNotKnown;
+      const Eigen::Vector3d off = *task_.answer_mm - answer_mm_;
+      return (off - off.dot(answer_normal_) * answer_normal_).norm();
+    }
+  }
+  return kNotKnown;
+}
+
+TaskScore TaskEvaluator::score(bool cut_short) const {
+  TaskScore score;
+  score.done = done_;
+  score.events = events_;
+  score.more_events = more_events_;
+  score.ticks = ticks_;
+  score.time_s = time_s_ - begun_s_;
+  score.ended = ended_;
+  // what was cut after the end is not missed
+  score.cut_short = cut_short && !ended_;
+  score.missing_s = missing_s_;
+  score.hash = hash_;
+  constexpr double kMostMissing = 0.01;
+  score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ <= kMostMissing * (time_s_ - begun_s_);
+  for (std::size_t n = 0; n < task_.file.metrics.size(); ++n) {
+    const TaskMetric& asked = task_.file.metrics[n];
+    MetricValue value{asked.metric, n, value_of(n), asked.counts(), false};
+    // comparisons with what is not known are false
+    value.in_band = (!asked.at_least || value.value >= *asked.at_least) &&
+                    (!asked.at_most || value.value <= *asked.at_most);
+    if (value.counts && !value.in_band) score.in_band = false;
+    hash_double(score.hash, std::isnan(value.value) ? kNotKnown : value.value);
+    score.metrics.push_back(value);
+  }
+  score.hash = hash_finish(score.hash);
+  return score;
+}
+
+Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
+                                  const Progress& progress) {
+  TaskEvaluator evaluator(task);
+  const auto ticks = static_cast<double>(std::max<std::uint64_t>(recording.head().ticks, 1));
+  double seen = 0;
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        for (const TickRecord& tick : part.ticks)
+          if (auto known = evaluator.see(tick); !known) return known;
+        seen += static_cast<double>(part.ticks.size());
+        progress.report("scoring", seen / ticks);
+        return {};
+      },
+      progress);
+  if (!read) return read.error();
+  return evaluator.score(!recording.head().summary.has_value());
+}
+
+int runs_in_a_row(const std::vector<bool>& in_band) {
+  int count = 0;
+  for (auto run = in_band.rbegin(); run != in_band.rend() && *run; ++run) ++count;
+  return count;
+}
+
+}  // namespace palpate

@@ -1,0 +1,392 @@
+#include "palpate/tasks/evaluator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+#include "base/test_folder.h"
+
+namespace palpate {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::array kRates_Hz{1000.0, 4000.0, 10000.0};
+constexpr LabelId kMeniscus = 3, kNerve = 7;
+
+constexpr const char* kTask = R"(title = "Test"
+end = "recording"
+[[region]]
+name = "meniscus"
+structures = [3]
+[[region]]
+name = "end"
+point = [100, 0, 0]
+radius = 5
+[[step]]
+name = "push"
+region = "meniscus"
+force = [2, 3.6]
+seconds = 0.5
+[[step]]
+name = "arrive"
+region = "end"
+kind = "visit"
+[[force]]
+structures = [3]
+band = [1, 3]
+limit = 8.5
+[[protected]]
+structures = [7]
+limit = 0.5
+[[metric]]
+name = "time"
+[[metric]]
+name = "path_length"
+[[metric]]
+name = "economy"
+[[metric]]
+name = "mean_force"
+structures = [3]
+[[metric]]
+name = "peak_force"
+structures = [3]
+at_most = 8.5
+[[metric]]
+name = "force_in_band"
+[[metric]]
+name = "longest_in_band"
+[[metric]]
+name = "excess_impulse"
+[[metric]]
+name = "protected_time"
+[[metric]]
+name = "steps_done"
+[[metric]]
+name = "smoothness"
+[[metric]]
+name = "idle_time"
+)";
+
+Model model_of_labels() {
+  GridGeometry grid;
+  grid.dims = {4, 4, 4};
+  Volume<LabelId> labels(grid, 0);
+  labels.at(1, 1, 1) = kMeniscus;
+  labels.at(2, 2, 2) = kNerve;
+  Model model;
+  model.labels = label_bricks(labels);
+  model.segments = {{kMeniscus, "medial_meniscus", {}, 0, kMeniscus}, {kNerve, "nerve", {}, 0, kNerve}};
+  return model;
+}
+
+TaskInScene in_scene(const std::string& text) {
+  const auto task = parse_task(text, "task.toml");
+  PALPATE_CHECK(task.ok());
+  auto found = look_up(*task, model_of_labels());
+  PALPATE_CHECK(found.ok());
+  return *std::move(found);
+}
+
+TickRecord tick_at(std::uint64_t n, double rate_hz) {
+  TickRecord tick;
+  tick.tick = n;
+  tick.time_s = static_cast<double>(n) / rate_hz;
+  tick.dt_s = 1 / rate_hz;
+  tick.state_hash = n * 77;
+  return tick;
+}
+
+void touch(DeviceTick& device, std::size_t n, LabelId label, double force_N) {
+  device.contact_label[n] = label;
+  device.contact_N[n] = force_N;
+  device.normal_patient = {0, 0, 1};
+}
+
+/// A run of 20 s: a straight way of 100 mm that takes 10 s, then pressing as a sine of 0 ... 10 N at 0.25 Hz.
+template <class Take>
+void synthetic_run(double rate_hz, const Take& take) {
+  const auto count = static_cast<std::uint64_t>(std::llround(20 * rate_hz));
+  for (std::uint64_t n = 0; n <= count; ++n) {
+    TickRecord tick = tick_at(n, rate_hz);
+    const double t = tick.time_s;
+    const double s = std::min(t / 10, 1.0);
+    tick.device[0].tip_patient_mm = {100 * s * s * s * (10 - 15 * s + 6 * s * s), 0, 0};
+    if (t > 10)
+      touch(tick.device[0], 0, kMeniscus, 10 * std::pow(std::sin(std::numbers::pi * (t - 10) / 10), 2));
+    if (t > 12 && t < 13) touch(tick.device[0], 1, kNerve, 1);
+    take(tick);
+  }
+}
+
+double value(const TaskScore& score, Metric metric) {
+  for (const MetricValue& value : score.metrics)
+    if (value.metric == metric) return value.value;
+  return kNotKnown;
+}
+
+TEST(Evaluator, GivesClosedFormsAtEveryRate) {
+  // F = 10 sin^2(pi u / 10), u = 0 ... 10 s: mean 5; above L for the part 1 - 2 asin(sqrt(L / 10)) / pi of
+  // the time
+  const auto part_above = [](double limit) {
+    return 1 - 2 * std::asin(std::sqrt(limit / 10)) / std::numbers::pi;
+  };
+  // integral of 10 sin^2 - L above L: 5 w - L w + (25 / pi) sin(pi w / 5 ...) in closed form over the
+  // crossing times
+  const double a = 10 / std::numbers::pi * std::asin(std::sqrt(0.85));
+  const auto primitive = [](double u) {
+    return 5 * u - 25 / std::numbers::pi * std::sin(std::numbers::pi * u / 5) - 8.5 * u;
+  };
+  const double excess = primitive(10 - a) - primitive(a);
+  for (const double rate_hz : kRates_Hz) {
+    TaskEvaluator evaluator(in_scene(kTask));
+    synthetic_run(rate_hz, [&](const TickRecord& tick) { ASSERT_TRUE(evaluator.see(tick).ok()); });
+    const TaskScore score = evaluator.score(false);
+    EXPECT_NEAR(value(score, Metric::kTime), 20, 1e-9);
+    EXPECT_NEAR(value(score, Metric::kPathLength), 100, 0.1);
+    EXPECT_NEAR(value(score, Metric::kEconomy), 1, 1e-3);
+    EXPECT_NEAR(value(score, Metric::kMeanForce), 5, 0.005);
+    EXPECT_NEAR(value(score, Metric::kPeakForce), 10, 0.01);
+    EXPECT_NEAR(value(score, Metric::kForceInBand) / (part_above(1) - part_above(3)), 1, 1e-3);
+    EXPECT_NEAR(value(score, Metric::kLongestInBand) / (5 * (part_above(1) - part_above(3))), 1, 1e-3);
+    EXPECT_NEAR(value(score, Metric::kExcessImpulse) / excess, 1, 1e-3);
+    EXPECT_NEAR(value(score, Metric::kProtectedTime), 1, 1.001 / rate_hz);  // to a tick
+    EXPECT_EQ(value(score, Metric::kStepsDone), 1);
+    EXPECT_FALSE(score.in_band);  // 10 N
+    EXPECT_EQ(score.missing_s, 0);
+  }
+}
+
+TEST(Evaluator, FlagsTheVeryTickThatPassesALimit) {
+  for (const double rate_hz : kRates_Hz) {
+    TaskEvaluator evaluator(in_scene(kTask));
+    std::uint64_t first = 0;
+    synthetic_run(rate_hz, [&](const TickRecord& tick) {
+      if (first == 0 && tick.device[0].contact_N[0] > 8.5) first = tick.tick;
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    });
+    const TaskScore score = evaluator.score(false);
+    std::vector<TaskEvent> over;
+    for (const TaskEvent& event : score.events)
+      if (event.kind == TaskEvent::Kind::kOverLimit) over.push_back(event);
+    ASSERT_EQ(over.size(), 1u);
+    EXPECT_EQ(over[0].tick, first);
+    EXPECT_GT(over[0].force_N, 8.5);
+    EXPECT_THAT(event_text(evaluator.task().file, over[0]), HasSubstr("above 8.5 N"));
+  }
+}
+
+TEST(Evaluator, ASingleTickAboveALimitIsFlagged) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  for (std::uint64_t n = 0; n < 10; ++n) {
+    TickRecord tick = tick_at(n, 1000);
+    touch(tick.device[0], 0, kMeniscus, n == 4 ? 8.5000001 : 8.5);
+    ASSERT_TRUE(evaluator.see(tick).ok());
+  }
+  const TaskScore score = evaluator.score(false);
+  ASSERT_EQ(score.events.size(), 1u);
+  EXPECT_EQ(score.events[0].tick, 4u);
+}
+
+TEST(Evaluator, IsTheSameBitForBitFromARecording) {
+  const test::TemporaryFolder folder;
+  for (const double rate_hz : kRates_Hz) {
+    TaskEvaluator live(in_scene(kTask));
+    RecordingHeader header;
+    header.rate_hz = rate_hz;
+    const auto file = folder / "run.h5";
+    auto writer = RecordingWriter::create(file, header);
+    ASSERT_TRUE(writer.ok());
+    RecordingSummary summary;
+    synthetic_run(rate_hz, [&](const TickRecord& tick) {
+      ASSERT_TRUE(live.see(tick).ok());
+      ASSERT_TRUE((*writer)->append({&tick, 1}).ok());
+      summary.see(tick);
+    });
+    ASSERT_TRUE((*writer)->finish(summary).ok());
+    const auto source = RecordingSource::open(file);
+    ASSERT_TRUE(source.ok());
+    const auto again = score_recording(in_scene(kTask), *source);
+    ASSERT_TRUE(again.ok()) << again.error().message();
+    const TaskScore score = live.score(false);
+    EXPECT_EQ(again->hash, score.hash);
+    EXPECT_EQ(again->events, score.events);
+    for (std::size_t n = 0; n < score.metrics.size(); ++n)
+      EXPECT_EQ(std::bit_cast<std::uint64_t>(again->metrics[n].value),
+                std::bit_cast<std::uint64_t>(score.metrics[n].value));
+  }
+}
+
+TEST(Evaluator, IsTheSameWithinAHundredthAtEveryRate) {
+  std::vector<TaskScore> scores;
+  for (const double rate_hz : kRates_Hz) {
+    TaskEvaluator evaluator(in_scene(kTask));
+    // a hand that shakes at 9 Hz by a tenth of a millimetre
+    synthetic_run(rate_hz, [&](TickRecord tick) {
+      tick.device[0].tip_patient_mm[1] += 0.1 * std::sin(2 * std::numbers::pi * 9 * tick.time_s);
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    });
+    scores.push_back(evaluator.score(false));
+  }
+  for (std::size_t n = 0; n < scores[0].metrics.size(); ++n) {
+    for (const TaskScore& score : scores)
+      EXPECT_NEAR(score.metrics[n].value, scores[2].metrics[n].value,
+                  0.01 * std::abs(scores[2].metrics[n].value) + 1e-9)
+          << info_of(score.metrics[n].metric).name;
+  }
+}
+
+TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  for (std::uint64_t n = 0; n < 100; ++n) {
+    TickRecord tick = tick_at(n, 1000);
+    touch(tick.device[0], 0, kMeniscus, 2);
+    touch(tick.device[0], 1, 9, 1.5);
+    tick.device[0].contact_patient_mm = {1, 1, 1, 0, 0, -4};  // below, the normal being z
+    touch(tick.device[0], 2, 10, 4);
+    tick.device[0].contact_patient_mm[6] = 5;  // beside it
+    tick.device[0].contact_patient_mm[8] = 1;
+    ASSERT_TRUE(evaluator.see(tick).ok());
+  }
+  EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), 3.5, 1e-12);
+}
+
+TEST(Evaluator, AStepNeedsItsForceWithoutABreak) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  // 0.4 s, a tick too hard, 0.4 s
+  for (std::uint64_t n = 0; n < 801; ++n) {
+    TickRecord tick = tick_at(n, 1000);
+    touch(tick.device[0], 0, kMeniscus, n == 400 ? 3.7 : 3);
+    ASSERT_TRUE(evaluator.see(tick).ok());
+  }
+  EXPECT_FALSE(evaluator.score(false).done[0]);
+  for (std::uint64_t n = 801; n < 902; ++n) {
+    TickRecord tick = tick_at(n, 1000);
+    touch(tick.device[0], 0, kMeniscus, 3);
+    ASSERT_TRUE(evaluator.see(tick).ok());
+  }
+  const TaskScore score = evaluator.score(false);
+  EXPECT_TRUE(score.done[0]);
+  EXPECT_FALSE(score.done[1]);
+  // half a second after tick 401
+  EXPECT_NEAR(score.events[0].time_s, 0.901, 0.0011);
+}
+
+TEST(Evaluator, OrderedStepsWaitForThoseBefore) {
+  std::string text = kTask;
+  text.replace(text.find("end = \"recording\""), 17, "ordered = true\nend = \"steps\"");
+  TaskEvaluator evaluator(in_scene(text));
+  std::uint64_t n = 0;
+  const auto run = [&](double at_mm, double force_N, int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      TickRecord tick = tick_at(n++, 1000);
+      tick.device[0].tip_patient_mm = {at_mm, 0, 0};
+      if (force_N > 0) touch(tick.device[0], 0, kMeniscus, force_N);
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    }
+  };
+  run(100, 0, 300);
+  EXPECT_FALSE(evaluator.score(false).done[1]);
+  run(0, 3, 600);
+  EXPECT_TRUE(evaluator.score(false).done[0]);
+  run(100, 0, 300);
+  EXPECT_TRUE(evaluator.ended());
+  const std::uint64_t ticks = evaluator.score(false).ticks;
+  run(50, 0, 300);  // nothing after the end counts
+  EXPECT_EQ(evaluator.score(true).ticks, ticks);
+  EXPECT_FALSE(evaluator.score(true).cut_short);
+}
+
+TEST(Evaluator, WhatIsNotKnownIsInNoBand) {
+  TaskEvaluator evaluator(in_scene(kTask));
+  for (std::uint64_t n = 0; n < 100; ++n) ASSERT_TRUE(evaluator.see(tick_at(n, 1000)).ok());
+  const TaskScore score = evaluator.score(false);
+  EXPECT_TRUE(std::isnan(value(score, Metric::kPeakForce)));
+  EXPECT_FALSE(score.in_band);
+}
+
+TEST(Evaluator, RunsThatWereCutOrHaveGapsDoNotPass) {
+  std::string text = kTask;
+  const auto run = [&](bool gap) {
+    TaskEvaluator evaluator(in_scene(text));
+    for (std::uint64_t n = 0; n < 1000; ++n) {
+      if (gap && n > 500 && n < 600) continue;
+      TickRecord tick = tick_at(n, 1000);
+      touch(tick.device[0], 0, kMeniscus, 2);
+      EXPECT_TRUE(evaluator.see(tick).ok());
+    }
+    return evaluator;
+  };
+  EXPECT_TRUE(run(false).score(false).in_band);
+  EXPECT_FALSE(run(false).score(true).in_band);
+  EXPECT_NEAR(run(true).score(false).missing_s, 0.1, 1e-6);
+  EXPECT_FALSE(run(true).score(false).in_band);
+}
+
+TEST(Evaluator, NumbersOfAnyKindAreBorne) {
+  const double odd[] = {kNotKnown, std::numeric_limits<double>::infinity(), -1, 1e300, -0.0};
+  TaskEvaluator evaluator(in_scene(kTask));
+  std::uint64_t n = 0;
+  for (const double a : odd) {
+    for (const double b : odd) {
+      TickRecord tick = tick_at(n++, 1000);
+      tick.device[0].tip_patient_mm = {a, b, a};
+      touch(tick.device[0], 0, kMeniscus, b);
+      touch(tick.device[0], 1, 65535, a);
+      tick.device[0].contact_patient_mm[0] = a;
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    }
+  }
+  for (const MetricValue& value : evaluator.score(false).metrics) EXPECT_FALSE(std::isinf(value.value));
+  TickRecord late = tick_at(n, 1000);
+  late.time_s = 0;
+  EXPECT_THAT(evaluator.see(late).error().what, HasSubstr("clock"));
+  late.time_s = kNotKnown;
+  EXPECT_FALSE(evaluator.see(late).ok());
+}
+
+TEST(Evaluator, AnAnswerIsTheLastPlaceThatWasRestedOn) {
+  const std::string text = R"(title = "Find"
+end = "recording"
+[answer]
+structures = ["nerve"]
+seconds = 0.5
+[[metric]]
+name = "answer_error"
+at_most = 3
+)";
+  TaskEvaluator evaluator(in_scene(text));
+  std::uint64_t n = 0;
+  const auto run = [&](double x, double force_N, int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      TickRecord tick = tick_at(n++, 1000);
+      touch(tick.device[0], 0, kMeniscus, force_N);
+      tick.device[0].contact_patient_mm[0] = x;
+      tick.device[0].contact_patient_mm[1] = 2;
+      tick.device[0].contact_patient_mm[2] = 9;
+      ASSERT_TRUE(evaluator.see(tick).ok());
+    }
+  };
+  EXPECT_TRUE(std::isnan(evaluator.score(false).metrics[0].value));
+  run(12, 1, 600);
+  // the nerve's voxel is at (2, 2, 2), the normal along z
+  EXPECT_NEAR(evaluator.score(false).metrics[0].value, 10, 1e-9);
+  run(4, 1, 600);
+  EXPECT_NEAR(evaluator.score(false).metrics[0].value, 2, 1e-9);
+  run(30, 1, 300);    // too short
+  run(40, 0.1, 900);  // too light
+  EXPECT_NEAR(evaluator.score(false).metrics[0].value, 2, 1e-9);
+  EXPECT_TRUE(evaluator.score(false).in_band);
+}
+
+TEST(RunsInARow, CountsFromTheLast) {
+  EXPECT_EQ(runs_in_a_row({}), 0);
+  EXPECT_EQ(runs_in_a_row({true, false, true, true}), 2);
+  EXPECT_EQ(runs_in_a_row({true, true, false}), 0);
+}
+
+}  // namespace
+}  // namespace palpate

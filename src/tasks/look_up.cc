@@ -1,0 +1,229 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "palpate/tasks/task.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::array<std::array<int, 3>, 6> kFaces{
+    {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
+constexpr double kBoundary = 1 << 20;  // cubes each way, beyond which no patient reaches
+
+std::uint64_t key_of(const Eigen::Vector3d& cube) {
+  const auto part = [](double v) {
+    return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::clamp(v, -kBoundary, kBoundary - 1)) +
+                                      static_cast<std::int64_t>(kBoundary));
+  };
+  return part(cube[0]) | part(cube[1]) << 21 | part(cube[2]) << 42;
+}
+
+struct Lookup {
+  const TaskFile& task;
+  const Model& model;
+
+  Result<std::vector<bool>> labels(const std::vector<LabelReference>& references, int line) const {
+    std::vector<bool> has;
+    for (const LabelReference& reference : references) {
+      std::vector<LabelId> found;
+      std::string told;
+      if (const auto* number = std::get_if<int>(&reference)) {
+        told = "label " + std::to_string(*number);
+        if (model.find(static_cast<LabelId>(*number))) found.push_back(static_cast<LabelId>(*number));
+      } else {
+        told = "structure \"" + std::get<std::string>(reference) + "\"";
+        for (const Segment& segment : model.segments)
+          if (segment.name == std::get<std::string>(reference)) found.push_back(segment.id);
+      }
+      if (found.empty())
+        return Error{ErrorKind::kBadInput, "the scene has no " + told, task.where(line), names()};
+      for (const LabelId label : found) {
+        if (has.size() <= label) has.resize(label + 1u);
+        has[label] = true;
+      }
+    }
+    return has;
+  }
+
+  std::string names() const {
+    std::string text = "its structures are ";
+    std::size_t told = 0;
+    for (const Segment& segment : model.segments) {
+      if (told == 30) return text + ", ...";
+      text += (told++ ? ", " : "") + model.name_of(segment.id);
+    }
+    return text;
+  }
+};
+
+/// Calls visit(i, j, k, place) for every voxel of some labels.
+template <class Visit>
+void for_each_voxel(const Bricks<LabelId>& labels, const std::vector<bool>& has, const Visit& visit) {
+  const auto X = labels.geometry().X_PatientVoxel();
+  labels.for_each_piece([&](const auto& piece) {
+    if (piece.uniform && !(piece.voxels[0] < has.size() && has[piece.voxels[0]])) return;
+    for (int n = 0; n < piece.count; ++n)
+      if (piece.voxels[n] < has.size() && has[piece.voxels[n]])
+        visit(piece.i + n, piece.j, piece.k, (X * Point<Voxel>(piece.i + n, piece.j, piece.k)).eigen());
+  });
+}
+
+std::optional<Eigen::Vector3d> centroid(const Bricks<LabelId>& labels, const std::vector<bool>& has) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  std::size_t count = 0;
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
+    sum += place;
+    ++count;
+  });
+  return count ? std::optional<Eigen::Vector3d>(sum / static_cast<double>(count)) : std::nullopt;
+}
+
+Eigen::Vector3d farthest(const Bricks<LabelId>& labels, const std::vector<bool>& has,
+                         const Eigen::Vector3d& direction) {
+  // the middle of all that are as far, so that the order of voxels does not decide
+  double most = -std::numeric_limits<double>::infinity();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double count = 0;
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
+    const double far = place.dot(direction);
+    if (far > most + 1e-6) {
+      most = far;
+      sum.setZero();
+      count = 0;
+    }
+    if (far > most - 1e-6) {
+      sum += place;
+      ++count;
+    }
+  });
+  return sum / count;
+}
+
+const Surface* surface_of(const Model& model, LabelId label) {
+  for (std::size_t n = 0; n < model.label_of_surface.size() && n < model.surfaces.size(); ++n)
+    if (model.label_of_surface[n] == label) return model.surfaces[n].surface.get();
+  return nullptr;
+}
+
+// the faces between a region's structures and what is none of them, in points no farther apart than half a
+// patch, each drawn onto the smooth surface that is felt
+void add_patches(const Model& model, RegionInScene& region) {
+  const Bricks<LabelId>& labels = *model.labels;
+  const GridGeometry& grid = labels.geometry();
+  const Eigen::Matrix3d axes = grid.direction * grid.spacing_mm.asDiagonal();
+  for_each_voxel(labels, region.has_label, [&](int i, int j, int k, const Eigen::Vector3d& place) {
+    const LabelId own = labels.at(i, j, k);
+    for (const auto& face : kFaces) {
+      if (region.has(labels.anywhere(i + face[0], j + face[1], k + face[2]))) continue;
+      const int axis = face[0] ? 0 : face[1] ? 1 : 2;
+      const Eigen::Vector3d out = axes * Eigen::Vector3d(face[0], face[1], face[2]);
+      const Eigen::Vector3d u = axes.col((axis + 1) % 3), v = axes.col((axis + 2) % 3);
+      const auto parts = [](const Eigen::Vector3d& edge) {
+        return std::max(1, static_cast<int>(std::ceil(2 * edge.norm() / SurfacePatches::kEdge_mm)));
+      };
+      const int nu = parts(u), nv = parts(v);
+      const Surface* surface = surface_of(model, own);
+      for (int a = 0; a < nu; ++a) {
+        for (int b = 0; b < nv; ++b) {
+          Eigen::Vector3d at = place + 0.5 * out + ((a + 0.5) / nu - 0.5) * u + ((b + 0.5) / nv - 0.5) * v;
+          for (int turn = 0; surface && turn < 2; ++turn) {
+            const double off_mm = surface->distance_mm(Point<Patient>(at));
+            if (std::abs(off_mm) < 2) at -= off_mm * surface->outward(Point<Patient>(at)).eigen();
+          }
+          if (region.bounds(at)) region.patches.add(at);
+        }
+      }
+    }
+  });
+}
+
+}  // namespace
+
+void SurfacePatches::add(const Eigen::Vector3d& place_mm) {
+  const Eigen::Vector3d cube = (place_mm / kEdge_mm).array().floor();
+  if (at_.emplace(key_of(cube), static_cast<std::uint32_t>(covered_.size())).second)
+    covered_.push_back(false);
+}
+
+void SurfacePatches::cover(const Eigen::Vector3d& contact_mm) {
+  const Eigen::Vector3d first = ((contact_mm.array() - kWithin_mm) / kEdge_mm).floor();
+  const Eigen::Vector3d last = ((contact_mm.array() + kWithin_mm) / kEdge_mm).floor();
+  Eigen::Vector3d cube;
+  for (cube[2] = first[2]; cube[2] <= last[2]; ++cube[2]) {
+    for (cube[1] = first[1]; cube[1] <= last[1]; ++cube[1]) {
+      for (cube[0] = first[0]; cube[0] <= last[0]; ++cube[0]) {
+        const Eigen::Vector3d low = cube * kEdge_mm;
+        const Eigen::Vector3d nearest = contact_mm.cwiseMax(low).cwiseMin((low.array() + kEdge_mm).matrix());
+        if ((nearest - contact_mm).squaredNorm() > kWithin_mm * kWithin_mm) continue;
+        const auto found = at_.find(key_of(cube));
+        if (found == at_.end() || covered_[found->second]) continue;
+        covered_[found->second] = true;
+        ++covered_count_;
+      }
+    }
+  }
+}
+
+bool RegionInScene::bounds(const Eigen::Vector3d& place_mm) const {
+  if (centre_mm && !((place_mm - *centre_mm).norm() <= radius_mm)) return false;
+  return std::all_of(planes.begin(), planes.end(),
+                     [&](const Plane& plane) { return (place_mm - plane.point_mm).dot(plane.normal) >= 0; });
+}
+
+Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
+  const Lookup lookup{task, model};
+  TaskInScene found{task, {}, {}, {}, {}, {}};
+  for (std::size_t n = 0; n < task.regions.size(); ++n) {
+    if (progress.stopped()) return Progress::interrupted();
+    const TaskRegion& asked = task.regions[n];
+    RegionInScene region;
+    auto labels = lookup.labels(asked.structures, asked.line);
+    if (!labels) return labels.error();
+    region.has_label = *std::move(labels);
+    region.radius_mm = asked.radius_mm.value_or(0);
+    if (asked.point) region.centre_mm = asked.point->eigen();
+    if (!asked.structures.empty()) {
+      const auto middle = centroid(*model.labels, region.has_label);
+      if (!middle)
+        return Error{ErrorKind::kBadInput, "the structures of region \"" + asked.name + "\" have no voxel",
+                     task.where(asked.line), "name others"};
+      if (asked.landmark)
+        region.centre_mm = farthest(*model.labels, region.has_label, asked.landmark->eigen());
+      if (asked.half) region.planes.push_back({*middle, asked.half->eigen()});
+    }
+    if (asked.plane_point) region.planes.push_back({asked.plane_point->eigen(), asked.plane_normal->eigen()});
+    const bool is_covered = std::any_of(task.steps.begin(), task.steps.end(), [&](const TaskStep& step) {
+      return step.region == n && step.kind == StepKind::kCover;
+    });
+    if (is_covered) {
+      add_patches(model, region);
+      if (region.patches.count() == 0)
+        return Error{ErrorKind::kBadInput, "nothing of its structures lies in region \"" + asked.name + "\"",
+                     task.where(asked.line), "move its place, or widen its radius"};
+    }
+    found.regions.push_back(std::move(region));
+  }
+  const auto add = [&](const auto& parts, std::vector<std::vector<bool>>& to) -> Result<void> {
+    for (const auto& part : parts) {
+      auto labels = lookup.labels(part.structures, part.line);
+      if (!labels) return labels.error();
+      to.push_back(*std::move(labels));
+    }
+    return {};
+  };
+  if (auto added = add(task.forces, found.forces); !added) return added.error();
+  if (auto added = add(task.protections, found.protections); !added) return added.error();
+  if (auto added = add(task.metrics, found.metrics); !added) return added.error();
+  if (task.answer) {
+    const auto labels = lookup.labels(task.answer->structures, task.answer->line);
+    if (!labels) return labels.error();
+    found.answer_mm = centroid(*model.labels, *labels);
+    if (!found.answer_mm)
+      return Error{ErrorKind::kBadInput, "what is to be found has no voxel", task.where(task.answer->line),
+                   "name another structure"};
+  }
+  return found;
+}
+
+}  // namespace palpate

@@ -1,0 +1,130 @@
+"""palpate task and palpate records: what trainees and their teachers type."""
+
+import csv
+import json
+import pathlib
+import re
+
+import cli
+import trainees
+
+TASK = "hold-steady"
+
+
+class Tasks(cli.PalpateTest):
+    @classmethod
+    def setUpClass(cls):
+        cli.keep_what_is_prepared()
+
+    def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK):
+        script, recording = self.folder / f"{name}.toml", self.folder / f"{name}.h5"
+        script.write_text(trainees.script_text(task, kind, seed), encoding="utf-8")
+        data_set = data_set or f"knee-phantom:spacing={cli.KNEE_MM}"
+        done = cli.run("-q", "simulate", data_set, "--script", script, "-o", recording, "--max-force", "6")
+        self.assertEqual(done.returncode, status, done.stderr)
+        return recording
+
+    def score(self, *recordings, task=TASK, status=cli.OK):
+        done = cli.run("task", "score", *recordings, "--task", task, "--json")
+        self.assertEqual(done.returncode, status, done.stderr)
+        return json.loads(done.stdout)
+
+    def test_brings_tasks_along(self):
+        tasks = json.loads(self.succeed("task", "list", "--json").stdout)
+        names = {task["name"] for task in tasks}
+        self.assertLessEqual({"meniscus-probing", "diagnostic-round", "hold-steady", "trace-an-edge", "find-the-nodule"}, names)
+        self.assertIn("Hold a force steady", self.succeed("task", "list").stdout)
+        own = self.folder / "own.toml"
+        own.write_text(self.succeed("task", "show", TASK).stdout, encoding="utf-8")
+        self.assertEqual(self.succeed("task", "draw", own, "--seed", 3).stdout, "knee-phantom:seed=3\n")
+        drawn = self.succeed("task", "draw", "find-the-nodule", "--seed", 7).stdout
+        self.assertRegex(drawn, r"^palpation-block:seed=7,diameter=[\d.]+,depth=[\d.]+,stiffness=\d+\n$")
+        self.assertEqual(drawn, self.succeed("task", "draw", "find-the-nodule", "--seed", 7).stdout)
+
+    def test_scores_a_run_keeps_it_and_forgets_it(self):
+        run = self.simulate("run")
+        scored = self.score(run)
+        metrics = {metric["name"]: metric for metric in scored["runs"][0]["metrics"]}
+        self.assertEqual(metrics["steps_done"]["value"], 1)
+        self.assertGreater(metrics["longest_in_band"]["value"], 2.5)
+        self.assertLess(metrics["peak_force"]["value"], 1.5)
+        self.assertTrue(scored["runs"][0]["in_band"])
+        self.assertEqual((scored["in_a_row"], scored["passed"]), (1, False))
+        # the same recording, the same bits
+        self.assertEqual(self.score(run), scored)
+        self.assertTrue(self.score(run, run, run)["passed"])
+        text = self.succeed("task", "score", run, "--task", TASK).stdout
+        self.assertIn("not validated", text)
+        self.assertIn("done: hold", text)
+
+        # a heavy hand is out of its band, and the tick is told in which it was
+        heavy = self.score(self.simulate("heavy", "heavy"), status=cli.LIMIT)["runs"][0]
+        over = [event for event in heavy["events"] if event["kind"] == "over_limit"]
+        self.assertGreater(over[0]["force_N"], 2.5)
+
+        # three runs are few
+        many = [self.simulate(f"run{seed}", seed=seed) for seed in (1, 2)]
+        calibrated = self.succeed("task", "calibrate", run, *many, "--task", TASK).stdout
+        self.assertIn('basis = "not validated, too few runs', calibrated)
+        at_least = float(re.search(r'name = "longest_in_band"\nat_least = ([\d.]+)', calibrated).group(1))
+        self.assertGreater(at_least, 2)
+
+        # records
+        file = self.folder / "records.db"
+        for learner in ("L1", "L1", "DOE^CANARY"):
+            done = self.succeed("task", "score", run, "--task", TASK, "--record", learner, "--records", file)
+            self.assertEqual("looks like a person" in done.stderr, learner != "L1")
+        self.succeed("task", "score", *many, "--task", TASK, "--record", "L1", "--records", file)
+        listed = [json.loads(line) for line in self.succeed("records", "list", "--records", file, "--json").stdout.splitlines()]
+        self.assertEqual([row["learner"] for row in listed], ["L1", "DOE^CANARY", "L1", "L1"])
+        self.assertIn("3 of 3  PASSED", self.succeed("records", "list", "--records", file, "--learner", "L1").stdout)
+        shown = json.loads(self.succeed("records", "show", 1, "--records", file, "--json").stdout)
+        self.assertEqual(shown["score_hash"], scored["runs"][0]["score_hash"])
+        self.assertEqual([m["value"] for m in shown["metrics"]], [m["value"] for m in scored["runs"][0]["metrics"]])
+        table = self.folder / "runs.csv"
+        self.succeed("records", "export", "--records", file, "-o", table)
+        with open(table, newline="", encoding="utf-8") as rows:
+            self.assertEqual(sum(row["metric"] == "peak_force" for row in csv.DictReader(rows)), 4)
+        statements = self.folder / "runs.jsonl"
+        self.succeed("records", "export", "--records", file, "--format", "xapi", "--learner", "L1", "-o", statements)
+        lines = [json.loads(line) for line in statements.read_text(encoding="utf-8").splitlines()]
+        self.assertEqual(len(lines), 3)
+        self.assertEqual({line["verb"]["display"]["en"] for line in lines}, {"passed"})
+        table.unlink()
+
+        self.fail_clearly(cli.USAGE, "records", "erase", "DOE^CANARY", "--records", file, says="--yes")
+        self.succeed("records", "erase", "DOE^CANARY", "--records", file, "--yes")
+        for left in self.folder.iterdir():
+            self.assertNotIn(b"CANARY", left.read_bytes(), left)
+        self.assertEqual(len(self.succeed("records", "list", "--records", file, "--json").stdout.splitlines()), 3)
+        self.fail_clearly(cli.BAD_INPUT, "records", "erase", "DOE^CANARY", "--records", file, "--yes", says="no learner")
+
+    def test_says_what_is_wrong(self):
+        run = self.simulate("run")
+        own = self.folder / "own.toml"
+
+        def wrong(text, says):
+            own.write_text(text, encoding="utf-8")
+            self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", own, says=says)
+        plain = self.succeed("task", "show", TASK).stdout
+        wrong(plain.replace("femoral_cartilage", "femoral_cartilige"), "no structure \"femoral_cartilige\"")
+        wrong(plain.replace("band =", "bend ="), "own.toml:19: unknown key \"bend\"")
+        wrong("", "no title")
+        self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", "hold-stedy", says="palpate task list")
+        own.write_text("no recording", encoding="utf-8")
+        self.fail_clearly(cli.BAD_INPUT, "task", "score", own, "--task", TASK, says="own.toml")
+        self.fail_clearly(cli.BAD_INPUT, "records", "list", "--records", own, says="own.toml")
+        self.fail_clearly(cli.BAD_INPUT, "records", "list", "--records", self.folder / "none.db", says="none.db")
+        self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", TASK, "--record", "a\nb", "--records", self.folder / "r.db",
+                          says="pseudonym")
+        self.fail_clearly(cli.USAGE, "task", "score", run, "--task", TASK, "--records", own, says="--record")
+        self.fail_clearly(cli.USAGE, "task", "scor", run, says="score")
+
+    def test_each_kind_of_beginner_is_told_by_what_it_does_badly(self):
+        # few seeds, for every run of the tests; trainees.py does twenty of every task
+        areas, _ = trainees.areas_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
+        self.assertEqual(trainees.faults_of(TASK, areas), [])
+
+
+if __name__ == "__main__":
+    cli.main()

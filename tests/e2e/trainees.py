@@ -1,0 +1,189 @@
+"""Scripted trainees: an expert and three kinds of beginner do every task with the simulated hand, and each kind has to be
+told from the expert by what it does badly, and by nothing that it does well.
+
+    PALPATE=build/release/apps/palpate/palpate python3 tests/e2e/trainees.py [--seeds 20] [--task NAME] [--markdown]
+
+Exit code 1 where one is not told, or is told by what it should not be.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import math
+import os
+import pathlib
+import random
+import subprocess
+import sys
+import tempfile
+
+# each kind, and by which of the metrics that are compared it has to be told
+KINDS = ("heavy", "shaky", "incomplete")
+TOLD_BY = {"heavy": "excess_impulse", "shaky": "smoothness", "incomplete": "steps_done"}
+# at the menisci the limit of 8.5 N is more than the simulated device gives
+HEAVY_AT_THE_MENISCI = "peak_force of medial_meniscus, lateral_meniscus"
+MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band"}
+LEAST_AREA = 0.95
+# amplitude of tremor at 8 to 12 Hz, mm: what a hand has, and a hand that shakes
+STEADY_MM, SHAKY_MM = 0.03, 0.25
+
+
+def contact(where, force_N, draw, hold_s=0.3, slide=None, then_N=None):
+    """Touches, presses, holds, runs along; a heavy hand is brief with that, and then pushes as hard as it likes."""
+    heavy = then_N is not None
+    steps = [{"approach": where[0], "speed": draw["speed"], **where[1]}, {"press": force_N, "settle": 0.1 if heavy else 0.3},
+             {"hold": 0.1 if heavy and hold_s < 1 else hold_s}]
+    if slide:
+        steps.append({"slide": slide[0], "direction": slide[1], "speed": 11 if heavy else 8})
+    if heavy:
+        steps.append({"press": then_N, "settle": 0.05})
+    return steps + [{"leave": True}]
+
+
+def meniscus(draw, kind):
+    force_N = draw["within"](2.1, 2.6)
+    # once: what is pushed with so much makes the simulated motors too warm for more
+    parts = [contact((name, {}), force_N, draw, hold_s=0.4, slide=(3, "anterior"), then_N=then_N)
+             for name, then_N in (("medial_meniscus", 4.5 if kind == "heavy" else None), ("lateral_meniscus", None))]
+    return parts[:1] if kind == "incomplete" else parts
+
+
+def round_of_seven(draw, kind):
+    force_N = draw["within"](0.6, 1.2)
+    wheres = [("patella", {"landmark": "superior"}), ("patellar_cartilage", {}), ("femur", {"landmark": "left"}),
+              ("femur", {"landmark": "right"}), ("medial_meniscus", {}), ("anterior_cruciate_ligament", {}),
+              ("lateral_meniscus", {})]
+    if kind == "incomplete":
+        wheres = wheres[:draw["random"].randrange(3, 6)]
+    return [contact(where, force_N, draw, then_N=4.0 if kind == "heavy" and n < 2 else None) for n, where in enumerate(wheres)]
+
+
+def hold_steady(draw, kind):
+    return [contact(("femoral_cartilage", {}), draw["within"](0.95, 1.05), draw, hold_s=0.8 if kind == "incomplete" else 3.2,
+                    then_N=4.0 if kind == "heavy" else None)]
+
+
+def trace(draw, kind):
+    way = None if kind == "incomplete" else (draw["within"](6, 7), "right")
+    return [contact(("patella", {"landmark": "superior"}), draw["within"](0.6, 1.0), draw, slide=way,
+                    then_N=4.0 if kind == "heavy" else None)]
+
+
+def nodule(draw, kind):
+    force_N = draw["within"](0.4, 0.6)
+    search = [contact(("soft_tissue", {"nearest": place, "from": "anterior"}), force_N, draw,
+                      then_N=2.4 if kind == "heavy" and n == 0 else None) for n, place in enumerate(draw["places"])]
+    if kind == "incomplete":
+        return search[:1]
+    return search + [contact(("soft_tissue", {"nearest": "nodule", "from": "anterior"}), force_N, draw, hold_s=1.6)]
+
+
+# task: what is done, most force of the session, N
+TASKS = {"meniscus-probing": (meniscus, 9), "diagnostic-round": (round_of_seven, 6), "hold-steady": (hold_steady, 6),
+         "trace-an-edge": (trace, 6), "find-the-nodule": (nodule, 4)}
+
+
+def script_text(task, kind, seed):
+    """The script by which a trainee of that kind does a task."""
+    drawn = random.Random(f"{task} {kind} {seed}")
+    draw = {"random": drawn, "speed": round(drawn.uniform(35, 50), 3),
+            "places": [[round(side * drawn.uniform(12, 25), 3), -20, round(drawn.uniform(-20, 20), 3)] for side in (-1, 1)],
+            "within": lambda low, high: round(drawn.uniform(low, high), 3)}
+    lines = ['device = "premium-1.5"', f"tremor = {SHAKY_MM if kind == 'shaky' else STEADY_MM}", f"seed = {drawn.randrange(1, 10**6)}"]
+    for part in TASKS[task][0](draw, kind):
+        for step in part:
+            lines += ["", "[[step]]", *(f"{key} = {json.dumps(value)}" for key, value in step.items())]
+    return "\n".join(lines) + "\n"
+
+
+def palpate(*arguments):
+    done = subprocess.run([os.environ["PALPATE"], "-q", *map(str, arguments)], capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    if done.returncode not in (0, 3):
+        raise RuntimeError(f"palpate {' '.join(map(str, arguments))}: {done.stderr}")
+    return done.stdout
+
+
+def recording_of(task, kind, seed, folder, data_set):
+    """What a trainee did, recorded."""
+    name = folder / f"{task}-{kind}-{seed}"
+    script, recording = name.with_suffix(".toml"), name.with_suffix(".h5")
+    script.write_text(script_text(task, kind, seed), encoding="utf-8")
+    palpate("simulate", data_set, "--script", script, "-o", recording, "--max-force", TASKS[task][1])
+    return recording
+
+
+def scores_of(task, recordings):
+    """{metric: value} of each, as palpate task score --json has it."""
+    runs = json.loads(palpate("task", "score", *recordings, "--task", task, "--json"))["runs"]
+    return [{metric["name"]: metric["value"] for metric in run["metrics"]} for run in runs]
+
+
+def area(better, worse, more_is_better):
+    """Probability that one of `worse` is worse than one of `better`, ties by half; what has no value is worst."""
+    def badness(value):
+        return math.inf if value is None else -value if more_is_better else value
+    pairs = [(badness(b), badness(w)) for b in better for w in worse]
+    return sum(1 if w > b else 0.5 if w == b else 0 for b, w in pairs) / len(pairs)
+
+
+def areas_of(task, seeds, folder, workers, data_set=None):
+    """{kind: {metric: area}} and the values. @param data_set  for every run; else as the seed draws it"""
+    jobs = [(kind, seed) for kind in ("expert", *KINDS) for seed in range(seeds)]
+    # of four knees, so that what was prepared is found again
+    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task == "find-the-nodule" else seed % 4).strip() for seed in range(seeds)]
+    found = {}
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        recordings = dict(zip(jobs, pool.map(lambda job: recording_of(task, *job, folder, data_sets[job[1]]), jobs)))
+        # those of one scene together: it is loaded once
+        groups = [[job for job in jobs if data_sets[job[1]] == name] for name in dict.fromkeys(data_sets)]
+        for group, scores in zip(groups, pool.map(lambda group: scores_of(task, [recordings[job] for job in group]), groups)):
+            found.update(zip(group, scores))
+    values = {kind: [found[kind, seed] for seed in range(seeds)] for kind in ("expert", *KINDS)}
+    metrics = list(values["expert"][0])
+    return {kind: {metric: area([v[metric] for v in values["expert"]], [v[metric] for v in values[kind]], metric in MORE_IS_BETTER)
+                   for metric in metrics} for kind in KINDS}, values
+
+
+def told_by(task):
+    return TOLD_BY | ({"heavy": HEAVY_AT_THE_MENISCI} if task == "meniscus-probing" else {})
+
+
+def faults_of(task, areas):
+    """What is not as it should be, in words."""
+    faults = []
+    for kind in KINDS:
+        for metric in told_by(task).values():
+            value, told = areas[kind][metric], told_by(task)[kind] == metric
+            if told != (value >= LEAST_AREA):
+                faults.append(f"{task}: the {kind} trainee is {'not ' if told else ''}told by {metric}: area {value:.3f}")
+    return faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--task", choices=TASKS, action="append")
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--values", action="store_true", help="the mean of every metric, too")
+    options = parser.parse_args()
+    faults = []
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ.setdefault("PALPATE_CACHE", folder)
+        print("| task | metric | " + " | ".join(KINDS) + " |\n|---|---|" + "---|" * len(KINDS))
+        for task in options.task or TASKS:
+            areas, values = areas_of(task, options.seeds, pathlib.Path(folder), options.workers)
+            for metric in areas[KINDS[0]]:
+                cells = [f"**{areas[kind][metric]:.2f}**" if told_by(task)[kind] == metric else f"{areas[kind][metric]:.2f}" for kind in KINDS]
+                print(f"| {task} | `{metric}` | " + " | ".join(cells) + " |", flush=True)
+                if options.values:
+                    for kind in ("expert", *KINDS):
+                        known = [v[metric] for v in values[kind] if v[metric] is not None]
+                        print(f"  {kind}: " + " ".join(f"{v:.4g}" for v in known), file=sys.stderr)
+            faults += faults_of(task, areas)
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
