@@ -25,6 +25,7 @@ export class LivePicture<Camera> {
   private sharp = false; // or asked for
   private asked: "" | "coarse" | "sharp" = ""; // what is being drawn
   private asks = 0;
+  private take: (() => Shot<Camera>) | null = null; // of how things are when it is called
   private cost_ms = 0; // of a picture at full size
 
   /** @param isSquare  as high or as wide as its place, in the middle of it */
@@ -39,16 +40,19 @@ export class LivePicture<Camera> {
    */
   update(now: number, key: string, isHeld: boolean, take: () => Shot<Camera>): void {
     const { renderer } = this;
+    this.take = take;
     if (key !== this.key) {
       this.key = key;
       renderer.moved_ms = now;
       this.isWanted = true;
       this.sharp = false;
     } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld) this.isWanted = this.sharp = true;
-    if (this.isWanted && renderer.isLoaded && (this.asked === "" || (this.asked === "sharp" && !this.sharp))) {
-      this.isWanted = false;
-      void this.render(take());
-    }
+    this.ask();
+  }
+  private ask(): void {
+    if (!this.isWanted || !this.take || !this.renderer.isLoaded || !(this.asked === "" || (this.asked === "sharp" && !this.sharp))) return;
+    this.isWanted = false;
+    void this.render(this.take());
   }
 
   /** What is seen is as sharp as it gets. */
@@ -65,12 +69,14 @@ export class LivePicture<Camera> {
     this.asked = isSharp ? "sharp" : "coarse";
     const ask = ++this.asks;
     const drawn = await this.renderer.draw({ ...shot.view(total / ratio), isFine: isSharp }, isSharp);
+    if (drawn) this.cost_ms = drawn.cost_ms * total * total;
     if (ask === this.asks) {
       this.asked = "";
       if (!drawn) this.sharp = false;
+      // what has moved meanwhile waits for no frame of the page
+      this.ask();
     }
     if (!drawn) return;
-    this.cost_ms = drawn.cost_ms * total * total;
     this.seen?.bitmap.close();
     this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
     this.show();

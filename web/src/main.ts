@@ -535,11 +535,16 @@ class Page {
       // one that takes long leaves the volume's picture, which is drawn beside it, its share
       const isDone = this.slicer.isDone;
       const least = this.renderer.isDrawing ? Math.max(this.leastFrame_ms, SECTIONS_REST * this.slicer.took_ms) : this.leastFrame_ms;
-      if (!isDone || now - this.drawn_ms < least) return;
+      if (!isDone || now - this.drawn_ms < least) {
+        // what draws the volume beside the page waits for none of this
+        this.volume.ask(now);
+        this.scope.ask(now);
+        return;
+      }
       this.drawn_ms = now;
     }
-    // the volume's sharp picture comes after a while without any change
-    this.volume.draw(now);
+    // the volume's sharp picture comes after a while without any change; a picture that comes has the tool drawn over it
+    this.volume.draw(now, this.slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
     this.scope.draw(now);
     if ((this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse)) && session.volumes) {
       this.drawnVersion = session.version;

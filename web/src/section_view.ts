@@ -32,6 +32,8 @@ const SLIDER_PIXELS = 26;
 const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
+/** Less than a pixel at the end of a picture, of a radian. */
+const LEAST_STEP = 2e-4;
 /** A picture that moves is drawn coarser where it would take longer than it may; when it has come to rest, in bands. */
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
@@ -141,7 +143,9 @@ export class SectionView {
       else if (length(device.force) > 0.03) normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
       if (normal) {
         const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
-        this.normal = normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
+        // it gets there: else it would be drawn anew for ever smaller steps
+        const isThere = length(sub(same, this.normal)) < LEAST_STEP;
+        this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
       }
     }
     const { plane, hanging } = hang(this.normal, through, this.hanging);

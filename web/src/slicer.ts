@@ -6,7 +6,7 @@ import { add, apply, normalOf, scale, turn, type Plane, type Vec3 } from "./geom
 import { inPieces, slicesOfPiece } from "./pieces.js";
 import type { Volumes } from "./scene.js";
 import type { Slab } from "./session.js";
-import { usedProgram } from "./shader_program.js";
+import { isSoftware, usedProgram } from "./shader_program.js";
 import { NoMemory } from "./trouble.js";
 import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "./strain.js";
 import { words } from "./words.js";
@@ -156,8 +156,7 @@ export class Slicer {
     if (!gl) throw new Error(words.noWebGl);
     this.gl = gl;
     this.mostSide = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
-    const info = gl.getExtension("WEBGL_debug_renderer_info");
-    this.isSoftware = /swiftshader|llvmpipe|software/i.test(String(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : ""));
+    this.isSoftware = isSoftware(gl);
     this.extension = gl.getExtension("WEBGL_lose_context");
     this.canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault(); // asks for it back

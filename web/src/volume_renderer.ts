@@ -9,6 +9,11 @@ import type { Session } from "./session.js";
 import { Found, type View } from "./volume_caster.js";
 import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
 
+/** Pieces that wait where the volume is drawn. */
+const AHEAD = 2;
+/** A piece of blocks of voxels has so many times as many of them as one that is copied voxel by voxel. */
+const COARSE_PIECES = 4;
+
 export interface Drawn { bitmap: ImageBitmap; found: Found; cost_ms: number }
 
 export class VolumeRenderer {
@@ -162,15 +167,20 @@ export class VolumeRenderer {
   /** Some texels anew, from the voxels as they are now. */
   private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
     const { factor } = this;
-    const slices = slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
-    const step = Math.max(1, Math.floor(slices / factor[2]));
+    // of blocks of voxels the neighbours are looked into once more for each piece: so that is fewer of them, for copying is quick
+    const slices = COARSE_PIECES * slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
+    const step = Math.max(1, Math.min(Math.floor(slices / factor[2]), slicesOfPiece(size)));
+    const put: Promise<Answered>[] = [];
     for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
       if (load !== this.loads || this.isDead) return;
       const piece = pieceOf(this.volumes!, factor, [lo[0], lo[1], z], [size[0], size[1], Math.min(step, lo[2] + size[2] - z)]);
       this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
-      await this.answer("put");
+      put.push(this.answer("put"));
+      // the next one is there when it is through with this one
+      if (put.length > AHEAD) await put.shift();
       await breathe();
     }
+    await Promise.all(put);
   }
 
   /** After a box of the voxels has changed. */

@@ -141,15 +141,11 @@ class Service {
       if (from < view.height) await breathe();
     }
     const isWhole = from >= view.height && !caster.isLost;
-    const found = isWhole ? caster.finish(view) : null;
-    const drawn = found && { bitmap: await pictureOf(caster.canvas), ...found };
+    const drawn = isWhole ? await caster.finish(view) : null;
     if (drawn) this.work.pictures += 1;
     this.say({ type: "picture", id, drawn, cost_ms, work: { ...this.work } }, drawn ? [drawn.bitmap, drawn.bytes.buffer] : []);
   }
 }
-
-const pictureOf = async (canvas: OffscreenCanvas | HTMLCanvasElement): Promise<ImageBitmap> =>
-  "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : createImageBitmap(canvas);
 
 /** Answers at a port, with what a canvas draws. @param held  a lock that shows that it still does, or "" */
 export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
