@@ -8,6 +8,8 @@ import type { VolumeRenderer } from "./volume_renderer.js";
 const SLOW_MS = 40;
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
+/** What a picture at full size is taken to cost without a graphics card, before there was one. */
+const FIRST_MS = 160;
 
 /** What a picture is taken of, so that what is drawn over it stands where it stood then. */
 export interface Shot<Camera> {
@@ -26,12 +28,14 @@ export class LivePicture<Camera> {
   private asked: "" | "coarse" | "sharp" = ""; // what is being drawn
   private asks = 0;
   private take: (() => Shot<Camera>) | null = null; // of how things are when it is called
-  private cost_ms = 0; // of a picture at full size
+  private cost_ms: number; // of a picture at full size
 
   /** @param isSquare  as high or as wide as its place, in the middle of it */
   constructor(private readonly picture: Picture, private readonly renderer: VolumeRenderer, private readonly isSoftware: boolean,
               private readonly isSquare: boolean, private readonly onSeen: () => void) {
     this.reduction = isSoftware ? 2 : 1;
+    // the first one comes soon
+    this.cost_ms = isSoftware ? FIRST_MS : 0;
   }
 
   /**

@@ -413,10 +413,14 @@ void main() {
   found = vec4(floor(steps / 256.0) / 255.0, mod(steps, 256.0) / 255.0, met < 0.0 ? 0.0 : solidAt(origin + (met + range.x) * into), 1.0);
 }`;
 
+/** Of a picture: the shader's switches. */
+interface Kind { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean; rough?: boolean; displaced?: boolean }
+
 export class Caster {
   readonly isSoftware: boolean;
   private readonly gl: WebGL2RenderingContext;
   private readonly programs = new Map<string, WebGLProgram>();
+  private readonly drawn = new Set<string>(); // kinds of pictures
   private program: WebGLProgram | null = null;
   private field: Field | null = null;
   private texelFromPatient: Affine = [];
@@ -448,6 +452,7 @@ export class Caster {
   setUp(): void {
     const gl = this.gl;
     this.programs.clear();
+    this.drawn.clear();
     gl.disable(gl.DITHER);
     gl.enable(gl.SCISSOR_TEST);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -472,7 +477,7 @@ export class Caster {
   }
 
   /** The shader for what is to be seen, made when it is wanted first. @throws Error where the browser does not take it */
-  private use(what: { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean; rough?: boolean; displaced?: boolean }): void {
+  private use(what: Kind): void {
     const gl = this.gl;
     const define = (name: string, isSo = false) => `#define ${name} ${isSo ? 1 : 0}\n`;
     const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine) +
@@ -591,6 +596,16 @@ export class Caster {
     this.window = [window[0], 1 / Math.max(window[1] - window[0], 1e-6), strength];
   }
 
+  private kindFor({ eye, cut, isFine }: View): Kind {
+    const scan = this.field!.haze !== null && this.window[2] > 0;
+    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
+    return { scan, thin, eye: eye !== null, cut: cut !== null, fine: isFine, rough: !isFine && !cut && this.isQuick, displaced: this.displacement !== null };
+  }
+  /** Whether a view is drawn at once; without a graphics card the first one of its kind compiles what draws it. */
+  isCompiled(view: View): boolean {
+    return !this.isSoftware || this.drawn.has(JSON.stringify(this.kindFor(view)));
+  }
+
   /** Makes ready what `band` draws. */
   aim(view: View): void {
     const gl = this.gl;
@@ -611,14 +626,12 @@ export class Caster {
       gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, ...field.blocks, gl.RED_INTEGER, gl.UNSIGNED_BYTE, field.leaps(shown));
       this.leapsStand = true;
     }
-    const scan = field.haze !== null && this.window[2] > 0;
-    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
-    const rough = !view.isFine && !cut && this.isQuick;
-    if (rough && !this.coversStand) {
+    const kind = this.kindFor(view);
+    if (kind.rough && !this.coversStand) {
       this.uploadCovers([0, 0, 0], field.dims);
       this.coversStand = true;
     }
-    this.use({ scan, thin, eye: eye !== null, cut: cut !== null, fine: view.isFine, rough, displaced: this.displacement !== null });
+    this.use(kind);
     const m = this.texelFromPatient;
     if (this.displacement) {
       this.displacement.aim(this.program!, m);
@@ -679,6 +692,7 @@ export class Caster {
     const gl = this.gl;
     this.wait();
     const before = performance.now();
+    this.drawn.add(JSON.stringify(this.kindFor(view)));
     gl.scissor(0, view.height - to, view.width, to - from);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.wait();

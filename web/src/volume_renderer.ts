@@ -25,6 +25,7 @@ export class VolumeRenderer {
   onFailed: (isReplaced: boolean) => void = () => {};
   isInWorker = true;
   isLoaded = false; // there is something to draw
+  isCompiling = false; // without a graphics card; others wait for the graphics meanwhile
   version = ""; // another one: the volume or how it looks is another one
   moved_ms = -Infinity; // when a picture was last asked for that shows something else than the one before
   private port!: Port;
@@ -68,7 +69,7 @@ export class VolumeRenderer {
     if (this.port !== worker || this.isDead) return;
     worker.terminate();
     this.failures += 1;
-    this.isLoaded = false;
+    this.isLoaded = this.isCompiling = false;
     this.isEmpty = true;
     [this.lookVersion, this.haze] = [-1, ""];
     if (!this.isDead) this.start();
@@ -114,8 +115,15 @@ export class VolumeRenderer {
         done(drawn && { bitmap: drawn.bitmap, found: new Found(drawn.bytes, view, drawn.least_mm, drawn.extent_mm), cost_ms });
         break;
       }
+      case "compiles":
+        this.isCompiling = true;
+        this.say({ type: "waits" });
+        break;
+      case "compiled":
+        this.isCompiling = false;
+        break;
       case "lost":
-        this.isLoaded = false;
+        this.isLoaded = this.isCompiling = false;
         this.onLost();
         break;
       case "restorable":
@@ -128,6 +136,11 @@ export class VolumeRenderer {
 
   get isDrawing(): boolean {
     return this.drawings.size > 0;
+  }
+
+  /** What will draw the volume is compiled while that comes. @param thin  some of it is seen through */
+  prepare(thin: boolean): void {
+    this.say({ type: "prepare", thin });
   }
 
   /** Brings a volume to where it is drawn, in pieces. */
