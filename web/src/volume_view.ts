@@ -267,13 +267,13 @@ export class VolumeView {
     drawAge(frame, session);
   }
 
-  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. */
-  async pixels(width: number, height: number, mmPerPixel: number): Promise<Uint8ClampedArray> {
+  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. @param isFine  as what rests is drawn */
+  async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
     await this.renderer.loaded;
     this.renderer.follow(this.session);
     const camera = this.camera.copy();
     camera.mmPerPixel = mmPerPixel;
-    return this.renderer.pixels(viewOf(camera, width, height, 1, this.cut()));
+    return this.renderer.pixels({ ...viewOf(camera, width, height, 1, this.cut()), isFine });
   }
   /** 1 where the volume is seen, 0 where the ground is. */
   async silhouette(width: number, height: number, mmPerPixel: number): Promise<{ width: number; height: number; seen: number[] }> {
