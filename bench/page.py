@@ -2,13 +2,13 @@
 """The viewer's page as Chromium opens it, its graphics computed by the processor, beside an earlier palpate's page in the same run.
 
     bench/page.py PALPATE [--against PALPATE] [--scene NAME] [--stops N] [--repeat N]
-    bench/page.py PALPATE --recording MINUTES [--places N]
+    bench/page.py PALPATE --recording MINUTES|FILE [--places N]
 
 Of each page, by turns: ms until the first section is seen and until the volume is; pictures of the volume a second while it is
 turned by the same keys, and how many pixels they have; processor time from a changed opacity to the picture that shows it. Of PALPATE's
 alone: from the space bar to the server's emergency stop while the page recolours and turns, and while it loads; its longest tasks.
 
-With --recording instead: a simulated recording of knee-phantom of so many minutes, at 1 kHz, in the page of palpate replay --view. Of places at
+With --recording instead: a simulated recording of knee-phantom of so many minutes, at 1 kHz, or one that is there, in the page of palpate replay --view. Of places at
 random: ms from the slider's to the pose, and whether that is the recording's tick. Exit code 1 where one is not.
 """
 
@@ -282,14 +282,16 @@ def record(program, minutes, folder):
     return run
 
 
-def measure_places(program, minutes, count, seed):
+def measure_places(program, asked, count, seed):
     """@return whether every place showed the recording's tick"""
     import h5py
     import numpy
     with tempfile.TemporaryDirectory() as folder:
-        begun = time.monotonic()
-        recording = record(program, minutes, folder)
-        print(f"recorded in {time.monotonic() - begun:.0f} s, {os.path.getsize(recording) / 1e6:.0f} MB", flush=True)
+        recording = asked
+        if not os.path.exists(asked):
+            begun = time.monotonic()
+            recording = record(program, float(asked), folder)
+            print(f"recorded in {time.monotonic() - begun:.0f} s, {os.path.getsize(recording) / 1e6:.0f} MB", flush=True)
         with h5py.File(recording) as run:
             time_s = run["ticks/time_s"][:]
             recorded = {shown: run[f"device0/{name}"][:] for shown, name in (("tip", "tip_patient_mm"), ("force", "force_N"), ("label", "label"))}
@@ -324,7 +326,7 @@ def main():
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=4, help="of turning, each time")
     parser.add_argument("--json", help="writes the figures")
-    parser.add_argument("--recording", type=float, metavar="MINUTES", help="a recording is looked at instead")
+    parser.add_argument("--recording", metavar="MINUTES|FILE", help="a recording is looked at instead, one of 1 kHz")
     parser.add_argument("--places", type=int, default=40, help="of the recording")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
