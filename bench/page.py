@@ -2,10 +2,14 @@
 """The viewer's page as Chromium opens it, its graphics computed by the processor, beside an earlier palpate's page in the same run.
 
     bench/page.py PALPATE [--against PALPATE] [--scene NAME] [--stops N] [--repeat N]
+    bench/page.py PALPATE --recording MINUTES|FILE [--places N]
 
 Of each page, by turns: ms until the first section is seen and until the volume is; pictures of the volume a second while it is
 turned by the same keys, and how many pixels they have; processor time from a changed opacity to the picture that shows it. Of PALPATE's
 alone: from the space bar to the server's emergency stop while the page recolours and turns, and while it loads; its longest tasks.
+
+With --recording instead: a simulated recording of knee-phantom of so many minutes, at 1 kHz, or one that is there, in the page of palpate replay --view. Of places at
+random: ms from the slider's to the pose, and whether that is the recording's tick. Exit code 1 where one is not.
 """
 
 import argparse
@@ -13,9 +17,11 @@ import contextlib
 import json
 import os
 import pathlib
+import random
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 
@@ -25,6 +31,7 @@ os.environ.setdefault("PALPATE", "")  # what the tests of the command line run: 
 sys.path[:0] = [str(TESTS / "browser"), str(TESTS / "e2e")]
 import browser  # noqa: E402
 from explore_test import Viewer  # noqa: E402
+from hour_recording import VISIT  # noqa: E402
 
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing"]
@@ -53,15 +60,16 @@ CanvasRenderingContext2D.prototype.drawImage = function (image, ...rest) {
 
 
 class Session:
-    """palpate explore with a pointer; a context manager."""
+    """palpate explore with a pointer, or a recording that is looked at; a context manager."""
 
-    def __init__(self, program, scene):
+    def __init__(self, program, scene, recording=None):
         self.program, self.scene, self.port = program, scene, browser.free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
+        self.does = ["replay", recording, "--view"] if recording else ["explore", scene, "--device", "pointer", "--seconds", "7200"]
 
     def __enter__(self):
-        self.process = subprocess.Popen([self.program, "explore", self.scene, "--port", str(self.port), "--device", "pointer",
-                                         "--seconds", "7200"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.process = subprocess.Popen([self.program, *self.does, "--port", str(self.port)],
+                                        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + 600
         while True:
             try:
@@ -69,7 +77,7 @@ class Session:
                 return self
             except OSError:
                 if self.process.poll() is not None or time.monotonic() > deadline:
-                    raise RuntimeError(f"{self.program} does not explore {self.scene}") from None
+                    raise RuntimeError(f"{self.program} {' '.join(self.does)} does not serve a page") from None
                 time.sleep(0.1)
 
     def __exit__(self, *_):
@@ -249,6 +257,66 @@ def measure_stops(program, scene, count):
             stops.close()
 
 
+RATE_HZ = 1000
+GO = """const [at_s, tick, done] = arguments, place = document.getElementById("place"), from = performance.now();
+place.value = at_s;
+place.dispatchEvent(new Event("input", { bubbles: true }));
+const look = () => (palpateViewer.pose.tick === tick || performance.now() - from > 20000 ? done([performance.now() - from, palpateViewer.pose]) : setTimeout(look));
+look();"""
+
+
+def record(program, minutes, folder):
+    """A recording of that long, or a little longer: two structures that are touched in turn."""
+    script, run = os.path.join(folder, "script.toml"), os.path.join(folder, "run.h5")
+
+    def simulate(visits):
+        pathlib.Path(script).write_text("".join(VISIT.format(structure=("femur", "tibia")[n % 2]) for n in range(visits)), encoding="utf-8")
+        pathlib.Path(run).unlink(missing_ok=True)
+        said = subprocess.run([program, "simulate", "knee-phantom", "--script", script, "-o", run, "--rate", str(RATE_HZ)],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False).stdout
+        if not os.path.exists(run):
+            raise RuntimeError(said)
+        return int(said.split(" ticks")[0].split()[-1])
+
+    simulate(-(-int(60 * minutes * RATE_HZ) * 2 // simulate(2)))
+    return run
+
+
+def measure_places(program, asked, count, seed):
+    """@return whether every place showed the recording's tick"""
+    import h5py
+    import numpy
+    with tempfile.TemporaryDirectory() as folder:
+        recording = asked
+        if not os.path.exists(asked):
+            begun = time.monotonic()
+            recording = record(program, float(asked), folder)
+            print(f"recorded in {time.monotonic() - begun:.0f} s, {os.path.getsize(recording) / 1e6:.0f} MB", flush=True)
+        with h5py.File(recording) as run:
+            time_s = run["ticks/time_s"][:]
+            recorded = {shown: run[f"device0/{name}"][:] for shown, name in (("tip", "tip_patient_mm"), ("force", "force_N"), ("label", "label"))}
+        begun = time.monotonic()
+        with Session(program, "", recording) as session, Page(session) as page:
+            page.browser.wait("window.palpateViewer && palpateViewer.isLoaded && palpateViewer.isFresh")
+            print(f"{len(time_s)} ticks, {time_s[-1] - time_s[0]:.0f} s; the page is there {time.monotonic() - begun:.1f} s after the start", flush=True)
+            chance = random.Random(seed)
+            waits, wrong = [], 0
+            for _ in range(count):
+                tick = chance.randrange(len(time_s))
+                # in its middle, for a slider rounds
+                wait, pose = page.browser.post("/execute/async", {"script": GO, "args": [time_s[tick] + 0.5 / RATE_HZ, tick]})
+                device = pose["devices"][0]
+                same = pose["tick"] == tick and abs(pose["time"] - time_s[tick]) < 1e-9 and all(
+                    (numpy.float32(values[tick]) == numpy.float32(device[shown])).all() for shown, values in recorded.items())
+                wrong += not same
+                waits.append(wait)
+                time.sleep(0.3)
+        waits.sort()
+        print(f"{count} places at random (seed {seed}): median {statistics.median(waits):.0f} ms, p95 {waits[int(0.95 * count)]:.0f}, largest {waits[-1]:.0f}; "
+              f"{count - wrong} of them the recording's tick", flush=True)
+        return wrong == 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("program")
@@ -258,9 +326,14 @@ def main():
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=4, help="of turning, each time")
     parser.add_argument("--json", help="writes the figures")
+    parser.add_argument("--recording", metavar="MINUTES|FILE", help="a recording is looked at instead, one of 1 kHz")
+    parser.add_argument("--places", type=int, default=40, help="of the recording")
+    parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if lack := browser.missing():
         sys.exit(lack)
+    if options.recording:
+        sys.exit(not measure_places(options.program, options.recording, options.places, options.seed))
     figures = {}
     for scene in options.scene or ["knee-atlas"]:
         programs = {"now": options.program, **({"before": options.against} if options.against else {})}

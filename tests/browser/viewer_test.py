@@ -372,6 +372,31 @@ class WithPointer(Viewer):
                if (colour !== null) set("Colour", colour);
                if (toggle) document.querySelector(`[aria-label="Show ${name}"]`).click();""", name, opacity, colour, toggle)
 
+    def test_a_picture_that_moves_is_rougher_and_shows_the_same(self):
+        self.page.run("palpateViewer.lookFrom(150, 60, false)")
+        is_ground = lambda pixels: abs(pixels - (9, 12, 14)).max(-1) < 4  # noqa: E731
+        femur = next(one for one in self.scene["structures"] if one["name"] == "femur")
+        pictures = []
+        # solid, seen through, seen through otherwise, solid again, other voxels
+        for opacity in (1, 0.4, 0.7, 1, None):
+            if opacity is not None:
+                self.look(femur, opacity=opacity)
+            else:
+                lo = [n // 4 for n in self.scene["volume"]["dims"]]
+                self.page.run("return palpateViewer.fillBox(...arguments)", lo, lo, 0)
+            fine, rough = (numpy.frombuffer(base64.b64decode(self.page.run("return palpateViewer.volumePicture(150, 150, 1, arguments[0])", is_fine)), numpy.uint8)
+                           .reshape(150, 150, 4)[:, :, :3].astype(int) for is_fine in (True, False))
+            off = abs(fine - rough).max(-1)
+            print(f"  opacity {opacity}: {(is_ground(fine) == is_ground(rough)).mean():.4f} of the outline the same, {off.mean():.2f} of 255 off, more than 40 off {(off > 40).mean():.4f}", flush=True)
+            self.assertGreater((~is_ground(fine)).mean(), 0.1)
+            self.assertGreater((is_ground(fine) == is_ground(rough)).mean(), 0.985)
+            self.assertLess(off.mean(), 4)
+            self.assertLess((off > 40).mean(), 0.03)
+            pictures.append(rough)
+        for a, b in zip(pictures, pictures[1:]):
+            self.assertGreater((abs(a - b).max(-1) > 10).mean(), 0.005, "it has changed")
+        self.assertEqual(abs(pictures[0] - pictures[3]).max(), 0)
+
     def test_a_look_is_looked_up_and_no_voxel_is_made_anew(self):
         self.page.click("[data-look=anterior]")
         femur = next(s for s in self.scene["structures"] if s["name"] == "femur")

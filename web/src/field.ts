@@ -99,6 +99,34 @@ class Shares {
   }
 }
 
+/** Of texels in which several structures are: how much of each. They are looked into once, and then weighed by each of their neighbours. */
+class Mixtures {
+  private readonly begins = [0];
+  private readonly structures: number[] = [];
+  private readonly parts: number[] = []; // of a texel
+  private readonly voxels = new Uint32Array(256); // of the one that is being looked into
+  private readonly met: number[] = [];
+
+  get count(): number {
+    return this.begins.length - 1;
+  }
+  add(structure: number): void {
+    if (this.voxels[structure]!++ === 0) this.met.push(structure);
+  }
+  end(voxels: number): void {
+    for (const structure of this.met) {
+      this.structures.push(structure);
+      this.parts.push(this.voxels[structure]! / voxels);
+      this.voxels[structure] = 0;
+    }
+    this.met.length = 0;
+    this.begins.push(this.structures.length);
+  }
+  into(shares: Shares, n: number, weight: number): void {
+    for (let m = this.begins[n]!; m < this.begins[n + 1]!; m++) shares.add(this.structures[m]!, weight * this.parts[m]!);
+  }
+}
+
 export class Field {
   readonly dims: Vec3; // texels
   /** With a border of one empty texel all around, which no ray has to be kept away from. */
@@ -134,49 +162,56 @@ export class Field {
     this.lookInto(piece.lo, piece.size);
   }
 
-  /** Calls `visit` with the place in the piece of each of a texel's voxels. @returns how many there are */
-  private eachVoxel(piece: Piece, x: number, y: number, z: number, visit: (at: number) => void): number {
+  /** Where in a piece the voxels of a texel are: the first one, and how many there are each way. */
+  private blockOf({ from, span }: Piece, x: number, y: number, z: number): { first: number; ni: number; nj: number; nk: number } {
     const { factor, voxels } = this;
-    const { from, span } = piece;
-    const [i0, j0, k0] = [x * factor[0], y * factor[1], z * factor[2]];
-    const i1 = Math.min(voxels[0], i0 + factor[0]), j1 = Math.min(voxels[1], j0 + factor[1]), k1 = Math.min(voxels[2], k0 + factor[2]);
-    for (let k = k0; k < k1; k++) {
-      for (let j = j0; j < j1; j++) {
-        const row = span[0] * (j - from[1] + span[1] * (k - from[2])) - from[0];
-        for (let i = i0; i < i1; i++) visit(row + i);
-      }
-    }
-    return (i1 - i0) * (j1 - j0) * (k1 - k0);
+    const [i, j, k] = [x * factor[0], y * factor[1], z * factor[2]];
+    return {
+      first: i - from[0] + span[0] * (j - from[1] + span[1] * (k - from[2])),
+      ni: Math.min(factor[0], voxels[0] - i), nj: Math.min(factor[1], voxels[1] - j), nk: Math.min(factor[2], voxels[2] - k),
+    };
   }
 
-  /** For a box of texels and those beside it: the structure that fills each, or -1 where there are several. */
-  private fillings(piece: Piece): { low: Vec3; count: Vec3; filling: Int16Array } {
+  /** For a box of texels and those beside it: the structure that fills each, or -1 - n where there are several, which the nth mixture says. */
+  private fillings(piece: Piece): { low: Vec3; count: Vec3; filling: Int32Array; mixtures: Mixtures } {
     const low = piece.lo.map((n) => Math.max(0, n - 1)) as Vec3;
     const count = piece.lo.map((n, axis) => Math.min(this.dims[axis]!, n + piece.size[axis]! + 1) - low[axis]!) as Vec3;
-    const filling = new Int16Array(count[0] * count[1] * count[2]);
+    const filling = new Int32Array(count[0] * count[1] * count[2]);
+    const mixtures = new Mixtures();
     // where a texel is a voxel, the piece's voxels are these texels
     if (this.isWhole) filling.set(piece.structure);
     else {
+      const { structure, span: [si, sj] } = piece;
       for (let z = 0, n = 0; z < count[2]; z++) {
         for (let y = 0; y < count[1]; y++) {
           for (let x = 0; x < count[0]; x++, n++) {
-            let only = -2;
-            this.eachVoxel(piece, low[0] + x, low[1] + y, low[2] + z, (at) => {
-              const here = piece.structure[at]!;
-              only = only === -2 || only === here ? here : -1;
-            });
-            filling[n] = only;
+            const { first, ni, nj, nk } = this.blockOf(piece, low[0] + x, low[1] + y, low[2] + z);
+            const one = structure[first]!;
+            let isFilled = true;
+            for (let k = 0; k < nk && isFilled; k++) {
+              for (let j = 0; j < nj && isFilled; j++) {
+                const row = first + si * (j + sj * k);
+                for (let at = row; at < row + ni; at++) if (structure[at] !== one) isFilled = false;
+              }
+            }
+            filling[n] = isFilled ? one : -1 - mixtures.count;
+            if (isFilled) continue;
+            for (let k = 0; k < nk; k++) for (let j = 0; j < nj; j++) {
+              const row = first + si * (j + sj * k);
+              for (let at = row; at < row + ni; at++) mixtures.add(structure[at]!);
+            }
+            mixtures.end(ni * nj * nk);
           }
         }
       }
     }
-    return { low, count, filling };
+    return { low, count, filling, mixtures };
   }
 
   /** [1 2 1] / 4 along each axis; at the volume's border its outermost texel goes on. */
   private smooth(piece: Piece): void {
     const { lo, size } = piece;
-    const { low, count, filling } = this.fillings(piece);
+    const { low, count, filling, mixtures } = this.fillings(piece);
     const rows = new Int32Array(9);
     const beside = (n: number, axis: number) => Math.min(count[axis]! - 1, Math.max(0, n));
     for (let z = 0; z < size[2]; z++) {
@@ -203,7 +238,7 @@ export class Field {
             this.texels[out + 2] = here > 0 ? 255 : 0;
             this.texels[out + 3] = 0;
           } else {
-            this.gather(piece, low, count, filling, rows, x, out);
+            this.gather(count[0], filling, mixtures, rows, x, out);
           }
           before = here;
           here = after;
@@ -213,20 +248,14 @@ export class Field {
   }
 
   /** One texel from its 27 neighbours. */
-  private gather(piece: Piece, low: Vec3, count: Vec3, filling: Int16Array, rows: Int32Array, x: number, out: number): void {
+  private gather(width: number, filling: Int32Array, mixtures: Mixtures, rows: Int32Array, x: number, out: number): void {
     for (let r = 0; r < 9; r++) {
       const weight = (r % 3 === 1 ? 2 : 1) * (Math.floor(r / 3) === 1 ? 2 : 1);
       for (let d = -1; d <= 1; d++) {
-        const place = Math.min(count[0] - 1, Math.max(0, x + d));
-        const n = rows[r]! + place;
+        const one = filling[rows[r]! + Math.min(width - 1, Math.max(0, x + d))]!;
         const share = d === 0 ? 2 * weight : weight;
-        if (filling[n]! >= 0) this.shares.add(filling[n]!, share);
-        else {
-          const row = Math.floor(n / count[0]);
-          const [tx, ty, tz] = [low[0] + place, low[1] + (row % count[1]), low[2] + Math.floor(row / count[1])];
-          const voxels = this.eachVoxel(piece, tx, ty, tz, () => {});
-          this.eachVoxel(piece, tx, ty, tz, (at) => this.shares.add(piece.structure[at]!, share / voxels));
-        }
+        if (one >= 0) this.shares.add(one, share);
+        else mixtures.into(this.shares, -1 - one, share);
       }
     }
     this.shares.write(this.texels, out);
@@ -243,9 +272,13 @@ export class Field {
           continue;
         }
         for (let x = lo[0]; x < lo[0] + size[0]; x++, out++) {
+          const { first, ni, nj, nk } = this.blockOf(piece, x, y, z);
           let sum = 0;
-          const voxels = this.eachVoxel(piece, x, y, z, (at) => (sum += scan[at]!));
-          this.haze![out] = Math.round(sum / voxels);
+          for (let k = 0; k < nk; k++) for (let j = 0; j < nj; j++) {
+            const row = first + span[0] * (j + span[1] * k);
+            for (let at = row; at < row + ni; at++) sum += scan[at]!;
+          }
+          this.haze![out] = Math.round(sum / (ni * nj * nk));
         }
       }
     }
@@ -277,6 +310,29 @@ export class Field {
         }
       }
     }
+  }
+
+  /**
+   * How much of each of a box's texels is solid and how much is seen through: two bytes, x fastest.
+   * @param looks  256 times red, green, blue, opacity: nothing, then the structures in their order
+   */
+  covers(lo: Vec3, size: Vec3, looks: ArrayLike<number>): Uint8Array<ArrayBuffer> {
+    const { texels } = this;
+    const opacities = Array.from({ length: 256 }, (_, place) => looks[4 * place + 3]!);
+    const solid = Uint8Array.from(opacities, (opacity) => Number(opacity === 255));
+    const thin = Uint8Array.from(opacities, (opacity) => Number(opacity > 0 && opacity < 255));
+    const covers = new Uint8Array(2 * size[0] * size[1] * size[2]);
+    for (let z = 0, out = 0; z < size[2]; z++) {
+      for (let y = 0; y < size[1]; y++) {
+        let at = this.at(lo[0], lo[1] + y, lo[2] + z);
+        for (let x = 0; x < size[0]; x++, at += TEXEL_BYTES, out += 2) {
+          const [first, second, own, other] = [texels[at]!, texels[at + 1]!, texels[at + 2]!, texels[at + 3]!];
+          covers[out] = own * solid[first]! + other * solid[second]!;
+          covers[out + 1] = own * thin[first]! + other * thin[second]!;
+        }
+      }
+    }
+    return covers;
   }
 
   /**

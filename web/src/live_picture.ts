@@ -8,6 +8,8 @@ import type { VolumeRenderer } from "./volume_renderer.js";
 const SLOW_MS = 40;
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
+/** What a picture at full size is taken to cost without a graphics card, before there was one. */
+const FIRST_MS = 160;
 
 /** What a picture is taken of, so that what is drawn over it stands where it stood then. */
 export interface Shot<Camera> {
@@ -25,12 +27,15 @@ export class LivePicture<Camera> {
   private sharp = false; // or asked for
   private asked: "" | "coarse" | "sharp" = ""; // what is being drawn
   private asks = 0;
-  private cost_ms = 0; // of a picture at full size
+  private take: (() => Shot<Camera>) | null = null; // of how things are when it is called
+  private cost_ms: number; // of a picture at full size
 
   /** @param isSquare  as high or as wide as its place, in the middle of it */
   constructor(private readonly picture: Picture, private readonly renderer: VolumeRenderer, private readonly isSoftware: boolean,
               private readonly isSquare: boolean, private readonly onSeen: () => void) {
     this.reduction = isSoftware ? 2 : 1;
+    // the first one comes soon
+    this.cost_ms = isSoftware ? FIRST_MS : 0;
   }
 
   /**
@@ -39,16 +44,19 @@ export class LivePicture<Camera> {
    */
   update(now: number, key: string, isHeld: boolean, take: () => Shot<Camera>): void {
     const { renderer } = this;
+    this.take = take;
     if (key !== this.key) {
       this.key = key;
       renderer.moved_ms = now;
       this.isWanted = true;
       this.sharp = false;
     } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld) this.isWanted = this.sharp = true;
-    if (this.isWanted && renderer.isLoaded && (this.asked === "" || (this.asked === "sharp" && !this.sharp))) {
-      this.isWanted = false;
-      void this.render(take());
-    }
+    this.ask();
+  }
+  private ask(): void {
+    if (!this.isWanted || !this.take || !this.renderer.isLoaded || !(this.asked === "" || (this.asked === "sharp" && !this.sharp))) return;
+    this.isWanted = false;
+    void this.render(this.take());
   }
 
   /** What is seen is as sharp as it gets. */
@@ -65,12 +73,14 @@ export class LivePicture<Camera> {
     this.asked = isSharp ? "sharp" : "coarse";
     const ask = ++this.asks;
     const drawn = await this.renderer.draw({ ...shot.view(total / ratio), isFine: isSharp }, isSharp);
+    if (drawn) this.cost_ms = drawn.cost_ms * total * total;
     if (ask === this.asks) {
       this.asked = "";
       if (!drawn) this.sharp = false;
+      // what has moved meanwhile waits for no frame of the page
+      this.ask();
     }
     if (!drawn) return;
-    this.cost_ms = drawn.cost_ms * total * total;
     this.seen?.bitmap.close();
     this.seen = { bitmap: drawn.bitmap, found: drawn.found, camera: shot.camera };
     this.show();

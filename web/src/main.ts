@@ -39,7 +39,7 @@ const SOFTWARE_FRAME_MS = 66;
 /** Beside a picture of the volume, sections are drawn in a third of the time: as many times their own pass from one to the next. */
 const SECTIONS_REST = 3;
 /** Where no graphics card draws, the page waits for its sections: so long for all of them at a time. */
-const SECTIONS_MS = 60;
+const SECTIONS_MS = 40;
 /** Graphics that the browser has not given back by then will hardly come. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
@@ -281,6 +281,7 @@ class Page {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
+        if (!this.session.volumes) this.renderer.prepare(scene.structures.some(({ tissue }) => (scene.tissues[tissue]?.opacity ?? 1) < 1));
         if (this.session.volumes && showsTheSame(scene, this.session.scene)) this.session.setScene(scene, this.session.volumes);
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
@@ -535,13 +536,20 @@ class Page {
       // one that takes long leaves the volume's picture, which is drawn beside it, its share
       const isDone = this.slicer.isDone;
       const least = this.renderer.isDrawing ? Math.max(this.leastFrame_ms, SECTIONS_REST * this.slicer.took_ms) : this.leastFrame_ms;
-      if (!isDone || now - this.drawn_ms < least) return;
+      if (!isDone || now - this.drawn_ms < least) {
+        // what draws the volume beside the page waits for none of this
+        this.volume.ask(now);
+        this.scope.ask(now);
+        return;
+      }
       this.drawn_ms = now;
     }
-    // the volume's sharp picture comes after a while without any change
-    this.volume.draw(now);
+    // the volume's sharp picture comes after a while without any change; a picture that comes has the tool drawn over it
+    this.volume.draw(now, this.slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
     this.scope.draw(now);
-    if ((this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse)) && session.volumes) {
+    const areSectionsDue = this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse);
+    // the page would wait until the volume's shader is compiled
+    if (areSectionsDue && session.volumes && !this.renderer.isCompiling) {
       this.drawnVersion = session.version;
       this.drawSections(this.slicer.isSoftware ? SECTIONS_MS : Infinity);
     }

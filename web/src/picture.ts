@@ -54,7 +54,9 @@ export class Picture {
     return true;
   }
   get isShown(): boolean {
-    return this.element.offsetParent !== null && this.base.canvas.width > 0 && this.base.canvas.height > 0;
+    // a picture that is not shown is observed to have no size; to ask for its place would lay out the page between two frames
+    const { wanted, base: { canvas } } = this;
+    return wanted.width > 0 && wanted.height > 0 && canvas.width > 0 && canvas.height > 0;
   }
   frame(): Frame {
     return { context: this.over, width: this.base.canvas.width, height: this.base.canvas.height, ratio: this.wanted.ratio };

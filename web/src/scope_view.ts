@@ -133,10 +133,14 @@ export class ScopeView {
   }
 
   draw(now: number): void {
+    if (this.ask(now)) this.drawOver();
+  }
+  /** Another picture where there is to be one. @returns whether it is shown */
+  ask(now: number): boolean {
     const { session, picture } = this;
     const resized = picture.fit();
     const frame = picture.isShown && session.volumes && session.scene ? this.frame() : null;
-    if (!frame) return;
+    if (!frame) return false;
     if (resized) this.live.show();
     this.offerHolders();
     this.toTip.disabled = !this.scope.isFree;
@@ -147,7 +151,7 @@ export class ScopeView {
       camera: frame,
       view: (reduction) => scopeView(frame, Math.max(16, Math.round(size / ratio / reduction))),
     }));
-    this.drawOver();
+    return true;
   }
 
   /** Of what the scope is in the middle of, the name. */

@@ -32,6 +32,8 @@ const SLIDER_PIXELS = 26;
 const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // of the way to where the plane ought to stand, a picture
+/** Of a radian: far less than a pixel at the end of a picture. */
+const LEAST_STEP = 1e-5;
 /** A picture that moves is drawn coarser where it would take longer than it may; when it has come to rest, in bands. */
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
@@ -57,6 +59,7 @@ export class SectionView {
   private mouse: { clientX: number; clientY: number } | null = null; // where it is over this picture
   private drawn = "";
   private drawn_ms = -Infinity; // when it was first drawn
+  private isAwaited = false; // it is not drawn yet
   private sharpTo = Infinity; // rows that are as sharp as they get; where it is drawn again in bands
   private size = 0; // of the picture's shorter side
   private readonly pointers = new Map<number, [number, number]>();
@@ -141,7 +144,9 @@ export class SectionView {
       else if (length(device.force) > 0.03) normal = normalContaining(session.toPatient(pose, device.force), wanted, fallback);
       if (normal) {
         const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
-        this.normal = normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
+        // it gets there: else it would be drawn anew for ever smaller steps
+        const isThere = length(sub(same, this.normal)) < LEAST_STEP;
+        this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
       }
     }
     const { plane, hanging } = hang(this.normal, through, this.hanging);
@@ -182,7 +187,7 @@ export class SectionView {
 
   /** Some of it is to be drawn sharper yet. */
   get isCoarse(): boolean {
-    return this.picture.isShown && this.sharpTo < this.picture.base.canvas.height;
+    return this.picture.isShown && (this.isAwaited || this.sharpTo < this.picture.base.canvas.height);
   }
   /** @param most_ms  that it may hold the page */
   draw(now: number, most_ms: number): void {
@@ -202,7 +207,11 @@ export class SectionView {
     const style = { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, strain: session.strain, slab: session.slab };
     const isOther = key !== this.drawn;
     const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / most_ms;
-    if (isOther || (this.isCoarse && most < 1)) {
+    // the picture of before stands until what draws another kind of it is compiled
+    this.isAwaited = isOther && most_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
+    if (this.isAwaited) {
+      // nothing
+    } else if (isOther || (this.isCoarse && most < 1)) {
       const reduction = Math.min(COARSEST, Math.sqrt(Math.max(1, most)));
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction, from: 0, to: Infinity });
       this.sharpTo = reduction > 1 ? 0 : Infinity;

@@ -6,6 +6,12 @@ void main() {
   gl_Position = vec4(corner, 0.0, 1.0);
 }`;
 
+/** The graphics are computed by the processor: pictures take a hundred times as long. */
+export function isSoftware(gl: WebGL2RenderingContext): boolean {
+  const info = gl.getExtension("WEBGL_debug_renderer_info");
+  return /swiftshader|llvmpipe|software/i.test(String(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : ""));
+}
+
 /** Made and in use. A lost context makes one that draws nothing. @throws Error where the browser does not take the shader */
 export function usedProgram(gl: WebGL2RenderingContext, fragment: string): WebGLProgram {
   const program = gl.createProgram()!;

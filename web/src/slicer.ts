@@ -6,7 +6,7 @@ import { add, apply, normalOf, scale, turn, type Plane, type Vec3 } from "./geom
 import { inPieces, slicesOfPiece } from "./pieces.js";
 import type { Volumes } from "./scene.js";
 import type { Slab } from "./session.js";
-import { usedProgram } from "./shader_program.js";
+import { isSoftware, usedProgram } from "./shader_program.js";
 import { NoMemory } from "./trouble.js";
 import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "./strain.js";
 import { words } from "./words.js";
@@ -141,6 +141,7 @@ export class Slicer {
   private program: WebGLProgram | null = null; // in use
   private readonly programs = new Map<string, WebGLProgram>(); // by their source
   private displacement: DisplacementTexture | null = null;
+  private readonly compiled = new Map<string, WebGLSync | true>(); // what draws a kind of pictures: until the first one is drawn, what tells of it
   private readonly textures: WebGLTexture[] = [];
   private volumes: Volumes | null = null; // that is shown
   private drawing: WebGLSync | null = null;
@@ -156,8 +157,7 @@ export class Slicer {
     if (!gl) throw new Error(words.noWebGl);
     this.gl = gl;
     this.mostSide = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
-    const info = gl.getExtension("WEBGL_debug_renderer_info");
-    this.isSoftware = /swiftshader|llvmpipe|software/i.test(String(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : ""));
+    this.isSoftware = isSoftware(gl);
     this.extension = gl.getExtension("WEBGL_lose_context");
     this.canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault(); // asks for it back
@@ -174,10 +174,36 @@ export class Slicer {
   private setUp(): void {
     const gl = this.gl;
     this.programs.clear();
+    this.compiled.clear();
     this.use(false, false);
     this.displacement?.setUp();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.disable(gl.DITHER);
+    // what draws a plane is compiled while the volume comes
+    this.allocate([1, 1, 1], true);
+    this.isCompiled(false, false);
+  }
+  /** Whether what draws such pictures is compiled. Without a graphics card that is done when it draws first, for as long as a second on a busy machine: the page does not wait for it. */
+  isCompiled(isSlab: boolean, isStrained: boolean): boolean {
+    const gl = this.gl;
+    if (!this.isSoftware || gl.isContextLost()) return true;
+    const key = [isSlab, this.displacement !== null, isStrained].join();
+    let state = this.compiled.get(key);
+    if (state === undefined) {
+      this.use(isSlab, isStrained);
+      this.displacement?.aim(this.program!, this.volumes?.voxelFromPatient ?? [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]);
+      gl.viewport(0, 0, 1, 1);
+      gl.disable(gl.SCISSOR_TEST);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+      state = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0) ?? true;
+      gl.flush();
+    }
+    if (state !== true && gl.getSyncParameter(state, gl.SYNC_STATUS) === gl.SIGNALED) {
+      gl.deleteSync(state);
+      state = true;
+    }
+    this.compiled.set(key, state);
+    return state === true;
   }
   private use(isSlab: boolean, isStrained: boolean): void {
     const gl = this.gl;
@@ -197,24 +223,9 @@ export class Slicer {
   /** Until it is there nothing is drawn. @throws Error where the graphics memory does not hold it */
   async load(volumes: Volumes): Promise<void> {
     const gl = this.gl;
-    this.textures.splice(0).forEach((texture) => gl.deleteTexture(texture));
     this.volumes = null;
     const [w, h, d] = volumes.dims;
-    const create = (unit: number, target: GLenum) => {
-      const texture = gl.createTexture()!;
-      this.textures.push(texture);
-      gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(target, texture);
-      gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-      gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-      for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) gl.texParameteri(target, wrap, gl.CLAMP_TO_EDGE);
-    };
-    create(0, gl.TEXTURE_3D);
-    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R16I, ...(volumes.scan ? [w, h, d] as const : [1, 1, 1] as const));
-    create(1, gl.TEXTURE_3D);
-    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R8UI, w, h, d);
-    create(2, gl.TEXTURE_2D);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 1);
+    this.allocate(volumes.dims, volumes.scan !== null);
     this.expectMemory();
     await inPieces(d, slicesOfPiece(volumes.dims), (from, to) => {
       if (volumes.scan) {
@@ -225,6 +236,25 @@ export class Slicer {
     });
     this.expectMemory();
     this.volumes = volumes;
+  }
+  private allocate([w, h, d]: Vec3, hasScan: boolean): void {
+    const gl = this.gl;
+    this.textures.splice(0).forEach((texture) => gl.deleteTexture(texture));
+    const create = (unit: number, target: GLenum) => {
+      const texture = gl.createTexture()!;
+      this.textures.push(texture);
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(target, texture);
+      gl.texParameteri(target, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+      gl.texParameteri(target, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+      for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) gl.texParameteri(target, wrap, gl.CLAMP_TO_EDGE);
+    };
+    create(0, gl.TEXTURE_3D);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R16I, ...(hasScan ? [w, h, d] as const : [1, 1, 1] as const));
+    create(1, gl.TEXTURE_3D);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.R8UI, w, h, d);
+    create(2, gl.TEXTURE_2D);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 1);
   }
 
   private expectMemory(): void {

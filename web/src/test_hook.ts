@@ -122,9 +122,9 @@ export function openToTests(page: Page): void {
     volumeRay: (x: number, y: number) => volume.camera.ray(x, y),
     /** Of the volume view: where a patient's point is, in pixels of the screen from its middle, y down. */
     project: (p: Vec3) => volume.camera.project(p),
-    /** RGBA of the volume, row by row, in base64. */
-    async volumePicture(width: number, height: number, mmPerPixel: number) {
-      return btoa(Array.from(await volume.pixels(width, height, mmPerPixel), (byte) => String.fromCharCode(byte)).join(""));
+    /** RGBA of the volume, row by row, in base64; as what rests is drawn, or as what moves. */
+    async volumePicture(width: number, height: number, mmPerPixel: number, isFine = true) {
+      return btoa(Array.from(await volume.pixels(width, height, mmPerPixel, isFine), (byte) => String.fromCharCode(byte)).join(""));
     },
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** The picture that "Screenshot" writes, as a data URL. */

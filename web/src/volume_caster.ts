@@ -3,12 +3,16 @@
 
 import type { Camera } from "./camera.js";
 import { Displacement, DisplacementTexture, MOVED, reachOf } from "./displacement.js";
-import { BLOCK, type Field } from "./field.js";
+import { BLOCK, TEXEL_BYTES, type Field } from "./field.js";
 import { apply, dot, invert, length, scale, sub, turn, type Affine, type Vec3 } from "./geometry.js";
 import { halfFloats } from "./half_floats.js";
 import { inPieces, slicesOfPiece } from "./pieces.js";
-import { usedProgram } from "./shader_program.js";
+import { isSoftware, usedProgram } from "./shader_program.js";
 
+/** Of a texture: 4 is the displacement's. */
+const COVERS = 5;
+/** What each of so many covers is looked up in some milliseconds: as many as there are without a graphics card. */
+const QUICK_TEXELS = 2e6;
 /** Behind everything, 0 ... 1. */
 export const BACKGROUND: Vec3 = [9 / 255, 12 / 255, 14 / 255];
 
@@ -88,13 +92,17 @@ export class Found {
 // in loops that are seldom gone round, from the outside in: surfaces, samples near a surface, steps to where one may be. And they compile
 // every call as a copy, for seconds where there are many: so the neighbours that a value is made of are gone through by loops, too.
 // SCAN: the scan is seen around the structures. THIN: some structures are seen through. EYE: rays from one place. FINE: surfaces are smooth, for half as much time again. CUT: something is taken
-// away in front of a place. DISPLACED: tissue has yielded.
+// away in front of a place. DISPLACED: tissue has yielded. ROUGH: of a picture that something else follows soon, for an eighth of the time: what a place holds is looked up in one filtered
+// texture that is made for these looks (`covers`), and a surface has the colour of one texel.
 const FRAGMENT = `precision highp float;
 precision highp int;
 precision highp sampler3D;
 precision highp usampler3D;
 uniform usampler3D field;    // two structures and their shares, with a border of one empty texel
 uniform usampler3D leaps;    // of each block: so many blocks from here are empty
+#if ROUGH
+uniform sampler3D covers;    // how much of each texel is solid, and how much one sees through, with the field's border
+#endif
 uniform sampler3D haze;      // the scan
 uniform sampler2D looks;     // of 256 structures colour and opacity; 0 is nothing; below them, how they look where something is taken away
 uniform mat3 patient;        // turns a gradient by texels into one by mm
@@ -166,6 +174,17 @@ vec2 coverageOf(uvec4 texel) {
   return (float(texel.b) * kinds(lookOf(texel.r).a) + float(texel.a) * kinds(lookOf(texel.g).a)) / 255.0;
 }
 
+#if ROUGH
+vec2 coverage(vec3 place) {
+  return texture(covers, (lookedUp(place) + 1.5) / (dims + 2.0)).rg;
+}
+
+vec4 paint(vec3 place, vec2 kind) {
+  uvec4 texel = texelFetch(field, ivec3(floor(lookedUp(place) + 0.5)) + 1, 0);
+  vec4 a = lookOf(texel.r), b = lookOf(texel.g);
+  return float(texel.b) * dot(kind, kinds(a.a)) >= float(texel.a) * dot(kind, kinds(b.a)) ? a : b;
+}
+#else
 vec2 coverage(vec3 place) {
   vec3 at = lookedUp(place);
   vec3 low = floor(at);
@@ -199,6 +218,7 @@ vec4 paint(vec3 place, vec2 kind) {
   }
   return sum / weight;
 }
+#endif
 
 // where on the way between two samples one kind's surface is
 float surface(vec3 origin, float outside, float inside, float before, float after, vec2 kind) {
@@ -312,12 +332,17 @@ void main() {
         ivec3 block = nearest / ${BLOCK};
         float leap = float(texelFetch(leaps, block, 0).r);
 #if DISPLACED
-        texel = texelFetch(field, ivec3(floor(lookedUp(at) + 0.5)) + 1, 0);
+        ivec3 here = ivec3(floor(lookedUp(at) + 0.5)) + 1;
 #else
-        texel = texelFetch(field, nearest + 1, 0);
+        ivec3 here = nearest + 1;
 #endif
         // smoothed over a texel each way, nothing has a surface nearest to a texel that has none of it
+#if ROUGH
+        vec2 rough = texelFetch(covers, here, 0).rg;
+#else
+        texel = texelFetch(field, here, 0);
         vec2 rough = coverageOf(texel);
+#endif
         isNear = rough.x + rough.y > FAINT;
         float step = pace;
         // to the end of the cube of blocks that are empty
@@ -350,6 +375,9 @@ void main() {
 #if THIN
       isSurface = isSurface || (before.y < SURFACE && now.y >= SURFACE) || (before.y >= SURFACE && now.x + now.y < SURFACE);
       // what one sees through is not clear, either
+#if ROUGH
+      texel = texelFetch(field, ivec3(floor(lookedUp(at) + 0.5)) + 1, 0);
+#endif
       vec4 within = (float(texel.b) * kinds(lookOf(texel.r).a).y * lookOf(texel.r) + float(texel.a) * kinds(lookOf(texel.g).a).y * lookOf(texel.g)) / 255.0;
       float dense = min(0.006 * within.a * pace, 1.0);
       shown += clear * dense * 0.8 * within.rgb;
@@ -385,14 +413,20 @@ void main() {
   found = vec4(floor(steps / 256.0) / 255.0, mod(steps, 256.0) / 255.0, met < 0.0 ? 0.0 : solidAt(origin + (met + range.x) * into), 1.0);
 }`;
 
+/** Of a picture: the shader's switches. */
+interface Kind { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean; rough?: boolean; displaced?: boolean }
+
 export class Caster {
+  readonly isSoftware: boolean;
   private readonly gl: WebGL2RenderingContext;
   private readonly programs = new Map<string, WebGLProgram>();
+  private readonly drawn = new Set<string>(); // kinds of pictures
   private program: WebGLProgram | null = null;
   private field: Field | null = null;
   private texelFromPatient: Affine = [];
   private looks = new Uint8Array(1024);
   private leapsStand = false; // for these looks and this field
+  private coversStand = false; // so do these
   private window: Vec3 = [0, 1, 0];
   private target: WebGLFramebuffer | null = null; // a picture and, beside it, what was found
   private readonly attached: WebGLRenderbuffer[] = [];
@@ -406,6 +440,7 @@ export class Caster {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false }) as WebGL2RenderingContext | null;
     if (!gl) throw new Error("no WebGL 2");
     this.gl = gl;
+    this.isSoftware = isSoftware(gl);
     this.setUp();
   }
 
@@ -417,6 +452,7 @@ export class Caster {
   setUp(): void {
     const gl = this.gl;
     this.programs.clear();
+    this.drawn.clear();
     gl.disable(gl.DITHER);
     gl.enable(gl.SCISSOR_TEST);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -441,11 +477,11 @@ export class Caster {
   }
 
   /** The shader for what is to be seen, made when it is wanted first. @throws Error where the browser does not take it */
-  private use(what: { scan?: boolean; thin?: boolean; eye?: boolean; cut?: boolean; fine?: boolean; displaced?: boolean }): void {
+  private use(what: Kind): void {
     const gl = this.gl;
     const define = (name: string, isSo = false) => `#define ${name} ${isSo ? 1 : 0}\n`;
     const head = "#version 300 es\n" + define("SCAN", what.scan) + define("THIN", what.thin) + define("EYE", what.eye) + define("CUT", what.cut) + define("FINE", what.fine) +
-      define("DISPLACED", what.displaced) + define("STRAIN");
+      define("ROUGH", what.rough) + define("DISPLACED", what.displaced) + define("STRAIN");
     const made = this.programs.get(head);
     if (made) {
       this.program = made;
@@ -453,6 +489,7 @@ export class Caster {
     }
     this.program = usedProgram(gl, head + FRAGMENT);
     ["field", "leaps", "haze", "looks"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
+    if (what.rough) gl.uniform1i(this.at("covers"), COVERS);
     gl.uniform3fv(this.at("ground"), BACKGROUND);
     this.programs.set(head, this.program);
   }
@@ -480,14 +517,21 @@ export class Caster {
     this.texture(0, gl.RGBA8UI, field.bordered, gl.NEAREST);
     this.texture(1, gl.R8UI, field.blocks, gl.NEAREST);
     this.texture(2, gl.R16F, field.haze ? field.dims : [1, 1, 1], gl.LINEAR);
-    this.leapsStand = false;
+    this.texture(COVERS, gl.RG8, this.isQuick ? field.bordered : [1, 1, 1], gl.LINEAR);
+    this.leapsStand = this.coversStand = false;
     return gl.getError() === gl.NO_ERROR;
+  }
+
+  /** So few texels that what each covers is made anew for other looks. */
+  private get isQuick(): boolean {
+    return this.field!.texels.length <= TEXEL_BYTES * QUICK_TEXELS;
   }
 
   /** Brings a box of the field's texels to the graphics card. */
   upload(lo: Vec3, size: Vec3): void {
     const gl = this.gl;
     const field = this.field!;
+    if (this.coversStand) this.uploadCovers(lo, size);
     const box = (unit: number, stride: Vec3, border: number) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.pixelStorei(gl.UNPACK_ROW_LENGTH, stride[0]);
@@ -508,6 +552,13 @@ export class Caster {
     this.leapsStand = false;
   }
 
+  /** What a box of texels covers. */
+  private uploadCovers(lo: Vec3, size: Vec3): void {
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE0 + COVERS);
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, lo[0] + 1, lo[1] + 1, lo[2] + 1, ...size, gl.RG, gl.UNSIGNED_BYTE, this.field!.covers(lo, size, this.looks));
+  }
+
   /** Everything anew, after the context was lost. */
   async restore(): Promise<void> {
     const field = this.field;
@@ -520,9 +571,10 @@ export class Caster {
   /** @param looks  256 times red, green, blue, opacity: nothing, then the structures in their order */
   setLooks(looks: Uint8Array<ArrayBuffer>): void {
     const gl = this.gl;
-    const sameShown = looks.every((value, n) => n % 4 !== 3 || value > 0 === this.looks[n]! > 0);
+    const isSame = (as: (opacity: number) => unknown) => looks.every((value, n) => n % 4 !== 3 || as(value) === as(this.looks[n]!));
+    this.leapsStand &&= isSame((opacity) => opacity > 0);
+    this.coversStand &&= isSame((opacity) => (opacity === 0 ? 0 : opacity === 255 ? 2 : 1));
     this.looks = looks;
-    this.leapsStand &&= sameShown;
     gl.activeTexture(gl.TEXTURE3);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
   }
@@ -542,6 +594,16 @@ export class Caster {
   /** @param window  of the scan's stored values; @param strength  0 ... 1 */
   setHaze(window: [number, number], strength: number): void {
     this.window = [window[0], 1 / Math.max(window[1] - window[0], 1e-6), strength];
+  }
+
+  private kindFor({ eye, cut, isFine }: View): Kind {
+    const scan = this.field!.haze !== null && this.window[2] > 0;
+    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
+    return { scan, thin, eye: eye !== null, cut: cut !== null, fine: isFine, rough: !isFine && !cut && this.isQuick, displaced: this.displacement !== null };
+  }
+  /** Whether a view is drawn at once; without a graphics card the first one of its kind compiles what draws it. */
+  isCompiled(view: View): boolean {
+    return !this.isSoftware || this.drawn.has(JSON.stringify(this.kindFor(view)));
   }
 
   /** Makes ready what `band` draws. */
@@ -564,9 +626,12 @@ export class Caster {
       gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, ...field.blocks, gl.RED_INTEGER, gl.UNSIGNED_BYTE, field.leaps(shown));
       this.leapsStand = true;
     }
-    const scan = field.haze !== null && this.window[2] > 0;
-    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
-    this.use({ scan, thin, eye: eye !== null, cut: cut !== null, fine: view.isFine, displaced: this.displacement !== null });
+    const kind = this.kindFor(view);
+    if (kind.rough && !this.coversStand) {
+      this.uploadCovers([0, 0, 0], field.dims);
+      this.coversStand = true;
+    }
+    this.use(kind);
     const m = this.texelFromPatient;
     if (this.displacement) {
       this.displacement.aim(this.program!, m);
@@ -627,24 +692,37 @@ export class Caster {
     const gl = this.gl;
     this.wait();
     const before = performance.now();
+    this.drawn.add(JSON.stringify(this.kindFor(view)));
     gl.scissor(0, view.height - to, view.width, to - from);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.wait();
     return performance.now() - before;
   }
-  /** The picture, when all its bands are drawn, stands on the canvas. @returns the bytes of `Found`, and their least way and extent */
-  finish(view: View): { bytes: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number } {
+  /** The picture, when all its bands are drawn. @returns also the bytes of `Found`, and their least way and extent */
+  async finish(view: View): Promise<{ bitmap: ImageBitmap; bytes: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number }> {
     const gl = this.gl;
     const { width, height } = view;
-    const bytes = new Uint8Array(4 * width * height);
-    gl.readBuffer(gl.COLOR_ATTACHMENT1);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    const read = (from: GLenum) => {
+      const bytes = new Uint8Array(4 * width * height);
+      gl.readBuffer(from);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+      return bytes;
+    };
+    const bytes = read(gl.COLOR_ATTACHMENT1);
+    const [least_mm, extent_mm] = this.range;
+    // the page would wait for the graphics, which compute other pictures, to get one from there
+    if (this.isSoftware) {
+      const pixels = new ImageData(new Uint8ClampedArray(read(gl.COLOR_ATTACHMENT0).buffer), width, height);
+      return { bitmap: await createImageBitmap(pixels, { imageOrientation: "flipY" }), bytes, least_mm, extent_mm };
+    }
     gl.readBuffer(gl.COLOR_ATTACHMENT0);
     gl.scissor(0, 0, width, height);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.target);
-    return { bytes, least_mm: this.range[0], extent_mm: this.range[1] };
+    const { canvas } = this;
+    const bitmap = "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : await createImageBitmap(canvas);
+    return { bitmap, bytes, least_mm, extent_mm };
   }
   /** Until the graphics have done all that was asked of them, by the page's other pictures, too: reading a pixel does. */
   private wait(): void {

@@ -9,6 +9,11 @@ import type { Session } from "./session.js";
 import { Found, type View } from "./volume_caster.js";
 import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
 
+/** Pieces that wait where the volume is drawn. */
+const AHEAD = 2;
+/** A piece of blocks of voxels has so many times as many of them as one that is copied voxel by voxel. */
+const COARSE_PIECES = 4;
+
 export interface Drawn { bitmap: ImageBitmap; found: Found; cost_ms: number }
 
 export class VolumeRenderer {
@@ -20,6 +25,7 @@ export class VolumeRenderer {
   onFailed: (isReplaced: boolean) => void = () => {};
   isInWorker = true;
   isLoaded = false; // there is something to draw
+  isCompiling = false; // without a graphics card; others wait for the graphics meanwhile
   version = ""; // another one: the volume or how it looks is another one
   moved_ms = -Infinity; // when a picture was last asked for that shows something else than the one before
   private port!: Port;
@@ -63,7 +69,7 @@ export class VolumeRenderer {
     if (this.port !== worker || this.isDead) return;
     worker.terminate();
     this.failures += 1;
-    this.isLoaded = false;
+    this.isLoaded = this.isCompiling = false;
     this.isEmpty = true;
     [this.lookVersion, this.haze] = [-1, ""];
     if (!this.isDead) this.start();
@@ -109,8 +115,15 @@ export class VolumeRenderer {
         done(drawn && { bitmap: drawn.bitmap, found: new Found(drawn.bytes, view, drawn.least_mm, drawn.extent_mm), cost_ms });
         break;
       }
+      case "compiles":
+        this.isCompiling = true;
+        this.say({ type: "waits" });
+        break;
+      case "compiled":
+        this.isCompiling = false;
+        break;
       case "lost":
-        this.isLoaded = false;
+        this.isLoaded = this.isCompiling = false;
         this.onLost();
         break;
       case "restorable":
@@ -123,6 +136,11 @@ export class VolumeRenderer {
 
   get isDrawing(): boolean {
     return this.drawings.size > 0;
+  }
+
+  /** What will draw the volume is compiled while that comes. @param thin  some of it is seen through */
+  prepare(thin: boolean): void {
+    this.say({ type: "prepare", thin });
   }
 
   /** Brings a volume to where it is drawn, in pieces. */
@@ -162,15 +180,20 @@ export class VolumeRenderer {
   /** Some texels anew, from the voxels as they are now. */
   private async put(lo: Vec3, size: Vec3, load: number): Promise<void> {
     const { factor } = this;
-    const slices = slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
-    const step = Math.max(1, Math.floor(slices / factor[2]));
+    // of blocks of voxels the neighbours are looked into once more for each piece: so that is fewer of them, for copying is quick
+    const slices = COARSE_PIECES * slicesOfPiece([size[0] * factor[0], size[1] * factor[1], 1]);
+    const step = Math.max(1, Math.min(Math.floor(slices / factor[2]), slicesOfPiece(size)));
+    const put: Promise<Answered>[] = [];
     for (let z = lo[2]; z < lo[2] + size[2]; z += step) {
       if (load !== this.loads || this.isDead) return;
       const piece = pieceOf(this.volumes!, factor, [lo[0], lo[1], z], [size[0], size[1], Math.min(step, lo[2] + size[2] - z)]);
       this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
-      await this.answer("put");
+      put.push(this.answer("put"));
+      // the next one is there when it is through with this one
+      if (put.length > AHEAD) await put.shift();
       await breathe();
     }
+    await Promise.all(put);
   }
 
   /** After a box of the voxels has changed. */

@@ -9,6 +9,8 @@ import { breathe } from "./pieces.js";
 import { Caster, type View } from "./volume_caster.js";
 
 export type Asked =
+  | { type: "prepare"; thin: boolean } // for the first picture; without a graphics card
+  | { type: "waits" } // the page draws nothing until "compiled"
   | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
   | { type: "displace"; by: { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null }
@@ -25,6 +27,8 @@ export interface Work { texels: number; looks: number; pictures: number }
 export type Answered =
   | { type: "ready"; held: string } // a lock that is let go when nobody answers any more; or ""
   | { type: "unable"; why: string }
+  | { type: "compiles" } // as soon as the page "waits"
+  | { type: "compiled" }
   | { type: "begun"; fits: boolean }
   | { type: "put" }
   | { type: "picture"; id: number; drawn: { bitmap: ImageBitmap; bytes: Uint8Array; least_mm: number; extent_mm: number } | null; cost_ms: number; work: Work } // null: it gave way
@@ -40,13 +44,13 @@ export interface Port {
 /** A band takes about so long: others wait for the graphics no longer. */
 const BAND_MS = 30;
 const LEAST_ROWS = 4;
-const FIRST_PIXEL_MS = 1e-3;
 
 class Service {
   private readonly queue: Extract<Asked, { type: "draw" }>[] = [];
   private field: Field | null = null;
   private isDrawing = false;
-  private pixel_ms = FIRST_PIXEL_MS; // as the latest bands took
+  private readonly pixel_ms = { fine: Infinity, coarse: Infinity }; // as the latest bands took
+  private readonly waiting: (() => void)[] = []; // for the page to wait
   private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
   private readonly extension: WEBGL_lose_context | null;
 
@@ -69,6 +73,12 @@ class Service {
   private hear(asked: Asked): void {
     const { caster } = this;
     switch (asked.type) {
+      case "prepare":
+        this.prepare(asked.thin);
+        break;
+      case "waits":
+        this.waiting.shift()?.();
+        break;
       case "begin":
         this.say({ type: "begun", fits: this.begin(asked) });
         break;
@@ -107,6 +117,24 @@ class Service {
     }
   }
 
+  /** Draws a little of nothing: that compiles what will draw the first picture. */
+  private prepare(thin: boolean): void {
+    const { caster } = this;
+    if (!caster.isSoftware || this.field || caster.isLost) return;
+    this.say({ type: "compiles" });
+    const view: View = { width: 16, height: 16, corner: [0, 0, 0], across: [1, 0, 0], down: [0, 1, 0], into: [0, 0, 1], eye: null, cut: null, isFine: false };
+    caster.begin(new Field([1, 1, 1], [1, 1, 1], false), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    caster.setLooks(Uint8Array.from({ length: 1024 }, () => (thin ? 128 : 255)));
+    caster.aim(view);
+    caster.band(view, 0, 1);
+    this.say({ type: "compiled" });
+  }
+  /** Until the page waits for what takes the graphics long. */
+  private pageWaits(): Promise<void> {
+    this.say({ type: "compiles" });
+    return new Promise((done) => this.waiting.push(done));
+  }
+
   /** @returns whether there is memory for it, here and on the graphics card */
   private begin({ voxels, factor, hasScan, texelFromPatient }: Extract<Asked, { type: "begin" }>): boolean {
     try {
@@ -125,31 +153,43 @@ class Service {
     this.isDrawing = false;
   }
 
+  /** What draws a view is compiled as it draws first, and everything else that is drawn waits for that. */
+  private async compile(view: View): Promise<void> {
+    await this.pageWaits();
+    if (!this.caster.isLost && this.field) {
+      this.caster.aim(view);
+      this.caster.band(view, 0, 1);
+    }
+    this.say({ type: "compiled" });
+  }
+
   private async picture({ id, view, givesWay }: Extract<Asked, { type: "draw" }>): Promise<void> {
     const { caster } = this;
     const isVoid = () => caster.isLost || !this.field || (givesWay && this.queue.length > 0);
+    const kind = view.isFine ? "fine" : "coarse";
     let cost_ms = 0;
     let from = 0;
     while (from < view.height && !isVoid()) {
-      if (from === 0) caster.aim(view);
-      const rows = Math.max(LEAST_ROWS, Math.floor(BAND_MS / (this.pixel_ms * view.width)));
+      if (from === 0) {
+        if (!caster.isCompiled(view)) await this.compile(view);
+        if (isVoid()) break;
+        caster.aim(view);
+      }
+      const rows = Math.max(LEAST_ROWS, Math.floor(BAND_MS / (this.pixel_ms[kind] * view.width)));
       const to = Math.min(view.height, from + rows);
       const took_ms = caster.band(view, from, to);
-      this.pixel_ms = 0.5 * (this.pixel_ms + took_ms / ((to - from) * view.width));
+      const pixel_ms = took_ms / ((to - from) * view.width);
+      this.pixel_ms[kind] = this.pixel_ms[kind] < Infinity ? 0.5 * (this.pixel_ms[kind] + pixel_ms) : pixel_ms;
       cost_ms += took_ms;
       from = to;
       if (from < view.height) await breathe();
     }
     const isWhole = from >= view.height && !caster.isLost;
-    const found = isWhole ? caster.finish(view) : null;
-    const drawn = found && { bitmap: await pictureOf(caster.canvas), ...found };
+    const drawn = isWhole ? await caster.finish(view) : null;
     if (drawn) this.work.pictures += 1;
     this.say({ type: "picture", id, drawn, cost_ms, work: { ...this.work } }, drawn ? [drawn.bitmap, drawn.bytes.buffer] : []);
   }
 }
-
-const pictureOf = async (canvas: OffscreenCanvas | HTMLCanvasElement): Promise<ImageBitmap> =>
-  "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : createImageBitmap(canvas);
 
 /** Answers at a port, with what a canvas draws. @param held  a lock that shows that it still does, or "" */
 export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {

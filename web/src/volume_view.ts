@@ -42,6 +42,8 @@ export class VolumeView {
   showsPlanes = false;
   private readonly live: LivePicture<Camera>;
   private ground: Ground | null = null;
+  private readonly grounds = new Map<number, { key: string; ground: ReturnType<Ground["below"]> }>();
+  private over_ms = -Infinity; // when the tool was drawn last
   private size = 0; // of the picture's shorter side
   private rotation: Quaternion | null = null; // that is asked for
   private rotationSent: Quaternion | null = null;
@@ -73,6 +75,7 @@ export class VolumeView {
     this.camera.place(this.session.scene!.world_from_patient);
     this.isOpen = false;
     this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
+    this.grounds.clear();
     this.load();
     this.reset();
   }
@@ -120,11 +123,17 @@ export class VolumeView {
     this.session.touch();
   }
 
-  draw(now: number): void {
+  /** Asks for another picture where there is to be one, and draws the tool over the one that is seen. @param least_ms  not again after less than that */
+  draw(now: number, least_ms = 0): void {
+    if (this.ask(now) && (least_ms === 0 || now - this.over_ms > least_ms)) this.drawOver();
+  }
+  /** @returns whether it is shown */
+  ask(now: number): boolean {
     const { session, picture, camera } = this;
     const resized = picture.fit();
-    if (!picture.isShown || !session.volumes || !session.scene) return;
+    if (!picture.isShown || !session.volumes || !session.scene) return false;
     if (resized) {
+      this.over_ms = -Infinity;
       this.live.show();
       // as much is seen in a picture of another size
       const size = Math.min(picture.surface.clientWidth, picture.surface.clientHeight);
@@ -147,7 +156,7 @@ export class VolumeView {
       camera: camera.copy(),
       view: (reduction) => viewOf(camera, frame.width / frame.ratio, frame.height / frame.ratio, reduction, cut),
     }));
-    this.drawOver();
+    return true;
   }
 
   /** What is taken away for the tool to be seen, where it is now. */
@@ -204,6 +213,13 @@ export class VolumeView {
     return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
   };
 
+  /** What is felt nearest to a tool: looked for anew where that has moved, or voxels have been cut away. */
+  private groundBelow(number: number, tool: Vec3): ReturnType<Ground["below"]> {
+    const key = `${tool.join()} ${this.renderer.version}`;
+    if (this.grounds.get(number)?.key !== key) this.grounds.set(number, { key, ground: this.ground!.below(tool, this.isFelt) });
+    return this.grounds.get(number)!.ground;
+  }
+
   /** The tool at its depth: what lies behind something solid is dashed; where it touches nothing, how high above what it is. */
   private drawToolIn(projection: Projection & InVolume, device: DevicePose): void {
     const { session } = this;
@@ -212,7 +228,7 @@ export class VolumeView {
     const { radius_mm } = session.heldBy(device);
     // it lies at surfaces, and those of the picture are smooth
     const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
-    const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.below(tool, this.isFelt);
+    const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.groundBelow(device.number, tool);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
     drawTool(frame, session, device, {
       ...projection,
@@ -222,6 +238,7 @@ export class VolumeView {
   }
 
   private drawOver(): void {
+    this.over_ms = performance.now();
     const { session } = this;
     const frame = this.picture.frame();
     const projection = this.projection();
@@ -250,13 +267,13 @@ export class VolumeView {
     drawAge(frame, session);
   }
 
-  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. */
-  async pixels(width: number, height: number, mmPerPixel: number): Promise<Uint8ClampedArray> {
+  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. @param isFine  as what rests is drawn */
+  async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
     await this.renderer.loaded;
     this.renderer.follow(this.session);
     const camera = this.camera.copy();
     camera.mmPerPixel = mmPerPixel;
-    return this.renderer.pixels(viewOf(camera, width, height, 1, this.cut()));
+    return this.renderer.pixels({ ...viewOf(camera, width, height, 1, this.cut()), isFine });
   }
   /** 1 where the volume is seen, 0 where the ground is. */
   async silhouette(width: number, height: number, mmPerPixel: number): Promise<{ width: number; height: number; seen: number[] }> {

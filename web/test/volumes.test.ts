@@ -162,6 +162,26 @@ test("a ray's leap ends before the next block that holds anything that is shown"
   }
 });
 
+test("what texels cover is what their structures' opacities make solid or let through", () => {
+  const volume = randomVolume([13, 11, 9], 5);
+  const looks = Uint8Array.from({ length: 1024 }, (_, n) => (n % 4 < 3 ? n & 255 : [0, 255, 128, 255, 0, 1][n >> 2] ?? 0));
+  for (const factor of FACTORS) {
+    const field = fieldOf(volume, factor);
+    const [lo, size]: [Vec3, Vec3] = [[1, 2, 0], field.dims.map((n, axis) => n - [1, 2, 0][axis]!) as Vec3];
+    const covers = field.covers(lo, size, looks);
+    assert.equal(covers.length, 2 * size[0] * size[1] * size[2]);
+    for (let z = 0, n = 0; z < size[2]; z++) for (let y = 0; y < size[1]; y++) for (let x = 0; x < size[0]; x++, n += 2) {
+      const at = field.at(lo[0] + x, lo[1] + y, lo[2] + z);
+      const sums = [0, 0];
+      for (const c of [0, 1]) {
+        const opacity = looks[4 * field.texels[at + c]! + 3]!;
+        if (opacity > 0) sums[opacity === 255 ? 0 : 1]! += field.texels[at + 2 + c]!;
+      }
+      assert.deepEqual([...covers.subarray(n, n + 2)], sums, `at ${[x, y, z]} of factor ${factor}`);
+    }
+  }
+});
+
 test("the scan around structures is the mean over a texel", () => {
   const volume = randomVolume([7, 5, 4], 1);
   const field = fieldOf(volume, [3, 3, 3], 1);
