@@ -15,7 +15,7 @@ using internal::volume_picture::BlockRows;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
 using internal::volume_picture::Gathered;
-using internal::volume_picture::LeapsView;
+using internal::volume_picture::CubesView;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
@@ -182,7 +182,7 @@ struct RayStart {
 };
 
 /// Pixels of a row, each by a ray of its own through the same planes.
-void trace(const RowsView& rows, const LeapsView& leaps, const RayStart& starts, int row,
+void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
            std::uint8_t* rgb, float* met) {
   const Factored& view = starts.view;
@@ -194,7 +194,7 @@ void trace(const RowsView& rows, const LeapsView& leaps, const RayStart& starts,
           view.warp_start + view.warp_line * row + view.warp_step * columns[from + n];
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
-    trace_rays(rows, leaps, view.planes.data(), static_cast<int>(view.planes.size()),
+    trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
                static_cast<float>(view.z_step), static_cast<int>(count), rays.data());
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
@@ -317,7 +317,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       return true;
     });
 
-    const LeapsView leaps = encoding_->leaps().view(view->x, view->y, view->z);
+    const CubesView cubes = encoding_->leaps().view(view->x, view->y, view->z);
     const int count = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, count);
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
@@ -344,7 +344,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
               is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
         }
       }
-      trace(rows, leaps, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
+      trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
             scratch_->rays[static_cast<std::size_t>(worker)], row, depth_mm.empty() ? nullptr : met.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {

@@ -39,8 +39,6 @@ HWY_INLINE int lanes() {
 }
 static_assert(kChunk == kBlock);
 
-constexpr int kLeapShift = 2;
-static_assert(kLeapSide == 1 << kLeapShift);
 /// What still sees so little is done.
 constexpr float kDone = 1.0f / 400;
 constexpr float kTiny = 1e-7f;
@@ -405,6 +403,24 @@ HWY_INLINE float exp_of_minus(float t) {
   return p * p;
 }
 
+/// A place on a ray: the voxels before it.
+struct Place {
+  int x, y;
+  float x_part, y_part;  ///< how far it is beyond them
+};
+
+HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
+  Place place;
+  // beyond the first voxel, places are above -1
+  place.x = static_cast<int>(x + 1) - 1;
+  // x + 1 may be rounded to a border that x is before
+  if (place.x >= rows.count[0]) place.x = rows.count[0] - 1;
+  place.x_part = x - static_cast<float>(place.x);
+  place.y = static_cast<int>(y + 1) - 1;
+  place.y_part = y - static_cast<float>(place.y);
+  return place;
+}
+
 /// The four rows of voxels around a place on a ray.
 struct AroundPlace {
   int x;  ///< the voxel before the place
@@ -413,21 +429,17 @@ struct AroundPlace {
   float weight[4];
 };
 
-HWY_INLINE void find_rows_around(const RowsView& rows, float x, float y, const SamplePlane& plane,
+HWY_INLINE void find_rows_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
                                  AroundPlace& around) {
-  // beyond the first voxel, places are above -1
-  around.x = static_cast<int>(x + 1) - 1;
-  // x + 1 may be rounded to a border that x is before
-  if (around.x >= rows.count[0]) around.x = rows.count[0] - 1;
-  around.part = x - static_cast<float>(around.x);
-  const int below = static_cast<int>(y + 1) - 1;
-  const float part = y - static_cast<float>(below);
+  around.x = place.x;
+  around.part = place.x_part;
   for (int n = 0; n < 4; ++n) {
-    const int far = n & 1, deep = n >> 1, yy = below + far, zz = plane.slice + deep;
+    const int far = n & 1, deep = n >> 1, yy = place.y + far, zz = plane.slice + deep;
     const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
     around.block_of[n] =
         is_in ? rows.block_of + (yy * rows.row[1] + zz * rows.row[2]) * rows.blocks : nullptr;
-    around.weight[n] = (far != 0 ? part : 1 - part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
+    around.weight[n] =
+        (far != 0 ? place.y_part : 1 - place.y_part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
   }
 }
 
@@ -473,21 +485,17 @@ HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& 
   return true;
 }
 
-/// The next plane on which a ray has left, along each axis, the cubes that are empty around a place.
-HWY_INLINE int leap_from(const LeapsView& leaps, const float* place, const float* per_plane, int plane) {
-  int cube[3], index = 0;
-  for (int a = 0; a < 3; ++a) {
-    cube[a] = static_cast<int>(place[a] + 1) >> kLeapShift;
-    index += cube[a] * leaps.step[a];
-  }
-  const int leap = leaps.leap[index];
-  if (leap == 0) return plane + 1;
+/// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
+/// @param place  voxels; @param planes_per  for a voxel along each axis, 0: it never goes so far
+HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const float* place,
+                         const float* planes_per, int plane) {
+  const int leap = cubes.leap[index];
   float away = 1e6f;
   for (int a = 0; a < 3; ++a) {
-    const float pace = per_plane[a];
-    if (std::abs(pace) < 1e-6f) continue;
-    const int border = pace > 0 ? kLeapSide * (cube[a] + leap) : kLeapSide * (cube[a] - leap + 1);
-    const float planes = (static_cast<float>(border) - (place[a] + 1)) / pace;
+    if (planes_per[a] == 0) continue;
+    const int cube = cell[a] >> kCubeShift,
+              border = planes_per[a] > 0 ? kCubeSide * (cube + leap) : kCubeSide * (cube - leap + 1);
+    const float planes = (static_cast<float>(border) - (place[a] + 1)) * planes_per[a];
     if (planes < away) away = planes;
   }
   const int by = static_cast<int>(std::ceil(away - 1e-3f));
@@ -509,7 +517,7 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
   if (leave < end) end = leave;
 }
 
-HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes,
+HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
                           int plane_count, float z_per_plane, TracedRay& ray) {
   V4 sum{};
   float clear = 1;
@@ -521,19 +529,32 @@ HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const Sa
   bound_planes(ray.x, ray.x_per_plane, rows.count[0], begin, end);
   bound_planes(ray.y, ray.y_per_plane, rows.count[1], begin, end);
   const float pace[3] = {ray.x_per_plane, ray.y_per_plane, z_per_plane};
+  float planes_per[3];
+  for (int a = 0; a < 3; ++a) planes_per[a] = std::abs(pace[a]) < 1e-6f ? 0 : 1 / pace[a];
   const int stop = end > begin ? static_cast<int>(end) : 0;
   for (int p = end > begin ? static_cast<int>(begin) : 0; p < stop && clear >= kDone;) {
     const auto plane = static_cast<float>(p);
     const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
-    AroundPlace around;
-    find_rows_around(rows, x, y, planes[p], around);
-    V4 mixed;
-    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) {
+    const Place at = place_at(rows, x, y);
+    const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
+    std::ptrdiff_t index = 0;
+    int bit = 0;
+    for (int a = 0; a < 3; ++a) {
+      index += (cell[a] >> kCubeShift) * std::ptrdiff_t{cubes.step[a]};
+      bit += (cell[a] & (kCubeSide - 1)) << cubes.shift[a];
+    }
+    const std::uint64_t filled = cubes.filled[index];
+    if ((filled >> bit & 1) == 0) {
       const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
-      p = leap_from(leaps, place, pace, p);
+      p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, place, planes_per, p);
       continue;
     }
+    AroundPlace around;
+    find_rows_around(rows, at, planes[p], around);
     ++p;
+    V4 mixed;
+    // what a place is just beside counts for nothing
+    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) continue;
     const float q = plane + 0.5f;
     float begun = q - ray.first, left = ray.last + 1 - q;
     begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
@@ -549,9 +570,9 @@ HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const Sa
   ray.clear = clear;
 }
 
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, int count, TracedRay* rays) {
-  for (int n = 0; n < count; ++n) trace_ray(rows, leaps, planes, plane_count, z_per_plane, rays[n]);
+  for (int n = 0; n < count; ++n) trace_ray(rows, cubes, planes, plane_count, z_per_plane, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -668,9 +689,9 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
                std::uint32_t* marked) {
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, int count, TracedRay* rays) {
-  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, leaps, planes, plane_count, z_per_plane, count, rays);
+  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, cubes, planes, plane_count, z_per_plane, count, rays);
 }
 
 }  // namespace palpate::internal::volume_picture
