@@ -66,14 +66,21 @@ struct Gathered {
   float* first;       ///< planes that are seen, and parts of one; null: all
   float* last;
   std::uint64_t* open;  ///< a bit for each chunk: something more is seen
-  float* row[4];        ///< room for a row of samples, kRowPadding more at either end
 };
 inline constexpr float kNoPlane = 1e9f;
+/// Lines that are gathered together, and rows of voxels, across the lines, that they have in common at most.
+inline constexpr int kMostLines = 4, kMostRows = 6;
 inline constexpr int kRowPadding = 32 * kBlock;
+/// Room for rows of voxels, kRowPadding more at either end: red, green, blue and extinction of each.
+struct MixingRoom {
+  float* pair[kMostRows][4];
+  float* line[4];
+};
 
-/// Gathers from all planes, front to back. @param width  pixels
-void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
-                 const Gathered& line);
+/// Gathers lines v ... v + count - 1 from all planes, front to back, on each plane one line after another:
+/// lines that lie beside each other look at the same blocks. @param width  pixels
+void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const Gathered* lines, const MixingRoom& room);
 
 /// Intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed);
