@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "palpate/base/for_each_index.h"
@@ -65,6 +66,10 @@ std::vector<float> smoothing_kernel(double sigma_voxels) {
   for (int t = 0; t <= static_cast<int>(gaussian.size()); ++t)
     kernel.push_back(0.25f * at(t - 1) + 0.5f * at(t) + 0.25f * at(t + 1));
   return kernel;
+}
+
+std::int8_t rounded(double value) {
+  return static_cast<std::int8_t>(value < 0 ? value - 0.5 : value + 0.5);
 }
 
 int blocks_along(int voxels) {
@@ -462,7 +467,7 @@ class Encoding::Tile {
           const Eigen::Vector3d normal =
               gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
           for (std::size_t a = 0; a < 3; ++a)
-            normals_[n][a] = static_cast<std::int8_t>(std::lround(normal[static_cast<Eigen::Index>(a)]));
+            normals_[n][a] = rounded(normal[static_cast<Eigen::Index>(a)]);
         }
       }
   }
@@ -515,20 +520,29 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
-  const int count = tiles[0] * tiles[1] * tiles[2];
+  // what is too small to be a tile for each worker is cut in thinner ones
+  int thickness = kTileSide;
+  const int workers = worker_count(threads, std::numeric_limits<int>::max()), columns = tiles[0] * tiles[1];
+  if (columns > 0 && columns * tiles[2] < workers) {
+    const int slices = to[2] - from[2], layers = (workers + columns - 1) / columns;
+    thickness = std::clamp((slices + layers - 1) / layers, kBlock, kTileSide);
+    tiles[2] = (slices + thickness - 1) / thickness;
+  }
+  const int count = columns * tiles[2];
   struct Made {
     int rows, i, j, k;
     VoxelBlock block;
   };
   std::mutex putting;
   std::atomic<int> done{0};
-  const bool whole = for_each_index(count, worker_count(threads, count), [&](int worker, int n) {
+  const bool whole = for_each_index(count, std::min(workers, count), [&](int worker, int n) {
     if (progress.stopped()) return false;
     const std::array<int, 3> tile{n % tiles[0], n / tiles[0] % tiles[1], n / tiles[0] / tiles[1]};
     VoxelBox part;
     for (std::size_t a = 0; a < 3; ++a) {
-      part.first[a] = from[a] + tile[a] * kTileSide;
-      part.size[a] = std::min(kTileSide, to[a] - part.first[a]);
+      const int side = a == 2 ? thickness : kTileSide;
+      part.first[a] = from[a] + tile[a] * side;
+      part.size[a] = std::min(side, to[a] - part.first[a]);
     }
     std::vector<Made> made;
     Tile(*this, labels, part).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
