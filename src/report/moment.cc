@@ -1,0 +1,133 @@
+#include "palpate/report/moment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+
+#include "report/parts.h"
+#include "report/removal_figures.h"
+#include "report/timed_ticks.h"
+#include "report/tool_marks.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kWayBefore_s = 2;
+constexpr double kTipShare = 0.005;
+constexpr Rgb kTipColour{255, 255, 255};
+
+/// Where tips were, not longer ago than ways go back.
+class RecentTips {
+ public:
+  explicit RecentTips(int devices) : devices_(static_cast<std::size_t>(devices)) {}
+  void see(const report::TimedTick& now) {
+    Seen seen{now.begin_s, {}, {}};
+    for (std::size_t d = 0; d < devices_; ++d) {
+      const auto& at = now.tick.device[d].tip_patient_mm;
+      seen.tip[d] = {at[0], at[1], at[2]};
+      seen.touching[d] = (now.tick.device[d].flags & kFlagContact) != 0;
+    }
+    seen_.push_back(seen);
+    while (seen_.front().time_s < now.begin_s - kWayBefore_s) seen_.pop_front();
+  }
+  std::vector<RecordedMoment::Way> ways() const {
+    std::vector<RecordedMoment::Way> ways;
+    for (std::size_t d = 0; d < devices_; ++d) {
+      const Seen* before = nullptr;
+      for (const Seen& seen : seen_) {
+        if (before == nullptr || before->touching[d] != seen.touching[d]) {
+          ways.push_back({seen.touching[d], {}});
+          // without a gap between the two
+          if (before != nullptr) ways.back().points.push_back(before->tip[d]);
+        }
+        ways.back().points.push_back(seen.tip[d]);
+        before = &seen;
+      }
+    }
+    return ways;
+  }
+
+ private:
+  struct Seen {
+    double time_s;
+    std::array<Point<Patient>, kMaxDevices> tip;
+    std::array<bool, kMaxDevices> touching;
+  };
+  std::size_t devices_;
+  std::deque<Seen> seen_;
+};
+
+/// Ends a reading that has all that it needs.
+Error enough() {
+  return {ErrorKind::kInterrupted, "enough", "", ""};
+}
+
+}  // namespace
+
+Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const Model& model, double time_s,
+                                       const Progress& progress) {
+  const RecordingHead& head = recording.head();
+  if (auto same = report::check_model(head.header, model); !same) return same.error();
+  RecordedMoment moment;
+  moment.devices = report::device_count(head);
+  report::TickTimes times(head);
+  RecentTips tips(moment.devices);
+  report::RemovalMeter removal(model);
+  bool any = false, is_over = false;
+  double done = 0;
+  const auto see = [&](const report::TimedTick& now) {
+    is_over = is_over || (any && now.begin_s > time_s);
+    if (is_over) return;
+    any = true;
+    moment.time_s = now.begin_s;
+    moment.tick = now.tick;
+    tips.see(now);
+    removal.see(now);
+    for (int d = 0; d < moment.devices; ++d) {
+      const double limit = now.tick.device[static_cast<std::size_t>(d)].limit_N;
+      if (std::isfinite(limit)) moment.highest_limit_N = std::max(moment.highest_limit_N, limit);
+    }
+  };
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("reading the recording", done / static_cast<double>(std::max<std::uint64_t>(1, head.ticks)));
+        done += static_cast<double>(part.ticks.size());
+        removal.hear(part.events);
+        times.take(part.ticks, see);
+        return is_over ? Result<void>(enough()) : Result<void>();
+      },
+      progress);
+  if (!read && !is_over) return read.error();
+  if (!is_over) times.finish(see);
+  if (!any)
+    return Error{ErrorKind::kBadInput, "the recording has no ticks", "", "choose one of a run that went on for a while"};
+  moment.ways = tips.ways();
+  const report::RemovalFigures figures = removal.finish();
+  moment.left = report::model_left(model, figures.changes, moment.time_s);
+  return moment;
+}
+
+std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& model,
+                                     const VolumeCamera& camera) {
+  std::vector<VolumeMark> marks;
+  for (const RecordedMoment::Way& way : moment.ways)
+    add_path(marks, way.points, way.touching ? 2.2 : 1.5,
+             way.touching ? report::kTouchingWayColour : report::kFreeWayColour, report::kWayBehind, camera);
+  const double mm_per_N = report::arrow_mm_per_N(moment.highest_limit_N);
+  for (int device = 0; device < moment.devices; ++device) {
+    const Point<Patient> proxy = report::proxy_place(moment.tick, device);
+    const auto& at = moment.tick.device[static_cast<std::size_t>(device)].tip_patient_mm;
+    const Point<Patient> tip(at[0], at[1], at[2]);
+    if (!proxy.eigen().allFinite() || !tip.eigen().allFinite()) continue;
+    report::add_tool(marks, model, moment.tick, device);
+    const double proxy_mm = report::kPlaceShare * camera.width_mm, tip_mm = kTipShare * camera.width_mm;
+    marks.push_back({proxy, proxy, proxy_mm, proxy_mm, report::kPlaceColour, report::kPlaceBehind});
+    marks.push_back({tip, tip, tip_mm, tip_mm, kTipColour, report::kPlaceBehind});
+    const Vector<Patient> force_N = report::patient_force_N(model, moment.tick, device);
+    if (force_N.eigen().allFinite())
+      add_arrow(marks, proxy, force_N * mm_per_N, report::kArrowShare * camera.width_mm, report::kForceColour);
+  }
+  return marks;
+}
+
+}  // namespace palpate
