@@ -1,5 +1,6 @@
-// What a viewer that stops reading, viewers that download, tissue that yields, or pictures of the volume, cost
-// the servo and the other viewers: pairs of sessions on the real clock, with and without them, in turns. See README.md.
+// What a viewer that stops reading, viewers that download, tissue that yields, or pictures of the volume,
+// cost the servo and the other viewers: pairs of sessions on the real clock, with and without them, in turns.
+// See README.md.
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -143,16 +144,17 @@ constexpr int kLowestPriority = 19;
 /// Draws the volume from all around, one picture after another, until it ends.
 class Drawing {
  public:
-  Drawing(VolumeRenderer& renderer, const GridGeometry& grid) : thread_([this, &renderer, &grid](std::stop_token stop) {
-    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
-    std::vector<std::uint8_t> rgb(std::size_t{3} * kPicture_px * kPicture_px);
-    VolumePictureRequest request;
-    request.pixels = kPicture_px;
-    for (; !stop.stop_requested(); ++pictures_) {
-      request.turn_deg = 5.0 * static_cast<double>(pictures_ % 72);
-      renderer.render(camera_of(grid, request), {}, rgb);
-    }
-  }) {}
+  Drawing(VolumeRenderer& renderer, const GridGeometry& grid)
+      : thread_([this, &renderer, &grid](std::stop_token stop) {
+          ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
+          std::vector<std::uint8_t> rgb(std::size_t{3} * kPicture_px * kPicture_px);
+          VolumePictureRequest request;
+          request.pixels = kPicture_px;
+          for (; !stop.stop_requested(); ++pictures_) {
+            request.turn_deg = 5.0 * static_cast<double>(pictures_ % 72);
+            renderer.render(camera_of(grid, request), {}, rgb);
+          }
+        }) {}
   std::uint64_t end() {
     thread_.request_stop();
     thread_.join();
@@ -238,8 +240,7 @@ void print(const Session& session) {
                 static_cast<unsigned long long>(session.viewers.volumes),
                 static_cast<double>(session.viewers.downloaded_bytes) * 1e-6,
                 session.viewers.first_load_p50_ms);
-  if (session.pictures > 0)
-    std::printf(", %llu pictures", static_cast<unsigned long long>(session.pictures));
+  if (session.pictures > 0) std::printf(", %llu pictures", static_cast<unsigned long long>(session.pictures));
   std::printf("\n");
   std::fflush(stdout);
 }
@@ -290,7 +291,8 @@ int run(const Options& options) {
       what_differs(options).c_str(), static_cast<unsigned long long>(options.seed));
   std::optional<VolumeRenderer> renderer;
   if (options.pictures) {
-    auto made = VolumeRenderer::make(*loaded->model->labels, structure_looks(*loaded->model), options.threads);
+    auto made =
+        VolumeRenderer::make(*loaded->model->labels, structure_looks(*loaded->model), options.threads);
     if (!made) fail(made.error().message());
     renderer = std::move(*made);
   }
@@ -359,7 +361,9 @@ int main(int argc, char** argv) {
                "tissue that yields, as the scene says, and by layers, instead of viewers");
   app.add_flag("--pictures", options.pictures,
                "pictures of the volume, drawn one after another at the lowest priority, instead of viewers");
-  app.add_option("--threads", options.threads, "of those pictures")->check(CLI::Range(1, 64))->capture_default_str();
+  app.add_option("--threads", options.threads, "of those pictures")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
   app.add_option("--seed", options.seed, "of the order within pairs, and of the bootstrap")
       ->capture_default_str();
   app.add_option("--json", options.json, "write the figures to this file");

@@ -290,8 +290,8 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
     box_ms.push_back(std::chrono::duration<double, std::milli>(changed - made).count());
     share.push_back(all_ms.back() / box_ms.back());
   }
-  std::printf("\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f (medians of %d)\n", median(all_ms), kSide,
-              median(box_ms), median(share), options.boxes);
+  std::printf("\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f (medians of %d)\n", median(all_ms),
+              kSide, median(box_ms), median(share), options.boxes);
   return {{"whole_ms", median(all_ms)}, {"box_ms", median(box_ms)}, {"ratio", median(share)}};
 }
 

@@ -153,8 +153,8 @@ Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
   const Progress progress = console.progress();
   const auto recording = RecordingSource::open(options.target, progress);
   if (!recording) return recording.error();
-  const auto loaded = load_scene_of_recording(recording->head().header, options.model, progress, console.warn(),
-                                              options.volume);
+  const auto loaded = load_scene_of_recording(recording->head().header, options.model, progress,
+                                              console.warn(), options.volume);
   if (!loaded) return loaded.error();
   auto moment = recorded_moment(*recording, *loaded->model, *options.time_s, progress);
   if (!moment) {
@@ -194,7 +194,8 @@ int render(const RenderOptions& options, Console& console) {
     if (progress.stopped()) return console.fail(Progress::interrupted());
     std::vector<VolumeMark> marks;
     if (drawn_model->moment)
-      marks = moment_marks(*drawn_model->moment, *drawn_model->model, camera_of(model.labels->geometry(), request));
+      marks = moment_marks(*drawn_model->moment, *drawn_model->model,
+                           camera_of(model.labels->geometry(), request));
     Image picture = volume_picture(*renderer, model, *looks, request, marks);
     if (animated)
       animated->add(std::move(picture));
@@ -216,9 +217,10 @@ int render(const RenderOptions& options, Console& console) {
 void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
-  verb.add_option("--time", options.time_s,
-                  "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
-                  "proxies, forces and the ways of the two seconds before")
+  verb.add_option(
+          "--time", options.time_s,
+          "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
+          "proxies, forces and the ways of the two seconds before")
       ->check(number_between(-1e9, 1e9))
       ->type_name("S");
   verb.add_option("--made-with", options.model,

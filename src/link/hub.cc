@@ -143,7 +143,8 @@ void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
                        std::function<void(PictureStore::Payload)> then) {
   pictures_.want(std::move(key), std::move(asker),
                  [this, then = std::move(then)](PictureStore::Payload payload) mutable {
-                   net::post(context_, [then = std::move(then), payload = std::move(payload)] { then(payload); });
+                   net::post(context_,
+                             [then = std::move(then), payload = std::move(payload)] { then(payload); });
                  });
 }
 

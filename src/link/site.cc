@@ -10,8 +10,7 @@ namespace palpate::link {
 namespace {
 
 constexpr std::string_view kAssets = "/assets/", kVolumes = "/api/volume/", kScene = "/api/scene",
-                           kPictures = "/api/picture/",
-                           kSocket = "/ws";
+                           kPictures = "/api/picture/", kSocket = "/ws";
 
 std::string field(std::string_view name, std::string_view value) {
   std::string line(name);
@@ -184,8 +183,7 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
   if (!key) return refusal(400);
   key->gzip = takes_gzip(request.accept_encoding);
   PictureWanted wanted;
-  wanted.head.fields =
-      field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
+  wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
   if (key->gzip) wanted.head.fields += field("Content-Encoding", "gzip");
   wanted.key = std::move(*key);
   return wanted;

@@ -47,13 +47,14 @@ TEST_F(SiteTest, PicturesAreAskedForInOneWay) {
   EXPECT_EQ(status_of(view + ",22,14,-300"), 200);
   EXPECT_EQ(status_of(view + "&looks=ffeeddff0a0b0c00&cut=1,2,3,0,0,1"), 200);
   EXPECT_EQ(status_of("/api/picture/00ab?view=64,48,-10,-10,0,1,0,0,0,1,0"), 404);
-  for (const char* more : {",22,14", ",22,14,300", "&looks=ffeeddff0", "&looks=ffeeddff0a0b0c000a0b0c00", "&looks=ffeeddff0a0b0cxx", "&cut=1,2,3,0,0,0",
-                           "&cut=1,2,3", "&view=64,48,-10,-10,0,1,0,0,0,1,0", "&other=1", ",nan,0,0", ",1e99,0,0"})
+  for (const char* more : {",22,14", ",22,14,300", "&looks=ffeeddff0", "&looks=ffeeddff0a0b0c000a0b0c00",
+                           "&looks=ffeeddff0a0b0cxx", "&cut=1,2,3,0,0,0", "&cut=1,2,3",
+                           "&view=64,48,-10,-10,0,1,0,0,0,1,0", "&other=1", ",nan,0,0", ",1e99,0,0"})
     EXPECT_EQ(status_of(view + more), 400) << more;
-  for (const char* other : {"", "?", "?view=", "?view=64,48,0,0,0,0,0,0,0,1,0", "?view=64,48,0,0,0,1,0,0,1,0,0",
-                            "?view=64,48,0,0,0,1,0,0,0,2,0", "?view=8,48,0,0,0,1,0,0,0,1,0",
-                            "?view=64.5,48,0,0,0,1,0,0,0,1,0", "?view=2048,2048,0,0,0,1,0,0,0,1,0",
-                            "?looks=ffeeddff0a0b0c00"})
+  for (const char* other :
+       {"", "?", "?view=", "?view=64,48,0,0,0,0,0,0,0,1,0", "?view=64,48,0,0,0,1,0,0,1,0,0",
+        "?view=64,48,0,0,0,1,0,0,0,2,0", "?view=8,48,0,0,0,1,0,0,0,1,0", "?view=64.5,48,0,0,0,1,0,0,0,1,0",
+        "?view=2048,2048,0,0,0,1,0,0,0,1,0", "?looks=ffeeddff0a0b0c00"})
     EXPECT_EQ(status_of(std::string("/api/picture/00aa") + other), 400) << other;
 }
 

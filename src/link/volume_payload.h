@@ -40,6 +40,7 @@ std::shared_ptr<const std::string> labels_payload(const Bricks<LabelId>& labels,
                                                   const std::atomic<bool>& stop);
 
 /// The bytes as a gzip stream. `stop` as above. @param level  zlib's
-std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop, int level = 6);
+std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop,
+                                        int level = 6);
 
 }  // namespace palpate::link

@@ -62,8 +62,8 @@ bool take_view(const std::vector<double>& numbers, PictureKey& key) {
   if (numbers.size() != 11 && numbers.size() != 14) return false;
   VolumeCamera& camera = key.camera;
   const double width = numbers[0], height = numbers[1];
-  if (width != std::floor(width) || height != std::floor(height) || width < kLeastSide || height < kLeastSide ||
-      width > kMostSide || height > kMostSide || width * height > kMostPixels)
+  if (width != std::floor(width) || height != std::floor(height) || width < kLeastSide ||
+      height < kLeastSide || width > kMostSide || height > kMostSide || width * height > kMostPixels)
     return false;
   camera.width_px = static_cast<int>(width);
   camera.height_px = static_cast<int>(height);
@@ -146,7 +146,8 @@ std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_
 PictureStore::PictureStore(const ViewerHost& host) : labels_(host.scene().labels) {
   for (const ViewedStructure& structure : host.scene().structures) {
     const auto& tissues = host.scene().tissues;
-    const bool is_known = structure.tissue >= 0 && static_cast<std::size_t>(structure.tissue) < tissues.size();
+    const bool is_known =
+        structure.tissue >= 0 && static_cast<std::size_t>(structure.tissue) < tissues.size();
     const std::size_t end = std::size_t{structure.label} + 1;
     looks_.resize(std::max(looks_.size(), end));
     place_of_.resize(looks_.size());
@@ -256,7 +257,8 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   // the structure is looked up behind the surface, which lies where half is covered
   const GridGeometry& grid = labels_->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
-  const Point<Patient> eye = camera.is_parallel() ? Point<Patient>() : camera.focus - camera.into() * camera.eye_mm;
+  const Point<Patient> eye =
+      camera.is_parallel() ? Point<Patient>() : camera.focus - camera.into() * camera.eye_mm;
   const double h = grid.min_spacing_mm();
   const auto place_at = [&](int column, int row, double depth) -> std::uint8_t {
     const Point<Patient> pixel = camera.at(column, row);

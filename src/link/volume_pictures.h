@@ -21,9 +21,9 @@ namespace palpate::link {
 /// A picture of the volume as a viewer asks for it: rays through the middles of its pixels.
 struct PictureKey {
   VolumeCamera camera;
-  std::vector<Rgb> colours;        ///< of the scene's first structures; of the others the scene's own
-  std::vector<double> opacities;   ///< likewise, 0 ... 1
-  std::optional<ClipPlane> clip;   ///< what lies on that side of it is taken away
+  std::vector<Rgb> colours;       ///< of the scene's first structures; of the others the scene's own
+  std::vector<double> opacities;  ///< likewise, 0 ... 1
+  std::optional<ClipPlane> clip;  ///< what lies on that side of it is taken away
   bool gzip = false;
 };
 /// From a query as docs/viewer-protocol.md has it, `view=...&looks=...&cut=...`; nothing where it is none.
@@ -63,12 +63,12 @@ class PictureStore {
   bool prepare(const PictureKey& key);
 
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::vector<StructureLook> looks_;            ///< by label, as the scene says
-  std::vector<LabelId> label_of_;               ///< of the scene's structures
-  std::vector<std::uint8_t> place_of_;          ///< of a label among these, + 1; 0: in none
+  std::vector<StructureLook> looks_;    ///< by label, as the scene says
+  std::vector<LabelId> label_of_;       ///< of the scene's structures
+  std::vector<std::uint8_t> place_of_;  ///< of a label among these, + 1; 0: in none
   // of the store's thread alone
   std::optional<VolumeRenderer> renderer_;
-  std::vector<StructureLook> prepared_;         ///< with these looks
+  std::vector<StructureLook> prepared_;  ///< with these looks
   std::vector<std::uint8_t> rgb_;
   std::vector<float> depth_mm_;
 

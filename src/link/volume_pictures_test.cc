@@ -47,10 +47,14 @@ std::shared_ptr<const std::string> wait_for(PictureStore& store, const std::stri
 
 struct Seen {
   explicit Seen(const std::string& payload)
-      : bytes(payload), width(number_at<std::uint16_t>(payload, 8)), height(number_at<std::uint16_t>(payload, 10)) {}
+      : bytes(payload),
+        width(number_at<std::uint16_t>(payload, 8)),
+        height(number_at<std::uint16_t>(payload, 10)) {}
   std::size_t pixel(int column, int row) const { return static_cast<std::size_t>(row * width + column); }
   std::size_t pixels() const { return static_cast<std::size_t>(width * height); }
-  int red(int column, int row) const { return static_cast<unsigned char>(bytes[24 + 3 * pixel(column, row)]); }
+  int red(int column, int row) const {
+    return static_cast<unsigned char>(bytes[24 + 3 * pixel(column, row)]);
+  }
   int place(int column, int row) const { return bytes[24 + 5 * pixels() + pixel(column, row)]; }
   double depth_mm(int column, int row) const {
     const auto step = number_at<std::uint16_t>(bytes, 24 + 3 * pixels() + 2 * pixel(column, row));
@@ -111,7 +115,8 @@ TEST(PictureStore, DrawsNothingForWhoeverIsGone) {
   const auto key = parse_picture_query(kFront, 2);
   ASSERT_TRUE(key);
   int granted = 0;
-  for (int n = 0; n < 5; ++n) store.want(*key, std::weak_ptr<int>(), [&](PictureStore::Payload) { ++granted; });
+  for (int n = 0; n < 5; ++n)
+    store.want(*key, std::weak_ptr<int>(), [&](PictureStore::Payload) { ++granted; });
   EXPECT_NE(wait_for(store, kFront), nullptr);
   EXPECT_EQ(granted, 0);
 }

@@ -198,7 +198,9 @@ void Leaps::fill(const BlockRows& rows, const Cubes& cubes) {
                   cubes[0][1] - cubes[0][0] + 1, 0);
   // cell n lies between voxels n - 1 and n
   const auto first = [&](std::size_t axis) { return std::max(0, cubes[axis][0] * kCubeSide - 1); };
-  const auto end = [&](std::size_t axis) { return std::min(voxels_[axis], (cubes[axis][1] + 1) * kCubeSide); };
+  const auto end = [&](std::size_t axis) {
+    return std::min(voxels_[axis], (cubes[axis][1] + 1) * kCubeSide);
+  };
   const auto within = [&](int cube, std::size_t axis) {
     return cube >= cubes[axis][0] && cube <= cubes[axis][1];
   };
@@ -466,8 +468,7 @@ class Encoding::Tile {
               Eigen::Vector3d(here[i + 1] - here[i - 1], front[i] - back[i], above[i] - below[i]) / 2;
           const Eigen::Vector3d normal =
               gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
-          for (std::size_t a = 0; a < 3; ++a)
-            normals_[n][a] = rounded(normal[static_cast<Eigen::Index>(a)]);
+          for (std::size_t a = 0; a < 3; ++a) normals_[n][a] = rounded(normal[static_cast<Eigen::Index>(a)]);
         }
       }
   }

@@ -161,7 +161,8 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
   Volume<LabelId> labels(grid);
   const std::vector<StructureLook> looks{{{}, 0}, {{200, 100, 50}, 1}};
   Encoding encoding(grid, looks);
-  const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1, (71 + 1) / kCubeSide + 1};
+  const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1,
+                                 (71 + 1) / kCubeSide + 1};
   for (int change = 0; change < 6; ++change) {
     // first all of it, then boxes that are filled or emptied
     VoxelBox box{{0, 0, 0}, grid.dims};
@@ -177,8 +178,10 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
     ASSERT_TRUE(encoding.encode(*label_bricks(labels), box, 2, {}));
     const CubesView view = encoding.leaps().view(0, 1, 2);
     const auto is_filled = [&](int i, int j, int k) {
-      if (i < 0 || j < 0 || k < 0 || i >= grid.dims[0] || j >= grid.dims[1] || k >= grid.dims[2]) return false;
-      const auto* block = encoding.rows_for(2).find(static_cast<std::size_t>(j + grid.dims[1] * k), i / kBlock);
+      if (i < 0 || j < 0 || k < 0 || i >= grid.dims[0] || j >= grid.dims[1] || k >= grid.dims[2])
+        return false;
+      const auto* block =
+          encoding.rows_for(2).find(static_cast<std::size_t>(j + grid.dims[1] * k), i / kBlock);
       return block != nullptr && block->extinction[i % kBlock] != 0;
     };
     std::vector<std::array<int, 3>> filled;
@@ -188,7 +191,8 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
           std::uint64_t expected = 0;
           for (int bit = 0; bit < 64; ++bit)
             for (int corner = 0; corner < 8; ++corner)
-              if (is_filled(kCubeSide * a + bit % 4 - (corner & 1), kCubeSide * b + bit / 4 % 4 - (corner >> 1 & 1),
+              if (is_filled(kCubeSide * a + bit % 4 - (corner & 1),
+                            kCubeSide * b + bit / 4 % 4 - (corner >> 1 & 1),
                             kCubeSide * c + bit / 16 - (corner >> 2)))
                 expected |= std::uint64_t{1} << bit;
           ASSERT_EQ(view.filled[a * view.step[0] + b * view.step[1] + c * view.step[2]], expected)

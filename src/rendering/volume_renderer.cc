@@ -12,11 +12,11 @@
 namespace palpate {
 
 using internal::volume_picture::BlockRows;
+using internal::volume_picture::CubesView;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
 using internal::volume_picture::Gathered;
 using internal::volume_picture::MixingRoom;
-using internal::volume_picture::CubesView;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
@@ -313,13 +313,13 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       std::array<Gathered, kMostLines> lines{};
       for (int n = 0; n < count; ++n) {
         auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMostLines + n)];
-        lines[static_cast<std::size_t>(n)] =
-            line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
+        lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
         ways.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
-      gather_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count, view->width,
-                   lines.data(), mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
-                                             rows.blocks * internal::volume_picture::kBlock));
+      gather_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
+                   view->width, lines.data(),
+                   mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
+                               rows.blocks * internal::volume_picture::kBlock));
       for (int n = 0; n < count; ++n) {
         const Gathered& line = lines[static_cast<std::size_t>(n)];
         const std::size_t at = stride * static_cast<std::size_t>(first + n);

@@ -9,8 +9,8 @@
 //     line     the two of these that it lies between become one: weights are the same all along it
 //     samples  between two voxels of that, and what each adds
 //
-// These are functions of their own, not inlined: in one body there are too few registers for any of them, and it
-// takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
+// These are functions of their own, not inlined: in one body there are too few registers for any of them, and
+// it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
 // foreach_target.h.
 
 #include <atomic>
@@ -208,8 +208,8 @@ HWY_NOINLINE bool mix_pair(const RowsView& rows, const RowPair& pair, int begin,
 }
 
 /// Two mixed rows as one, or one by its weight alone where the other is null.
-HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const float* const* far, float far_weight,
-                          int count, float* const* to) {
+HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const float* const* far,
+                            float far_weight, int count, float* const* to) {
   const DF d;
   const auto a = hn::Set(d, near_weight), b = hn::Set(d, far_weight);
   for (int c = 0; c < 4; ++c)
@@ -229,7 +229,7 @@ constexpr float kClose = 0.999f;
 /// @returns whether nothing more is seen by any
 template <bool kIsClose>
 HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, int at, float place, float step,
-                             float plane) {
+                               float plane) {
   const DF d;
   const DI di;
   const auto scale = hn::Set(d, 1 / kDepthSteps);
@@ -312,18 +312,18 @@ HWY_INLINE int next_bit(int from, int end, const Word& word) {
 
 /// Lines that lie beside each other on a plane.
 struct LinesOnPlane {
-  int first = 0;                    ///< the row of voxels before the first of them; and those after it
+  int first = 0;  ///< the row of voxels before the first of them; and those after it
   int row_count = 0;
   RowPair rows[kMostRows];
   int line_count = 0;
   const Gathered* line[kMostLines];
-  int before[kMostLines];           ///< of `rows`, before the line
-  float part[kMostLines];           ///< how far the line is beyond that one
+  int before[kMostLines];  ///< of `rows`, before the line
+  float part[kMostLines];  ///< how far the line is beyond that one
 };
 
 /// Takes samples of pixels begin ... end - 1, whole chunks, of the lines that are open there.
 HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
-                               float number, int begin, int end, const MixingRoom& room) {
+                                 float number, int begin, int end, const MixingRoom& room) {
   const double first = plane.x_per_u * begin + plane.x_0, last = plane.x_per_u * (end - 1) + plane.x_0;
   // beyond these blocks the row is empty, and pixels farther out read its padding
   const int lowest = static_cast<int>(std::floor(first)), highest = static_cast<int>(std::floor(last)) + 1;
@@ -358,8 +358,9 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   }
 }
 
-HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
-                                      float number, int width, const MixingRoom& room) {
+HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
+                                        const SamplePlane& plane, float number, int width,
+                                        const MixingRoom& room) {
   const auto there = [&](int w) {
     std::uint64_t any = 0;
     for (int n = 0; n < lines.row_count; ++n)
@@ -398,7 +399,8 @@ HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane
 
 /// Lines v ... v + count - 1, those that are open, on a plane.
 HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
-                             int width, const Gathered* lines, const bool* is_open, const MixingRoom& room) {
+                               int width, const Gathered* lines, const bool* is_open,
+                               const MixingRoom& room) {
   LinesOnPlane near;
   for (int n = 0; n < count; ++n) {
     const double y = plane.y_per_v * (v + n) + plane.y_0;

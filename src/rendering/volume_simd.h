@@ -92,8 +92,8 @@ inline constexpr std::uint32_t kBendsAlong = 0x80000000, kBendsAcross = 0x400000
 void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
                std::uint32_t* marked);
 
-/// Where there is nothing. Cell c lies between voxels c - 1 and c; of each cube of 4^3 cells is known which of
-/// them have a voxel with something at a corner, and, where none has, how many cubes from here, itself
+/// Where there is nothing. Cell c lies between voxels c - 1 and c; of each cube of 4^3 cells is known which
+/// of them have a voxel with something at a corner, and, where none has, how many cubes from here, itself
 /// included, have none, whichever way one goes.
 struct CubesView {
   const std::uint64_t* filled = nullptr;  ///< bit (i & 3) + 4 (j & 3) + 16 (k & 3) of the grid's axes

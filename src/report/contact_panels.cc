@@ -180,8 +180,8 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
-                     swatch(run.colour(contact.label)) + escape(name) + "</h3><div class=\"about\">" + facts(run, shown) + picture + "</div>" +
-                     "<div class=\"sections\">\n";
+                     swatch(run.colour(contact.label)) + escape(name) + "</h3><div class=\"about\">" +
+                     facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
   auto left = model_left(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
     auto under = std::make_shared<Model>(left != nullptr ? *left : run.model);

@@ -12,8 +12,8 @@ namespace palpate::report {
 namespace {
 
 int count_of(const std::vector<VolumeMark>& marks, const Rgb& colour) {
-  return static_cast<int>(
-      std::count_if(marks.begin(), marks.end(), [&](const VolumeMark& mark) { return mark.colour == colour; }));
+  return static_cast<int>(std::count_if(marks.begin(), marks.end(),
+                                        [&](const VolumeMark& mark) { return mark.colour == colour; }));
 }
 
 TEST(RecordedMoment, IsTheLastTickUntilThen) {
@@ -41,9 +41,9 @@ TEST(RecordedMoment, IsTheLastTickUntilThen) {
 TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   const Model model = example::model();
   const Recording recording = example::recording(model);
-  const auto hardest = std::max_element(recording.ticks.begin(), recording.ticks.end(), [](const auto& a, const auto& b) {
-    return force_N(a.device[0]) < force_N(b.device[0]);
-  });
+  const auto hardest = std::max_element(
+      recording.ticks.begin(), recording.ticks.end(),
+      [](const auto& a, const auto& b) { return force_N(a.device[0]) < force_N(b.device[0]); });
   const auto moment = recorded_moment(recording, model, hardest->time_s);
   ASSERT_TRUE(moment);
   VolumePictureRequest request;
@@ -54,8 +54,40 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   EXPECT_EQ(count_of(marks, kForceColour), 2);  // a shaft and a head
   EXPECT_GT(count_of(marks, kToolColour), 0);
   EXPECT_GT(count_of(marks, kTouchingWayColour), 0);
-  const auto place = std::find_if(marks.begin(), marks.end(), [](const VolumeMark& m) { return m.colour == kPlaceColour; });
+  const auto place =
+      std::find_if(marks.begin(), marks.end(), [](const VolumeMark& m) { return m.colour == kPlaceColour; });
   EXPECT_EQ(place->from, proxy_place(*hardest, 0));
+}
+
+TEST(RecordedMoment, ShowsTissueWhereItWent) {
+  const Model model = example::with_soft_tibia(example::model());
+  const Recording recording = example::leaning_recording(model);
+  const auto hardest =
+      std::max_element(recording.ticks.begin(), recording.ticks.end(), [](const auto& a, const auto& b) {
+        const auto in_tibia = [](const TickRecord& tick) {
+          return tick.device[0].label == example::kTibia ? force_N(tick.device[0]) : 0;
+        };
+        return in_tibia(a) < in_tibia(b);
+      });
+  const auto moment = recorded_moment(recording, model, hardest->time_s);
+  ASSERT_TRUE(moment);
+  ASSERT_NE(moment->left, nullptr);
+  EXPECT_GT(moment->dent_mm[0].norm(), 0.2);
+  // it is pressed away from the hand
+  EXPECT_LT(moment->dent_mm[0].dot(patient_force_N(model, *hardest, 0)), 0);
+  const GridGeometry& grid = model.labels->geometry();
+  const Point<Patient> place = proxy_place(*hardest, 0);
+  int others = 0;
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        if (moment->left->labels->at(i, j, k) == model.labels->at(i, j, k)) continue;
+        ++others;
+        ASSERT_LT((grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - place).norm(), 100);
+      }
+  EXPECT_GT(others, 0);
+  // before anything is touched all is at rest
+  EXPECT_EQ(recorded_moment(recording, model, recording.ticks.front().time_s)->left, nullptr);
 }
 
 TEST(RecordedMoment, OfAnotherModelThereIsNone) {

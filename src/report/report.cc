@@ -77,9 +77,9 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *contacts + plots_html(run) +
-          structure_table_html(run) + removal_html(run) + safety_table_html(run) + loop_html(run) +
-          provenance_html(run) + "</main>\n";
+  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *contacts +
+          plots_html(run) + structure_table_html(run) + removal_html(run) + safety_table_html(run) +
+          loop_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")

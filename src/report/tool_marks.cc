@@ -17,7 +17,8 @@ void add_tool(std::vector<VolumeMark>& marks, const Model& model, const TickReco
     const auto end = [&](const Eigen::Vector3d& at) {
       return proxy_place(tick, device) + in_patient(model, tick, Vector<World>(held.normalized() * at));
     };
-    marks.push_back({end(capsule.from_mm), end(capsule.to_mm), capsule.radius_mm, capsule.radius_mm, kToolColour, 0});
+    marks.push_back(
+        {end(capsule.from_mm), end(capsule.to_mm), capsule.radius_mm, capsule.radius_mm, kToolColour, 0});
   }
 }
 

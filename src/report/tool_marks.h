@@ -9,8 +9,8 @@
 namespace palpate::report {
 
 /// As in the sections; the places stand out from bone.
-inline constexpr Rgb kFreeWayColour{255, 255, 255}, kTouchingWayColour{255, 225, 77}, kForceColour{79, 227, 255},
-    kToolColour{155, 227, 122}, kPlaceColour{255, 80, 70};
+inline constexpr Rgb kFreeWayColour{255, 255, 255}, kTouchingWayColour{255, 225, 77},
+    kForceColour{79, 227, 255}, kToolColour{155, 227, 122}, kPlaceColour{255, 80, 70};
 /// How much is seen of what lies behind structures.
 inline constexpr double kWayBehind = 0.3, kPlaceBehind = 0.45;
 /// Of the picture's width: the radii of a touched place and of a force.

@@ -69,8 +69,8 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   const ShownContact* hardest = nullptr;
   for (const ShownContact& shown : run.shown) {
     for (const Way& way : shown.ways)
-      add_path(marks, way.points, way.touching ? 2.2 : 1.5, way.touching ? kTouchingWayColour : kFreeWayColour,
-               kWayBehind, camera);
+      add_path(marks, way.points, way.touching ? 2.2 : 1.5,
+               way.touching ? kTouchingWayColour : kFreeWayColour, kWayBehind, camera);
     const Point<Patient> place = proxy_of(shown);
     marks.push_back({place, place, place_mm, place_mm, kPlaceColour, kPlaceBehind});
     add_arrow(marks, place, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
@@ -96,7 +96,8 @@ ViewFrom view_of_contact(const Run& run, const ShownContact& shown, ViewFrom oth
 
 /// A contact from near by: its place, path, force and tool alone.
 std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model& model,
-                          std::span<const StructureLook> looks, const ShownContact& shown, ViewFrom otherwise) {
+                          std::span<const StructureLook> looks, const ShownContact& shown,
+                          ViewFrom otherwise) {
   VolumePictureRequest request;
   request.from = view_of_contact(run, shown, otherwise);
   request.tilt_deg = 20;
@@ -119,8 +120,8 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
             2 * kArrowShare * camera.width_mm, kForceColour);
   const std::string size = std::to_string(kContact_px);
   return "<img class=\"near\" alt=\"" + escape(run.name(shown.contact.label)) +
-         " in three dimensions around the place where it was pressed hardest\" width=\"" + size + "\" height=\"" + size +
-         "\" src=\"data:image/png;base64," +
+         " in three dimensions around the place where it was pressed hardest\" width=\"" + size +
+         "\" height=\"" + size + "\" src=\"data:image/png;base64," +
          base64(encode_png(volume_picture(renderer, model, looks, request, marks))) + "\">";
 }
 

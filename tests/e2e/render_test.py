@@ -83,13 +83,14 @@ class Render(cli.KneeTest):
         self.assertIn(b"acTL", animated.read_bytes())
 
     def test_a_moment_of_a_recording(self):
-        recording, picture = self.folder / "run.h5", self.folder / "moment.png"
-        self.succeed("simulate", self.scene, "--seconds", "4", "-o", recording)
+        recording, picture, script = (self.folder / name for name in ("run.h5", "moment.png", "script.toml"))
+        script.write_text(cli.TOUCH + "[[step]]\nhold = 2.0\n")
+        self.succeed("simulate", self.scene, "--script", script, "-o", recording)
 
         def drawn(*arguments):
             self.succeed("render", recording, "--made-with", self.scene, "--pixels", "320", "-o", picture, *arguments)
             return picture.read_bytes()
-        pictures = {drawn("--time", time) for time in ("0", "1.5", "3")}
+        pictures = {drawn("--time", time) for time in ("0", "0.5", "1.5")}
         self.assertEqual(len(pictures), 3)
         self.assertNotIn(self.render(), pictures)
         # at its ends, and beyond them
