@@ -1,6 +1,8 @@
-// What a viewer that stops reading, viewers that download, or tissue that yields, cost the servo and the
-// other viewers: pairs of sessions on the real clock, with and without them, in turns. See README.md.
+// What a viewer that stops reading, viewers that download, tissue that yields, or pictures of the volume,
+// cost the servo and the other viewers: pairs of sessions on the real clock, with and without them, in turns.
+// See README.md.
 
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -11,6 +13,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 #include <thread>
@@ -18,6 +21,7 @@
 
 #include "json_file.h"
 #include "palpate/link/viewer_server.h"
+#include "palpate/rendering/volume_picture.h"
 #include "palpate/session/explore.h"
 #include "viewer_client.h"
 
@@ -34,9 +38,11 @@ constexpr double kStuckFor_s = 8;
 
 struct Options {
   int pairs = 10, viewers = 8, downloading = 0;  // 0: one that stops reading
+  int threads = 2;                               // that draw
   double seconds = 60;
   std::uint64_t seed = 1;
-  bool tissue = false;  // it yields or does not; the viewers are the same
+  bool tissue = false;    // it yields or does not; the viewers are the same
+  bool pictures = false;  // of the volume are drawn, one after another, or not; the viewers are the same
   std::string scene = "knee-phantom", json;
 };
 
@@ -53,6 +59,7 @@ struct Session {
   Percentiles lateness;
   std::uint64_t skipped = 0;
   ViewersReport viewers;
+  std::uint64_t pictures = 0;
 };
 
 [[noreturn]] void fail(const std::string& what) {
@@ -72,7 +79,8 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
 
   // those that load volumes, again and again
-  const bool others = troubled && !options.tissue, stuck = others && options.downloading == 0;
+  const bool others = troubled && !options.tissue && !options.pictures,
+             stuck = others && options.downloading == 0;
   std::vector<Downloads> downloads(others ? static_cast<std::size_t>(options.downloading) : 0);
   for (Downloads& one : downloads)
     threads.emplace_back([&one, port, until_ns] { one = download_until(port, until_ns); });
@@ -127,9 +135,41 @@ ViewersProcess start_viewers(const Options& options, bool troubled) {
   return {id, ports[1], reports[0]};
 }
 
+// ---- pictures
+
+constexpr int kPicture_px = 512;
+// as palpate's own pictures for viewers are drawn
+constexpr int kLowestPriority = 19;
+
+/// Draws the volume from all around, one picture after another, until it ends.
+class Drawing {
+ public:
+  Drawing(VolumeRenderer& renderer, const GridGeometry& grid)
+      : thread_([this, &renderer, &grid](std::stop_token stop) {
+          ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
+          std::vector<std::uint8_t> rgb(std::size_t{3} * kPicture_px * kPicture_px);
+          VolumePictureRequest request;
+          request.pixels = kPicture_px;
+          for (; !stop.stop_requested(); ++pictures_) {
+            request.turn_deg = 5.0 * static_cast<double>(pictures_ % 72);
+            renderer.render(camera_of(grid, request), {}, rgb);
+          }
+        }) {}
+  std::uint64_t end() {
+    thread_.request_stop();
+    thread_.join();
+    return pictures_;
+  }
+
+ private:
+  std::uint64_t pictures_ = 0;
+  std::jthread thread_;
+};
+
 // ---- a session
 
-Session run_session(const LoadedScene& loaded, const Script& script, const Options& options, bool troubled) {
+Session run_session(const LoadedScene& loaded, const Script& script, const Options& options, bool troubled,
+                    VolumeRenderer* renderer) {
   const ViewersProcess viewers = start_viewers(options, troubled);
   ExploreOptions explore_options;
   explore_options.repeat = true;
@@ -144,10 +184,13 @@ Session run_session(const LoadedScene& loaded, const Script& script, const Optio
     if (::write(viewers.port_to, &port, sizeof port) != sizeof port) fail("the viewers are gone");
     return std::shared_ptr<void>(std::move(*server));
   };
+  std::optional<Drawing> drawing;
+  if (troubled && renderer != nullptr) drawing.emplace(*renderer, loaded.model->labels->geometry());
   const auto result = explore(loaded, script, explore_options, {});
   if (!result) fail(result.error().message());
 
-  Session session{troubled, result->health.lateness, result->health.skipped, {}};
+  Session session{troubled, result->health.lateness, result->health.skipped, {}, 0};
+  if (drawing) session.pictures = drawing->end();
   if (::read(viewers.report_from, &session.viewers, sizeof session.viewers) != sizeof session.viewers)
     fail("the viewers did not report");
   ::waitpid(viewers.id, nullptr, 0);
@@ -197,6 +240,7 @@ void print(const Session& session) {
                 static_cast<unsigned long long>(session.viewers.volumes),
                 static_cast<double>(session.viewers.downloaded_bytes) * 1e-6,
                 session.viewers.first_load_p50_ms);
+  if (session.pictures > 0) std::printf(", %llu pictures", static_cast<unsigned long long>(session.pictures));
   std::printf("\n");
   std::fflush(stdout);
 }
@@ -213,6 +257,7 @@ nlohmann::json json_of(const Session& session) {
           {"stuck_connections", session.viewers.stuck_connections},
           {"downloaded_bytes", session.viewers.downloaded_bytes},
           {"volumes", session.viewers.volumes},
+          {"pictures", session.pictures},
           {"first_load_p50_ms", session.viewers.first_load_p50_ms}};
 }
 
@@ -228,6 +273,7 @@ LoadedScene by_layers(const LoadedScene& loaded) {
 
 std::string what_differs(const Options& options) {
   if (options.tissue) return "tissue that yields";
+  if (options.pictures) return "pictures of the volume";
   if (options.downloading == 0) return "one more that reads nothing";
   return std::to_string(options.downloading) + " more that download";
 }
@@ -243,6 +289,13 @@ int run(const Options& options) {
       "%d pairs of %g s of %s at %g Hz, %d viewers at %g Hz, with and without %s; order by seed %llu\n",
       options.pairs, options.seconds, options.scene.c_str(), script->rate_hz, options.viewers, kPoses_hz,
       what_differs(options).c_str(), static_cast<unsigned long long>(options.seed));
+  std::optional<VolumeRenderer> renderer;
+  if (options.pictures) {
+    auto made =
+        VolumeRenderer::make(*loaded->model->labels, structure_looks(*loaded->model), options.threads);
+    if (!made) fail(made.error().message());
+    renderer = std::move(*made);
+  }
   std::mt19937_64 random(options.seed);
   std::vector<double> lateness_us, age_ms;
   auto pairs = nlohmann::json::array();
@@ -251,7 +304,8 @@ int run(const Options& options) {
     const bool troubled_first = random() & 1;
     std::array<Session, 2> sessions;  // without, with
     for (const bool troubled : {troubled_first, !troubled_first}) {
-      sessions[troubled] = run_session(troubled ? *loaded : quiet, *script, options, troubled);
+      sessions[troubled] = run_session(troubled ? *loaded : quiet, *script, options, troubled,
+                                       renderer ? &*renderer : nullptr);
       print(sessions[troubled]);
     }
     const auto& [without, with] = sessions;
@@ -273,6 +327,7 @@ int run(const Options& options) {
        {"viewers", options.viewers},
        {"downloading", options.downloading},
        {"tissue", options.tissue},
+       {"drawing", options.pictures},
        {"seed", options.seed},
        {"pairs", pairs},
        {"lateness_p99_increase_us",
@@ -285,8 +340,8 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Tick lateness and other viewers, with and without a viewer that stops reading, some that download, or "
-      "tissue that yields");
+      "Tick lateness and other viewers, with and without a viewer that stops reading, some that download, "
+      "tissue that yields, or pictures of the volume that are drawn beside it");
   palpate::bench::Options options;
   app.add_option("scene", options.scene, "a data set or scene file")->capture_default_str();
   app.add_option("--pairs", options.pairs, "how many pairs")
@@ -304,6 +359,11 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--tissue", options.tissue,
                "tissue that yields, as the scene says, and by layers, instead of viewers");
+  app.add_flag("--pictures", options.pictures,
+               "pictures of the volume, drawn one after another at the lowest priority, instead of viewers");
+  app.add_option("--threads", options.threads, "of those pictures")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
   app.add_option("--seed", options.seed, "of the order within pairs, and of the bootstrap")
       ->capture_default_str();
   app.add_option("--json", options.json, "write the figures to this file");

@@ -15,6 +15,7 @@
 #include <vtkVolumeProperty.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -39,7 +40,7 @@ constexpr Rgb kBone{230, 220, 190};
 constexpr double kSolidDepth = 5;
 
 struct Options {
-  int rounds = 40, pixels = 512, threads = 2;
+  int rounds = 40, pixels = 512, threads = 2, cube = 0, boxes = 9;
   bool whole = false;
   std::string labels, json, pictures;
 };
@@ -52,9 +53,10 @@ Result<Volume<LabelId>> knee(const Options& options, std::string& what) {
   auto map = large_knee(options.labels, what);
   if (!map) return map.error();
   LabelMap labels = std::move(*map);
-  if (!options.whole) {
+  if (!options.whole || options.cube > 0) {
     GridGeometry grid = labels.geometry();
-    const std::array<int, 3> dims{256, 256, 124};
+    std::array<int, 3> dims{256, 256, 124};
+    if (options.cube > 0) dims.fill(options.cube);
     for (int a = 0; a < 3; ++a) {
       const auto axis = static_cast<std::size_t>(a);
       grid.spacing_mm[a] *= static_cast<double>(grid.dims[axis]) / dims[axis];
@@ -254,6 +256,45 @@ Contender contender(std::string name, const std::shared_ptr<Drawer>& drawer,
   return result;
 }
 
+// ---- a changed box
+// ----------------------------------------------------------------------------------------
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// 32^3 voxels in the middle that were cut away or filled, each time by turns with all of them.
+nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& options) {
+  constexpr int kSide = 32;
+  const std::vector<StructureLook> looks{{{}, 0}, {kBone, 1}};
+  Volume<LabelId> cut = labels;
+  VoxelBox box;
+  for (std::size_t a = 0; a < 3; ++a) {
+    box.size[a] = kSide;
+    box.first[a] = labels.geometry().dims[a] / 2 - kSide / 2;
+  }
+  for (int k = 0; k < kSide; ++k)
+    for (int j = 0; j < kSide; ++j)
+      for (int i = 0; i < kSide; ++i) cut.at(box.first[0] + i, box.first[1] + j, box.first[2] + k) = 0;
+  const auto whole_bricks = label_bricks(labels), cut_bricks = label_bricks(cut);
+  std::vector<double> all_ms, box_ms, share;
+  for (int n = 0; n < options.boxes; ++n) {
+    const auto begin = std::chrono::steady_clock::now();
+    auto renderer = VolumeRenderer::make(*whole_bricks, looks, options.threads);
+    PALPATE_CHECK(renderer);
+    const auto made = std::chrono::steady_clock::now();
+    renderer->change(*cut_bricks, box);
+    const auto changed = std::chrono::steady_clock::now();
+    all_ms.push_back(std::chrono::duration<double, std::milli>(made - begin).count());
+    box_ms.push_back(std::chrono::duration<double, std::milli>(changed - made).count());
+    share.push_back(all_ms.back() / box_ms.back());
+  }
+  std::printf("\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f (medians of %d)\n", median(all_ms),
+              kSide, median(box_ms), median(share), options.boxes);
+  return {{"whole_ms", median(all_ms)}, {"box_ms", median(box_ms)}, {"ratio", median(share)}};
+}
+
 // ---- the run
 // ------------------------------------------------------------------------------------------------
 
@@ -283,6 +324,7 @@ Result<nlohmann::json> run(const Options& options) {
                         {"pixels", options.pixels},
                         {"prepared_s", prepared_s},
                         {"prepared_mb", palpate->prepared_mb()}};
+  if (options.boxes > 0) report["changed_box"] = change_boxes(*labels, options);
   for (const Timing& t : timings)
     report["views"].push_back({{"name", t.name},
                                {"median_ms", t.median_ms},
@@ -304,6 +346,9 @@ int main(int argc, char** argv) {
   app.add_option("--labels", options.labels,
                  "A label map; default: the knee of PALPATE_DATA, or a generated one");
   app.add_flag("--whole", options.whole, "In its own voxels, instead of 256x256x124");
+  app.add_option("--cube", options.cube, "On so many voxels each way instead")->check(CLI::Range(64, 1024));
+  app.add_option("--boxes", options.boxes, "Times that a box is changed, by turns with preparing all")
+      ->check(CLI::Range(0, 1000));
   app.add_option("--rounds", options.rounds, "Views, each drawn once by both")->check(CLI::Range(1, 10000));
   app.add_option("--pixels", options.pixels, "Width and height of the picture")->check(CLI::Range(16, 4096));
   app.add_option("--threads", options.threads, "Of both")->check(CLI::Range(1, 64));

@@ -11,6 +11,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/animated_png.h"
 #include "palpate/rendering/volume_picture.h"
+#include "palpate/report/moment.h"
 #include "palpation.h"
 #include "verb.h"
 
@@ -28,6 +29,8 @@ const std::map<std::string, ViewFrom> kViews{
 struct RenderOptions {
   std::string target;
   std::optional<int> volume;
+  std::optional<double> time_s;  ///< the target is a recording, of which this moment is drawn
+  std::string model;             ///< what that was made with
   std::filesystem::path output;
   VolumePictureRequest request;
   std::vector<double> at;
@@ -54,7 +57,9 @@ bool is_animated(const RenderOptions& options) {
 /// A picture is a file that can be claimed; the folder of an orbit's frames is new, or empty.
 Result<std::optional<OutputClaim>> check_output(const RenderOptions& options) {
   if (!options.frames || is_animated(options)) {
-    auto claimed = claim_output(options.output, input_files(options.target));
+    auto inputs = input_files(options.time_s ? options.model : options.target);
+    if (options.time_s) inputs.emplace_back(options.target);
+    auto claimed = claim_output(options.output, inputs);
     if (!claimed) return claimed.error();
     if (options.output.has_extension() && !is_named_png(options.output))
       return usage("the picture is a PNG, whatever its name", options.output.string(),
@@ -131,12 +136,44 @@ Result<void> write_frames(const std::filesystem::path& folder,
   return {};
 }
 
+/// What is drawn: a model, and where a recording is looked at the moment.
+struct Drawn {
+  std::shared_ptr<const Model> model;  ///< as the recording began with
+  std::optional<RecordedMoment> moment;
+
+  const Model& shown() const { return moment && moment->left ? *moment->left : *model; }
+};
+
+Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
+  if (!options.time_s) {
+    auto loaded = load_target(options.target, console, {}, options.volume);
+    if (!loaded) return loaded.error();
+    return Drawn{loaded->model, {}};
+  }
+  const Progress progress = console.progress();
+  const auto recording = RecordingSource::open(options.target, progress);
+  if (!recording) return recording.error();
+  const auto loaded = load_scene_of_recording(recording->head().header, options.model, progress,
+                                              console.warn(), options.volume);
+  if (!loaded) return loaded.error();
+  auto moment = recorded_moment(*recording, *loaded->model, *options.time_s, progress);
+  if (!moment) {
+    Error error = moment.error();
+    if (error.where.empty()) error.where = options.target;
+    return error;
+  }
+  return Drawn{loaded->model, *std::move(moment)};
+}
+
 int render(const RenderOptions& options, Console& console) {
+  if (!options.model.empty() && !options.time_s)
+    return console.fail(usage("only a recording is made with something", "--made-with",
+                              "say which moment of it is to be drawn with --time S"));
   const auto claimed = check_output(options);
   if (!claimed) return console.fail(claimed.error());
-  const auto loaded = load_target(options.target, console, {}, options.volume);
-  if (!loaded) return console.fail(loaded.error());
-  const Model& model = *loaded->model;
+  const auto drawn_model = load_drawn(options, console);
+  if (!drawn_model) return console.fail(drawn_model.error());
+  const Model& model = drawn_model->shown();
   if (model.labels == nullptr || model.segments.empty())
     return console.fail({ErrorKind::kBadInput, "there is no structure to draw", options.target,
                          "palpate section draws scans"});
@@ -155,7 +192,11 @@ int render(const RenderOptions& options, Console& console) {
   int drawn = 0;
   for (const VolumePictureRequest& request : requests) {
     if (progress.stopped()) return console.fail(Progress::interrupted());
-    Image picture = volume_picture(*renderer, model, *looks, request);
+    std::vector<VolumeMark> marks;
+    if (drawn_model->moment)
+      marks = moment_marks(*drawn_model->moment, *drawn_model->model,
+                           camera_of(model.labels->geometry(), request));
+    Image picture = volume_picture(*renderer, model, *looks, request, marks);
     if (animated)
       animated->add(std::move(picture));
     else
@@ -176,6 +217,15 @@ int render(const RenderOptions& options, Console& console) {
 void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
+  verb.add_option(
+          "--time", options.time_s,
+          "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
+          "proxies, forces and the ways of the two seconds before")
+      ->check(number_between(-1e9, 1e9))
+      ->type_name("S");
+  verb.add_option("--made-with", options.model,
+                  "Scene file, volume or data set that the recording was made with; not needed for data sets")
+      ->type_name("TARGET");
   verb.add_option("-o,--output", options.output,
                   "Picture to write (PNG); of an orbit an animated PNG, or the folder for its frames")
       ->required();
@@ -230,7 +280,8 @@ void add_render(CLI::App& app, Run& run) {
       "  palpate render knee-phantom -o knee.png\n"
       "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
       "  palpate render scene.toml --only femur --orbit 72 -o frames\n"
-      "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n\n"
+      "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n"
+      "  palpate render run.h5 --time 3.2 -o moment.png\n\n"
       "Colours and opacities are the scene's (docs/render.md).");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return render(*options, console); }; });

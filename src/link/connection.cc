@@ -122,22 +122,34 @@ void Connection::serve() {
     return send(std::move(*ready), keep_alive && ready->status < 400);
   }
 
-  // the volume may have to be made
+  // the volume or the picture may have to be made
   about_ = About::kMaking;
   get_on(kMadeWithin);
+  if (auto* picture = std::get_if<PictureWanted>(&answer)) {
+    hub_.want_picture(std::move(picture->key), weak_from_this(),
+                      [self = weak_from_this(), picture_head = std::move(picture->head),
+                       keep_alive](PictureStore::Payload payload) mutable {
+                        const auto connection = self.lock();
+                        if (!connection || connection->closed_) return;
+                        if (!payload) return connection->refuse_volume("a picture");
+                        picture_head.body = std::move(payload);
+                        connection->send_volume(std::move(picture_head), keep_alive);
+                      });
+    return;
+  }
   auto& wanted = std::get<VolumeWanted>(answer);
   hub_.want_volume(wanted.key, [self = weak_from_this(), wanted_head = std::move(wanted.head),
                                 keep_alive](PayloadStore::Payload payload) mutable {
     const auto connection = self.lock();
     if (!connection || connection->closed_) return;
-    if (!payload) return connection->refuse_volume();
+    if (!payload) return connection->refuse_volume("a volume");
     wanted_head.body = std::move(payload);
     connection->send_volume(std::move(wanted_head), keep_alive);
   });
 }
 
-void Connection::refuse_volume() {
-  hub_.log().say(peer_, "a volume could not be made");
+void Connection::refuse_volume(const std::string& what) {
+  hub_.log().say(peer_, what + " could not be made");
   send(Site::refusal(503), false);
 }
 

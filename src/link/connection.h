@@ -49,7 +49,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void read();
   void read_failed(ErrorCode failed);
   void serve();
-  void refuse_volume();
+  void refuse_volume(const std::string& what);
   void become_viewer();
   /// Whether a body follows.
   bool begin_answer(HttpAnswer answer, bool keep_alive);

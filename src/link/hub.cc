@@ -23,10 +23,11 @@ constexpr auto kPosePeriod =
 }  // namespace
 
 Hub::Hub(net::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
-         DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
+         PictureStore& pictures, DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
       site_(site),
       volumes_(volumes),
+      pictures_(pictures),
       downloads_(downloads),
       log_(std::move(log)),
       count_viewers_(std::move(count_viewers)),
@@ -136,6 +137,15 @@ void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Pa
   volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
     net::post(context_, [then, payload = std::move(payload)] { then(payload); });
   });
+}
+
+void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
+                       std::function<void(PictureStore::Payload)> then) {
+  pictures_.want(std::move(key), std::move(asker),
+                 [this, then = std::move(then)](PictureStore::Payload payload) mutable {
+                   net::post(context_,
+                             [then = std::move(then), payload = std::move(payload)] { then(payload); });
+                 });
 }
 
 // ---- what viewers ask

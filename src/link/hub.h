@@ -43,9 +43,9 @@ class Hub {
   /// A viewer loads scan and labels at once.
   static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 
-  /// @param host, site, volumes  outlive the hub
+  /// @param host, site, volumes, pictures  outlive the hub
   Hub(boost::asio::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
-      DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
+      PictureStore& pictures, DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
   ~Hub();
 
   void begin();
@@ -74,7 +74,9 @@ class Hub {
   FaultLog& log() { return log_; }
   /// The next part of a connection's download, which has sent the one before.
   DownloadPace::Turn next_part(std::size_t left_bytes);
-  /// Hands over the bytes on the server's thread.
+  /// Hand over the bytes on the server's thread.
+  void want_picture(PictureKey key, std::weak_ptr<const void> asker,
+                    std::function<void(PictureStore::Payload)> then);
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
 
   // ---- what viewers ask
@@ -109,6 +111,7 @@ class Hub {
   ViewerHost& host_;
   Site& site_;
   PayloadStore& volumes_;
+  PictureStore& pictures_;
   DownloadPace downloads_;
   FaultLog log_;
   const std::function<void(int)> count_viewers_;

@@ -98,6 +98,7 @@ class Server : public ViewerServer {
     const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
                             needs_wide_labels(*scene.labels)};
     volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels));
+    pictures_.emplace(host);
     site_.emplace(host,
                   Access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens)),
                   facts);
@@ -105,7 +106,7 @@ class Server : public ViewerServer {
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
                                  DownloadPace::Clock::now());
-    hub_.emplace(context_, host, *site_, *volumes_, downloads, FaultLog(options.log),
+    hub_.emplace(context_, host, *site_, *volumes_, *pictures_, downloads, FaultLog(options.log),
                  [this](int viewers) { viewers_ = viewers; });
     hub_->begin();
     accept();
@@ -119,8 +120,9 @@ class Server : public ViewerServer {
       hub_->end();
     });
     thread_.join();
-    // its thread may still hand something to the context
+    // their threads may still hand something to the context
     volumes_.reset();
+    pictures_.reset();
   }
 
   std::string url() const override {
@@ -187,6 +189,7 @@ class Server : public ViewerServer {
   int port_ = 0;
   std::atomic<int> viewers_{0};
   std::optional<PayloadStore> volumes_;
+  std::optional<PictureStore> pictures_;
   std::optional<Site> site_;
   std::optional<Hub> hub_;
   std::thread thread_;

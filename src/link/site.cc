@@ -10,7 +10,7 @@ namespace palpate::link {
 namespace {
 
 constexpr std::string_view kAssets = "/assets/", kVolumes = "/api/volume/", kScene = "/api/scene",
-                           kSocket = "/ws";
+                           kPictures = "/api/picture/", kSocket = "/ws";
 
 std::string field(std::string_view name, std::string_view value) {
   std::string line(name);
@@ -103,7 +103,7 @@ HttpAnswer Site::refusal(int status) {
 Site::Site(ViewerHost& host, Access access, VolumeFacts facts)
     : host_(host), access_(std::move(access)), facts_(std::move(facts)) {}
 
-std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& request) {
+SiteAnswer Site::answer(const HttpRequest& request) {
   // who asks, before what for
   if (request.ambiguous) return refusal(400);
   if (!access_.serves(request.host, request.local_address)) return refusal(421);
@@ -129,6 +129,7 @@ std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::answer(const HttpRequest& 
   if (!who.role) return refusal(who.too_many_guesses ? 429 : 401);
   if (path == kScene) return scene(*who.role);
   if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request);
+  if (path.starts_with(kPictures)) return picture(path.substr(kPictures.size()), query, request);
   return refusal(404);
 }
 
@@ -152,8 +153,7 @@ HttpAnswer Site::scene(Role role) const {
   return answer;
 }
 
-std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::volume(std::string_view path, std::string_view query,
-                                                             const HttpRequest& request) const {
+SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request) const {
   const std::string_view kind = path.substr(0, path.find('/'));
   const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
   const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
@@ -172,6 +172,20 @@ std::variant<HttpAnswer, VolumeWanted, Upgrade> Site::volume(std::string_view pa
   if (knows_tag(request.if_none_match, in_quotes(name))) return not_modified(fields);
   wanted.head.fields = field("Content-Type", "application/octet-stream") + fields;
   if (wanted.key.gzip) wanted.head.fields += field("Content-Encoding", "gzip");
+  return wanted;
+}
+
+SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request) const {
+  const ViewedScene& scene = host_.scene();
+  if (hash != facts_.hash || scene.labels->geometry().voxel_count() > PictureStore::kMostVoxels)
+    return refusal(404);
+  auto key = parse_picture_query(query, scene.structures.size());
+  if (!key) return refusal(400);
+  key->gzip = takes_gzip(request.accept_encoding);
+  PictureWanted wanted;
+  wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");
+  if (key->gzip) wanted.head.fields += field("Content-Encoding", "gzip");
+  wanted.key = std::move(*key);
   return wanted;
 }
 

@@ -7,6 +7,7 @@
 
 #include "link/access.h"
 #include "link/payload_store.h"
+#include "link/volume_pictures.h"
 #include "palpate/link/viewer_server.h"
 
 /// What is served at which address, without a word of sockets.
@@ -43,15 +44,23 @@ struct VolumeWanted {
   HttpAnswer head;  ///< its body is to be filled in
 };
 
+/// The answer is a picture of the volume that has to be made.
+struct PictureWanted {
+  PictureKey key;
+  HttpAnswer head;  ///< its body is to be filled in
+};
+
 /// The answer is a WebSocket.
 struct Upgrade {};
+
+using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, Upgrade>;
 
 class Site {
  public:
   /// @param host  outlives the site, as does its scene
   Site(ViewerHost& host, Access access, VolumeFacts facts);
 
-  std::variant<HttpAnswer, VolumeWanted, Upgrade> answer(const HttpRequest& request);
+  SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
 
   /// The bytes before the body.
@@ -63,8 +72,8 @@ class Site {
  private:
   HttpAnswer file(std::string_view name, const HttpRequest& request) const;
   HttpAnswer scene(Role role) const;
-  std::variant<HttpAnswer, VolumeWanted, Upgrade> volume(std::string_view path, std::string_view query,
-                                                         const HttpRequest& request) const;
+  SiteAnswer volume(std::string_view path, std::string_view query, const HttpRequest& request) const;
+  SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request) const;
 
   ViewerHost& host_;
   Access access_;

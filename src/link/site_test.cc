@@ -27,7 +27,7 @@ struct SiteTest : ::testing::Test {
   int status_of(const HttpRequest& request) {
     const auto answer = site.answer(request);
     if (const auto* ready = std::get_if<HttpAnswer>(&answer)) return ready->status;
-    return std::holds_alternative<VolumeWanted>(answer) ? 200 : 101;
+    return std::holds_alternative<Upgrade>(answer) ? 101 : 200;
   }
   int status_of(std::string_view target) { return status_of(get(target)); }
 };
@@ -39,6 +39,23 @@ TEST_F(SiteTest, ServesWhatTheDocumentNames) {
   EXPECT_EQ(status_of("/api/volume/scan/00aa"), 200);
   EXPECT_EQ(status_of("/api/volume/labels/00aa?shrink=2"), 200);
   EXPECT_EQ(status_of("/api/volume/labels/00aa?shrink=4"), 200);
+}
+
+TEST_F(SiteTest, PicturesAreAskedForInOneWay) {
+  const std::string view = "/api/picture/00aa?view=64,48,-10,-10,0,1,0,0,0,1,0";
+  EXPECT_EQ(status_of(view), 200);
+  EXPECT_EQ(status_of(view + ",22,14,-300"), 200);
+  EXPECT_EQ(status_of(view + "&looks=ffeeddff0a0b0c00&cut=1,2,3,0,0,1"), 200);
+  EXPECT_EQ(status_of("/api/picture/00ab?view=64,48,-10,-10,0,1,0,0,0,1,0"), 404);
+  for (const char* more : {",22,14", ",22,14,300", "&looks=ffeeddff0", "&looks=ffeeddff0a0b0c000a0b0c00",
+                           "&looks=ffeeddff0a0b0cxx", "&cut=1,2,3,0,0,0", "&cut=1,2,3",
+                           "&view=64,48,-10,-10,0,1,0,0,0,1,0", "&other=1", ",nan,0,0", ",1e99,0,0"})
+    EXPECT_EQ(status_of(view + more), 400) << more;
+  for (const char* other :
+       {"", "?", "?view=", "?view=64,48,0,0,0,0,0,0,0,1,0", "?view=64,48,0,0,0,1,0,0,1,0,0",
+        "?view=64,48,0,0,0,1,0,0,0,2,0", "?view=8,48,0,0,0,1,0,0,0,1,0", "?view=64.5,48,0,0,0,1,0,0,0,1,0",
+        "?view=2048,2048,0,0,0,1,0,0,0,1,0", "?looks=ffeeddff0a0b0c00"})
+    EXPECT_EQ(status_of(std::string("/api/picture/00aa") + other), 400) << other;
 }
 
 TEST_F(SiteTest, NothingLeadsOutOfIt) {

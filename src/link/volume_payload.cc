@@ -140,11 +140,11 @@ std::shared_ptr<const std::string> labels_payload(const Bricks<LabelId>& labels,
   return wide ? labels_of_width<2>(labels, shrink, stop) : labels_of_width<1>(labels, shrink, stop);
 }
 
-std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop) {
-  constexpr int kGzipWindow = 15 + 16, kMemory = 8, kLevel = 6;
+std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop, int level) {
+  constexpr int kGzipWindow = 15 + 16, kMemory = 8;
   constexpr std::size_t kPart_bytes = std::size_t{1} << 20;
   z_stream stream{};
-  if (deflateInit2(&stream, kLevel, Z_DEFLATED, kGzipWindow, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
+  if (deflateInit2(&stream, level, Z_DEFLATED, kGzipWindow, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
     return nullptr;
   auto packed = std::make_shared<std::string>();
   std::string out(kPart_bytes, '\0');

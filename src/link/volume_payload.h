@@ -39,7 +39,8 @@ std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const
 std::shared_ptr<const std::string> labels_payload(const Bricks<LabelId>& labels, bool wide, int shrink,
                                                   const std::atomic<bool>& stop);
 
-/// The bytes as a gzip stream. `stop` as above.
-std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop);
+/// The bytes as a gzip stream. `stop` as above. @param level  zlib's
+std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::atomic<bool>& stop,
+                                        int level = 6);
 
 }  // namespace palpate::link

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "palpate/base/for_each_index.h"
@@ -52,7 +53,7 @@ constexpr int kTileSide = 64;
 /// are lit, odd ones are being lit.
 constexpr std::uint8_t kUnlit = 0, kLastLight = 254;
 /// Cubes. A leap that is no longer, so that what changes has an end.
-constexpr int kFarthestLeap = 12;
+constexpr std::uint8_t kFarthestLeap = 12;
 
 /// A Gaussian after [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
@@ -65,6 +66,10 @@ std::vector<float> smoothing_kernel(double sigma_voxels) {
   for (int t = 0; t <= static_cast<int>(gaussian.size()); ++t)
     kernel.push_back(0.25f * at(t - 1) + 0.5f * at(t) + 0.25f * at(t + 1));
   return kernel;
+}
+
+std::int8_t rounded(double value) {
+  return static_cast<std::int8_t>(value < 0 ? value - 0.5 : value + 0.5);
 }
 
 int blocks_along(int voxels) {
@@ -181,79 +186,99 @@ std::size_t BlockRows::bytes() const {
 
 Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
   // cells 0 ... voxels, and one more, to which a place at the border may be rounded
-  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kLeapSide + 1;
+  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kCubeSide + 1;
   leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
+  filled_.resize(leap_.size());
 }
 
-bool Leaps::is_filled(const BlockRows& rows, int a, int b, int c) const {
+void Leaps::fill(const BlockRows& rows, const Cubes& cubes) {
+  for (int c = cubes[2][0]; c <= cubes[2][1]; ++c)
+    for (int b = cubes[1][0]; b <= cubes[1][1]; ++b)
+      std::fill_n(filled_.begin() + static_cast<std::ptrdiff_t>(index(cubes[0][0], b, c)),
+                  cubes[0][1] - cubes[0][0] + 1, 0);
   // cell n lies between voxels n - 1 and n
-  const auto first = [](int cube) { return std::max(0, cube * kLeapSide - 1); };
-  const auto end = [&](int cube, std::size_t axis) {
-    return std::min(voxels_[axis], (cube + 1) * kLeapSide);
+  const auto first = [&](std::size_t axis) { return std::max(0, cubes[axis][0] * kCubeSide - 1); };
+  const auto end = [&](std::size_t axis) {
+    return std::min(voxels_[axis], (cubes[axis][1] + 1) * kCubeSide);
   };
-  for (int k = first(c); k < end(c, 2); ++k)
-    for (int j = first(b); j < end(b, 1); ++j) {
+  const auto within = [&](int cube, std::size_t axis) {
+    return cube >= cubes[axis][0] && cube <= cubes[axis][1];
+  };
+  constexpr int kLast = kCubeSide - 1;
+  for (int k = first(2); k < end(2); ++k)
+    for (int j = first(1); j < end(1); ++j) {
       const std::size_t row =
           static_cast<std::size_t>(j) + static_cast<std::size_t>(voxels_[1]) * static_cast<std::size_t>(k);
-      const VoxelBlock* voxels = nullptr;
-      for (int i = first(a); i < end(a, 0); ++i) {
-        if (i == first(a) || i % kBlock == 0) voxels = rows.find(row, i / kBlock);
-        if (voxels != nullptr && voxels->extinction[i % kBlock] != 0) return true;
+      for (int block = first(0) / kBlock; block * kBlock < end(0); ++block) {
+        const VoxelBlock* voxels = rows.find(row, block);
+        if (voxels == nullptr) continue;
+        std::uint64_t cells = 0;
+        for (int n = 0; n < kBlock; ++n)
+          if (voxels->extinction[n] != 0) cells |= std::uint64_t{3} << n;
+        for (int a = block * kBlock / kCubeSide; cells != 0; ++a, cells >>= kCubeSide) {
+          if (!within(a, 0)) continue;
+          const std::uint64_t along = cells & ((1 << kCubeSide) - 1);
+          for (const int z : {k, k + 1})
+            for (const int y : {j, j + 1})
+              if (within(y / kCubeSide, 1) && within(z / kCubeSide, 2))
+                filled_[index(a, y / kCubeSide, z / kCubeSide)] |=
+                    along << kCubeSide * ((y & kLast) + kCubeSide * (z & kLast));
+        }
       }
     }
-  return false;
 }
 
-bool Leaps::pass(const Cubes& region, int step) {
+void Leaps::pass(const Cubes& region, int step) {
   const auto order = [&](int n, std::size_t axis) {
     return step > 0 ? n : region[axis][0] + region[axis][1] - n;
   };
-  bool changed = false;
+  const int first = region[0][0], last = region[0][1], before = std::max(0, first - 1),
+            after = std::min(cubes_[0] - 1, last + 1);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
-    for (int b = region[1][0]; b <= region[1][1]; ++b)
-      for (int a = region[0][0]; a <= region[0][1]; ++a) {
-        const int x = order(a, 0), y = order(b, 1), z = order(c, 2);
-        std::int32_t& least = at(x, y, z);
-        // those that were passed before
-        for (int q = 0; q < 13 && least > 0; ++q) {
-          const int xx = x + step * (q % 3 - 1), yy = y + step * (q / 3 % 3 - 1), zz = z + step * (q / 9 - 1);
-          if (xx < 0 || yy < 0 || zz < 0 || xx >= cubes_[0] || yy >= cubes_[1] || zz >= cubes_[2]) continue;
-          const std::int32_t beside = at(xx, yy, zz) + 1;
-          changed = changed || beside < least;
-          least = std::min(least, beside);
-        }
+    for (int b = region[1][0]; b <= region[1][1]; ++b) {
+      const int y = order(b, 1), z = order(c, 2);
+      std::uint8_t* row = &leap_[index(0, y, z)];
+      const auto lower = [&](int a, std::uint8_t beside) {
+        row[a] = std::min(row[a], static_cast<std::uint8_t>(beside + 1));
+      };
+      // rows that were passed before
+      for (int q = 0; q < 4; ++q) {
+        const int yy = y + step * (q % 3 - 1), zz = z + step * (q / 3 - 1);
+        if (yy < 0 || zz < 0 || yy >= cubes_[1] || zz >= cubes_[2]) continue;
+        const std::uint8_t* other = &leap_[index(0, yy, zz)];
+        for (int a = first; a <= last; ++a)
+          lower(a, std::min({other[std::max(a - 1, before)], other[a], other[std::min(a + 1, after)]}));
       }
-  return changed;
+      for (int n = first; n <= last; ++n) {
+        const int a = order(n, 0), beside = a - step;
+        if (beside >= 0 && beside < cubes_[0]) lower(a, row[beside]);
+      }
+    }
 }
 
 void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
   // cubes that the box fills or empties, and those whose leaps these bound
   Cubes looked{}, region{};
   for (std::size_t a = 0; a < 3; ++a) {
-    looked[a] = {std::max(0, box.first[a] / kLeapSide),
-                 std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kLeapSide)};
+    looked[a] = {std::max(0, box.first[a] / kCubeSide),
+                 std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kCubeSide)};
     region[a] = {std::max(0, looked[a][0] - kFarthestLeap),
                  std::min(cubes_[a] - 1, looked[a][1] + kFarthestLeap)};
   }
-  const auto within = [](const Cubes& cubes, int a, int b, int c) {
-    return a >= cubes[0][0] && a <= cubes[0][1] && b >= cubes[1][0] && b <= cubes[1][1] && c >= cubes[2][0] &&
-           c <= cubes[2][1];
-  };
+  fill(rows, looked);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
     for (int b = region[1][0]; b <= region[1][1]; ++b)
-      for (int a = region[0][0]; a <= region[0][1]; ++a) {
-        std::int32_t& leap = at(a, b, c);
-        const bool is_filled = within(looked, a, b, c) ? this->is_filled(rows, a, b, c) : leap == 0;
-        leap = is_filled ? 0 : kFarthestLeap;
-      }
-  // distances, from what lies around the region, too
-  while (pass(region, 1) || pass(region, -1)) {
-  }
+      for (int a = region[0][0]; a <= region[0][1]; ++a)
+        leap_[index(a, b, c)] = filled_[index(a, b, c)] != 0 ? 0 : kFarthestLeap;
+  // distances, from what lies around the region, too: once there and back, as of a chessboard
+  pass(region, 1);
+  pass(region, -1);
 }
 
-LeapsView Leaps::view(int x, int y, int z) const {
+CubesView Leaps::view(int x, int y, int z) const {
   const std::int32_t steps[3] = {1, cubes_[0], cubes_[0] * cubes_[1]};
-  return {leap_.data(), {steps[x], steps[y], steps[z]}};
+  constexpr int kShift = kCubeShift;
+  return {filled_.data(), leap_.data(), {steps[x], steps[y], steps[z]}, {kShift * x, kShift * y, kShift * z}};
 }
 
 // ---- a tile -----------------------------------------------------------------------------------------------
@@ -443,8 +468,7 @@ class Encoding::Tile {
               Eigen::Vector3d(here[i + 1] - here[i - 1], front[i] - back[i], above[i] - below[i]) / 2;
           const Eigen::Vector3d normal =
               gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
-          for (std::size_t a = 0; a < 3; ++a)
-            normals_[n][a] = static_cast<std::int8_t>(std::lround(normal[static_cast<Eigen::Index>(a)]));
+          for (std::size_t a = 0; a < 3; ++a) normals_[n][a] = rounded(normal[static_cast<Eigen::Index>(a)]);
         }
       }
   }
@@ -497,20 +521,29 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
-  const int count = tiles[0] * tiles[1] * tiles[2];
+  // what is too small to be a tile for each worker is cut in thinner ones
+  int thickness = kTileSide;
+  const int workers = worker_count(threads, std::numeric_limits<int>::max()), columns = tiles[0] * tiles[1];
+  if (columns > 0 && columns * tiles[2] < workers) {
+    const int slices = to[2] - from[2], layers = (workers + columns - 1) / columns;
+    thickness = std::clamp((slices + layers - 1) / layers, kBlock, kTileSide);
+    tiles[2] = (slices + thickness - 1) / thickness;
+  }
+  const int count = columns * tiles[2];
   struct Made {
     int rows, i, j, k;
     VoxelBlock block;
   };
   std::mutex putting;
   std::atomic<int> done{0};
-  const bool whole = for_each_index(count, worker_count(threads, count), [&](int worker, int n) {
+  const bool whole = for_each_index(count, std::min(workers, count), [&](int worker, int n) {
     if (progress.stopped()) return false;
     const std::array<int, 3> tile{n % tiles[0], n / tiles[0] % tiles[1], n / tiles[0] / tiles[1]};
     VoxelBox part;
     for (std::size_t a = 0; a < 3; ++a) {
-      part.first[a] = from[a] + tile[a] * kTileSide;
-      part.size[a] = std::min(kTileSide, to[a] - part.first[a]);
+      const int side = a == 2 ? thickness : kTileSide;
+      part.first[a] = from[a] + tile[a] * side;
+      part.size[a] = std::min(side, to[a] - part.first[a]);
     }
     std::vector<Made> made;
     Tile(*this, labels, part).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {

@@ -46,11 +46,11 @@ class BlockRows {
   int along_ = 0, across_ = 1;
   std::array<int, 3> dims_{};
   int blocks_ = 0, words_ = 0;  ///< of a row
-  std::vector<std::uint32_t> block_of_;
-  std::vector<std::uint64_t> mask_;
+  section::Bricks<std::uint32_t> block_of_;
+  section::Bricks<std::uint64_t> mask_;
   section::Bricks<VoxelBlock> voxels_;
   section::Bricks<LitBlock> lit_;
-  std::vector<std::uint8_t> state_;  ///< of each block: RowsView
+  section::Bricks<std::uint8_t> state_;  ///< of each block: RowsView
   std::uint8_t lit_now_ = 0;
   std::vector<std::uint32_t> free_;  ///< blocks that nothing leads to any more
   Vector<Patient> into_;
@@ -65,23 +65,25 @@ class Leaps {
   /// Looks at the voxels of a box, of rows along i.
   void find(const BlockRows& rows, const VoxelBox& box);
   /// @param x, y, z  the grid's axes that a view calls so
-  LeapsView view(int x, int y, int z) const;
-  std::size_t bytes() const { return leap_.size() * sizeof(leap_[0]); }
+  CubesView view(int x, int y, int z) const;
+  std::size_t bytes() const { return leap_.size() * (sizeof(leap_[0]) + sizeof(filled_[0])); }
 
  private:
   using Cubes = std::array<std::array<int, 2>, 3>;  ///< first ... last
-  std::int32_t& at(int a, int b, int c) {
-    return leap_[static_cast<std::size_t>(a) +
-                 static_cast<std::size_t>(cubes_[0]) *
-                     (static_cast<std::size_t>(b) +
-                      static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c))];
+  std::size_t index(int a, int b, int c) const {
+    return static_cast<std::size_t>(a) +
+           static_cast<std::size_t>(cubes_[0]) *
+               (static_cast<std::size_t>(b) +
+                static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c));
   }
-  bool is_filled(const BlockRows& rows, int a, int b, int c) const;
-  /// Lowers leaps to what those of the cubes beside them allow. @returns whether any changed
-  bool pass(const Cubes& region, int step);
+  /// Which cells of these cubes have something.
+  void fill(const BlockRows& rows, const Cubes& cubes);
+  /// Lowers leaps to what those of the cubes allow that were passed before.
+  void pass(const Cubes& region, int step);
 
   std::array<int, 3> voxels_{}, cubes_{};
-  std::vector<std::int32_t> leap_;
+  section::Bricks<std::uint64_t> filled_;
+  section::Bricks<std::uint8_t> leap_;
 };
 
 class Encoding {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/test_seed.h"
+#include "palpate/volume/volume.h"
 #include "rendering/volume_encoding.h"
 #include "rendering/volume_simd.h"
 #include "sampling/test_targets.h"
@@ -15,11 +16,13 @@
 namespace palpate {
 namespace {
 
+using internal::volume_picture::CubesView;
+using internal::volume_picture::Encoding;
 using internal::volume_picture::kBlock;
+using internal::volume_picture::kCubeSide;
 using internal::volume_picture::kDepthSteps;
 using internal::volume_picture::kNoPlane;
 using internal::volume_picture::Leaps;
-using internal::volume_picture::LeapsView;
 using internal::volume_picture::LitBlock;
 using internal::volume_picture::RowsView;
 using internal::volume_picture::SamplePlane;
@@ -84,9 +87,9 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     const std::size_t cubes = (static_cast<std::size_t>(count[0] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[1] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[2] + 1) / 4 + 1);
-    const std::vector<std::int32_t> none(cubes, 0);
-    LeapsView small_steps = leaps.view(0, 1, 2);
-    small_steps.leap = none.data();
+    const std::vector<std::uint64_t> all(cubes, ~std::uint64_t{0});
+    CubesView small_steps = leaps.view(0, 1, 2);
+    small_steps.filled = all.data();
     std::vector<SamplePlane> planes(600);
     for (SamplePlane& plane : planes) {
       plane = SamplePlane{};
@@ -108,7 +111,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
       rays[n].last = plane + 6;
       if (axis == 0 && border < 0) rays[n].begun = kNoPlane;  // the first block is filled
     }
-    for (const LeapsView& view : {leaps.view(0, 1, 2), small_steps}) {
+    for (const CubesView& view : {leaps.view(0, 1, 2), small_steps}) {
       std::vector<TracedRay> traced = rays;
       trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1,
                  static_cast<int>(traced.size()), traced.data());
@@ -125,10 +128,10 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
     std::fill(grid.block_of.begin(), grid.block_of.end(), 1u);
     std::vector<SamplePlane> planes(63);
     for (std::size_t n = 0; n < planes.size(); ++n) planes[n].slice = static_cast<int>(n);
-    const std::vector<std::int32_t> none(5ul * 2 * 17, 0);
-    LeapsView leaps;
-    leaps.leap = none.data();
-    leaps.step[0] = 1, leaps.step[1] = 5, leaps.step[2] = 10;
+    const std::vector<std::uint64_t> all(5ul * 2 * 17, ~std::uint64_t{0});
+    CubesView cubes;
+    cubes.filled = all.data();
+    cubes.step[0] = 1, cubes.step[1] = 5, cubes.step[2] = 10;
     for (const float first : {-kNoPlane, 2.3f, 7.8f})
       for (const float step : {1.0f, 0.7f}) {
         TracedRay ray = ray_from(5.5f, 0.01f, 1.5f, 0);
@@ -136,7 +139,7 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
         ray.first = first;
         const float before = first < 0 ? -0.5f : first;
         TracedRay clipped = ray;
-        trace_rays(grid.view(), leaps, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped);
+        trace_rays(grid.view(), cubes, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped);
         const float expected =
             before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);
         // a plane that cuts a sample's stretch spreads what is left of it over all of it
@@ -144,6 +147,68 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
             << extinction << " " << first << " " << step;
         EXPECT_LT(clipped.clear, 0.5f);
       }
+  }
+}
+
+/// Against a search through all voxels around each cell, and all cubes around each cube.
+TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
+  const unsigned seed = test::test_seed();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  const auto below = [&](int end) { return static_cast<int>(random() % static_cast<unsigned>(end)); };
+  GridGeometry grid;
+  grid.dims = {83, 57, 71};
+  Volume<LabelId> labels(grid);
+  const std::vector<StructureLook> looks{{{}, 0}, {{200, 100, 50}, 1}};
+  Encoding encoding(grid, looks);
+  const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1,
+                                 (71 + 1) / kCubeSide + 1};
+  for (int change = 0; change < 6; ++change) {
+    // first all of it, then boxes that are filled or emptied
+    VoxelBox box{{0, 0, 0}, grid.dims};
+    if (change > 0) {
+      for (std::size_t a = 0; a < 3; ++a) box.size[a] = 1 + below(9), box.first[a] = below(grid.dims[a] - 9);
+      for (int k = 0; k < box.size[2]; ++k)
+        for (int j = 0; j < box.size[1]; ++j)
+          for (int i = 0; i < box.size[0]; ++i)
+            labels.at(box.first[0] + i, box.first[1] + j, box.first[2] + k) = change == 3 ? 0 : 1;
+    } else {
+      for (int n = 0; n < 3; ++n) labels.at(below(83), below(57), below(71)) = 1;
+    }
+    ASSERT_TRUE(encoding.encode(*label_bricks(labels), box, 2, {}));
+    const CubesView view = encoding.leaps().view(0, 1, 2);
+    const auto is_filled = [&](int i, int j, int k) {
+      if (i < 0 || j < 0 || k < 0 || i >= grid.dims[0] || j >= grid.dims[1] || k >= grid.dims[2])
+        return false;
+      const auto* block =
+          encoding.rows_for(2).find(static_cast<std::size_t>(j + grid.dims[1] * k), i / kBlock);
+      return block != nullptr && block->extinction[i % kBlock] != 0;
+    };
+    std::vector<std::array<int, 3>> filled;
+    for (int c = 0; c < cubes[2]; ++c)
+      for (int b = 0; b < cubes[1]; ++b)
+        for (int a = 0; a < cubes[0]; ++a) {
+          std::uint64_t expected = 0;
+          for (int bit = 0; bit < 64; ++bit)
+            for (int corner = 0; corner < 8; ++corner)
+              if (is_filled(kCubeSide * a + bit % 4 - (corner & 1),
+                            kCubeSide * b + bit / 4 % 4 - (corner >> 1 & 1),
+                            kCubeSide * c + bit / 16 - (corner >> 2)))
+                expected |= std::uint64_t{1} << bit;
+          ASSERT_EQ(view.filled[a * view.step[0] + b * view.step[1] + c * view.step[2]], expected)
+              << change << ": " << a << " " << b << " " << c;
+          if (expected != 0) filled.push_back({a, b, c});
+        }
+    ASSERT_FALSE(filled.empty());
+    for (int c = 0; c < cubes[2]; ++c)
+      for (int b = 0; b < cubes[1]; ++b)
+        for (int a = 0; a < cubes[0]; ++a) {
+          int least = 12;
+          for (const auto& f : filled)
+            least = std::min(least, std::max({std::abs(f[0] - a), std::abs(f[1] - b), std::abs(f[2] - c)}));
+          ASSERT_EQ(view.leap[a * view.step[0] + b * view.step[1] + c * view.step[2]], least)
+              << change << ": " << a << " " << b << " " << c;
+        }
   }
 }
 

@@ -12,10 +12,11 @@
 namespace palpate {
 
 using internal::volume_picture::BlockRows;
+using internal::volume_picture::CubesView;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
 using internal::volume_picture::Gathered;
-using internal::volume_picture::LeapsView;
+using internal::volume_picture::MixingRoom;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
@@ -24,14 +25,15 @@ using internal::volume_picture::TracedRay;
 
 namespace internal::volume_picture {
 
-/// A line of intermediate pixels, for one thread.
+/// A line of intermediate pixels.
 struct Line {
-  std::vector<float> floats, row;
+  std::vector<float> floats;
   std::vector<std::uint64_t> open;
 };
 /// Room that is kept from picture to picture.
 struct Scratch {
-  std::vector<Line> lines;
+  std::vector<Line> lines;                   ///< kMostLines of each thread
+  std::vector<std::vector<float>> mixing;    ///< of each thread
   std::vector<std::vector<TracedRay>> rays;  ///< of each thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
@@ -46,6 +48,7 @@ namespace {
 /// Samples along a ray, in the grid's shortest spacing, are at most so far apart; where a clip plane cuts
 /// between two of them, nearer.
 constexpr double kMostApart = 1, kMostApartClipped = 0.5;
+using internal::volume_picture::kMostLines;
 using internal::volume_picture::kNoPlane;
 /// Rays of a row that are traced together.
 constexpr std::size_t kMostRays = 64;
@@ -120,14 +123,10 @@ RowsView rows_of(BlockRows& blocks, const GridGeometry& grid, const Factored& vi
   return rows;
 }
 
-Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels, bool is_clipped,
-                 bool has_depth) {
+Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clipped, bool has_depth) {
   constexpr int kChunk = internal::volume_picture::kChunk;
   const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
-  const std::size_t room = static_cast<std::size_t>(row_voxels) +
-                           2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
   line.floats.resize(9 * stride);
-  line.row.resize(4 * room);
   const std::size_t chunks = stride / kChunk;
   line.open.assign((chunks + 63) / 64, ~std::uint64_t{0});
   if (chunks % 64 != 0) line.open.back() = (std::uint64_t{1} << chunks % 64) - 1;
@@ -138,7 +137,6 @@ Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels
   gathered.met = has_depth ? part(4) : nullptr;
   gathered.step = part(5);
   if (is_clipped) gathered.first = part(6), gathered.last = part(7);
-  for (std::size_t n = 0; n < 4; ++n) gathered.row[n] = line.row.data() + n * room;
   gathered.begun = part(8);
   gathered.open = line.open.data();
   std::fill(part(0), part(3), 0.0f);
@@ -147,6 +145,18 @@ Gathered line_of(internal::volume_picture::Line& line, int width, int row_voxels
   std::fill(part(5), part(8), 0.0f);
   std::fill(part(8), part(9), kNoPlane);
   return gathered;
+}
+
+MixingRoom mixing_room(std::vector<float>& floats, int row_voxels) {
+  const std::size_t room = static_cast<std::size_t>(row_voxels) +
+                           2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
+  floats.resize(4 * (internal::volume_picture::kMostRows + 1) * room);
+  MixingRoom rows{};
+  float* next = floats.data();
+  for (auto& pair : rows.pair)
+    for (float*& channel : pair) channel = next, next += room;
+  for (float*& channel : rows.line) channel = next, next += room;
+  return rows;
 }
 
 /// What rays of a picture begin with.
@@ -182,7 +192,7 @@ struct RayStart {
 };
 
 /// Pixels of a row, each by a ray of its own through the same planes.
-void trace(const RowsView& rows, const LeapsView& leaps, const RayStart& starts, int row,
+void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
            std::uint8_t* rgb, float* met) {
   const Factored& view = starts.view;
@@ -194,7 +204,7 @@ void trace(const RowsView& rows, const LeapsView& leaps, const RayStart& starts,
           view.warp_start + view.warp_line * row + view.warp_step * columns[from + n];
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
-    trace_rays(rows, leaps, view.planes.data(), static_cast<int>(view.planes.size()),
+    trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
                static_cast<float>(view.z_step), static_cast<int>(count), rays.data());
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
@@ -293,19 +303,30 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->marked.resize(all);
     scratch_->begun.resize(all);
     if (!depth_mm.empty()) scratch_->met.resize(all);
-    const int workers = worker_count(threads_, view->height);
-    scratch_->lines.resize(std::max(scratch_->lines.size(), static_cast<std::size_t>(workers)));
+    const int groups = (view->height + kMostLines - 1) / kMostLines, workers = worker_count(threads_, groups);
+    scratch_->lines.resize(
+        std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMostLines}));
+    scratch_->mixing.resize(std::max(scratch_->mixing.size(), static_cast<std::size_t>(workers)));
 
-    for_each_index(view->height, workers, [&](int worker, int v) {
-      Gathered line =
-          line_of(scratch_->lines[static_cast<std::size_t>(worker)], view->width,
-                  rows.blocks * internal::volume_picture::kBlock, ways.is_clipped(), !depth_mm.empty());
-      ways.find(v, line);
-      gather_line(rows, view->planes.data(), static_cast<int>(view->planes.size()), v, view->width, line);
-      const std::size_t at = stride * static_cast<std::size_t>(v);
-      pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
-      std::copy_n(line.begun, view->width, &scratch_->begun[at]);
-      if (!depth_mm.empty()) std::copy_n(line.met, view->width, &scratch_->met[at]);
+    for_each_index(groups, workers, [&](int worker, int group) {
+      const int first = group * kMostLines, count = std::min(kMostLines, view->height - first);
+      std::array<Gathered, kMostLines> lines{};
+      for (int n = 0; n < count; ++n) {
+        auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMostLines + n)];
+        lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
+        ways.find(first + n, lines[static_cast<std::size_t>(n)]);
+      }
+      gather_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
+                   view->width, lines.data(),
+                   mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
+                               rows.blocks * internal::volume_picture::kBlock));
+      for (int n = 0; n < count; ++n) {
+        const Gathered& line = lines[static_cast<std::size_t>(n)];
+        const std::size_t at = stride * static_cast<std::size_t>(first + n);
+        pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
+        std::copy_n(line.begun, view->width, &scratch_->begun[at]);
+        if (!depth_mm.empty()) std::copy_n(line.met, view->width, &scratch_->met[at]);
+      }
       return true;
     });
     for_each_index(view->height, workers, [&](int, int v) {
@@ -317,7 +338,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       return true;
     });
 
-    const LeapsView leaps = encoding_->leaps().view(view->x, view->y, view->z);
+    const CubesView cubes = encoding_->leaps().view(view->x, view->y, view->z);
     const int count = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, count);
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
@@ -344,7 +365,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
               is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
         }
       }
-      trace(rows, leaps, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
+      trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
             scratch_->rays[static_cast<std::size_t>(worker)], row, depth_mm.empty() ? nullptr : met.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {

@@ -1,14 +1,17 @@
 #include "rendering/volume_simd.h"
 
-// A line of intermediate pixels gathers from one plane of samples after another. On each:
+// Lines of intermediate pixels that lie beside each other gather from one plane of samples after another. On
+// each:
 //
-//     blocks   which of the up to four rows of voxels around the line are there, by bits: runs of them
+//     blocks   which are there of the rows of voxels around the lines, by bits: runs of them
 //     pixels   of a run, in chunks, those that still see something
-//     row      the four rows become one, in float: their weights are the same all along the line
-//     samples  between two voxels of it, and what each adds
+//     rows     of each of the lines' rows the two before and behind the plane become one, in float
+//     line     the two of these that it lies between become one: weights are the same all along it
+//     samples  between two voxels of that, and what each adds
 //
-// No operation is fused: the same bits on every target. Compiled once per target by foreach_target.h; only
-// what is marked HWY_INLINE and the functions at the end live in the target's namespace.
+// These are functions of their own, not inlined: in one body there are too few registers for any of them, and
+// it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
+// foreach_target.h.
 
 #include <atomic>
 #include <cmath>
@@ -39,8 +42,6 @@ HWY_INLINE int lanes() {
 }
 static_assert(kChunk == kBlock);
 
-constexpr int kLeapShift = 2;
-static_assert(kLeapSide == 1 << kLeapShift);
 /// What still sees so little is done.
 constexpr float kDone = 1.0f / 400;
 constexpr float kTiny = 1e-7f;
@@ -135,47 +136,55 @@ HWY_INLINE V exp_of_minus(D d, V t) {
   return hn::Mul(p, p);
 }
 
-/// Rows of voxels around a line on a plane: up to four that count.
-struct AroundLine {
+/// The rows of voxels before and behind a plane, at one place across them: those that count.
+struct RowPair {
   int count = 0;
-  const std::uint64_t* mask[4];
-  const std::uint32_t* block_of[4];
-  float weight[4];
+  const std::uint64_t* mask[2];
+  const std::uint32_t* block_of[2];
+  float weight[2];
 };
 
-HWY_INLINE void find_rows(const RowsView& rows, const SamplePlane& plane, int v, AroundLine& around) {
-  around.count = 0;
-  const double y = plane.y_per_v * v + plane.y_0;
-  if (!(y > -1 && y < rows.count[1])) return;
-  const int below = static_cast<int>(y + 1) - 1;
-  const auto part = static_cast<float>(y - below);
-  for (int n = 0; n < 4; ++n) {
-    const int far = n & 1, deep = n >> 1, yy = below + far, zz = plane.slice + deep;
-    const float weight = (far != 0 ? part : 1 - part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
-    if (weight == 0 || yy < 0 || zz < 0 || yy >= rows.count[1] || zz >= rows.count[2]) continue;
-    const std::ptrdiff_t row = yy * rows.row[1] + zz * rows.row[2];
-    around.mask[around.count] = rows.mask + row * rows.words;
-    around.block_of[around.count] = rows.block_of + row * rows.blocks;
-    around.weight[around.count++] = weight;
+HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y, RowPair& pair) {
+  pair.count = 0;
+  if (y < 0 || y >= rows.count[1]) return;
+  for (int deep = 0; deep < 2; ++deep) {
+    const int zz = plane.slice + deep;
+    const float weight = deep != 0 ? plane.beyond : 1 - plane.beyond;
+    if (weight == 0 || zz < 0 || zz >= rows.count[2]) continue;
+    const std::ptrdiff_t row = y * rows.row[1] + zz * rows.row[2];
+    pair.mask[pair.count] = rows.mask + row * rows.words;
+    pair.block_of[pair.count] = rows.block_of + row * rows.blocks;
+    pair.weight[pair.count++] = weight;
   }
 }
 
-/// Blocks begin ... end - 1 of the rows as one, from `to` on; those beyond either end are empty.
-HWY_INLINE void mix_rows(const RowsView& rows, const AroundLine& around, int begin, int end,
-                         float* const* to) {
+/// Blocks begin ... end - 1 of a pair of rows as one, from `to` on; those beyond either end are empty.
+/// @returns whether there are any
+HWY_NOINLINE bool mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, float* const* to) {
   const DF d;
+  // asks for what is far away while there is something else to do
+  bool any = false;
+  for (int n = 0; n < pair.count; ++n)
+    for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
+      const std::uint32_t place = pair.block_of[n][b];
+      if (place == 0) continue;
+      any = true;
+      __builtin_prefetch(&rows.lit[place]);
+      __builtin_prefetch(&rows.state[place]);
+    }
+  if (!any) return false;
   for (int b = begin; b < end; ++b) {
     const int at = (b - begin) * kBlock;
-    const LitBlock* blocks[4];
-    LitBlock room[4];
-    float weights[4];
+    const LitBlock* blocks[2];
+    LitBlock room[2];
+    float weights[2];
     int count = 0;
     if (b >= 0 && b < rows.blocks) {
-      for (int n = 0; n < around.count; ++n) {
-        const std::uint32_t place = around.block_of[n][b];
+      for (int n = 0; n < pair.count; ++n) {
+        const std::uint32_t place = pair.block_of[n][b];
         if (place == 0) continue;
         blocks[count] = &lit_block(rows, place, room[count]);
-        weights[count++] = around.weight[n];
+        weights[count++] = pair.weight[n];
       }
     }
     for (int n = 0; n < kBlock; n += lanes()) {
@@ -195,6 +204,21 @@ HWY_INLINE void mix_rows(const RowsView& rows, const AroundLine& around, int beg
       hn::StoreU(extinction, d, to[3] + at + n);
     }
   }
+  return true;
+}
+
+/// Two mixed rows as one, or one by its weight alone where the other is null.
+HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const float* const* far,
+                            float far_weight, int count, float* const* to) {
+  const DF d;
+  const auto a = hn::Set(d, near_weight), b = hn::Set(d, far_weight);
+  for (int c = 0; c < 4; ++c)
+    for (int n = 0; n < count; n += lanes()) {
+      VF sum = hn::Zero(d);
+      if (near != nullptr) sum = hn::Mul(hn::LoadU(d, near[c] + n), a);
+      if (far != nullptr) sum = hn::Add(sum, hn::Mul(hn::LoadU(d, far[c] + n), b));
+      hn::StoreU(sum, d, to[c] + n);
+    }
 }
 
 /// So far from sample to sample, in voxels, that the cells of a vector's samples begin within a vector of
@@ -204,7 +228,8 @@ constexpr float kClose = 0.999f;
 /// A chunk's pixels take a sample each. @param place  of the first one in the mixed row
 /// @returns whether nothing more is seen by any
 template <bool kIsClose>
-HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float step, float plane) {
+HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, int at, float place, float step,
+                               float plane) {
   const DF d;
   const DI di;
   const auto scale = hn::Set(d, 1 / kDepthSteps);
@@ -216,18 +241,18 @@ HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float st
     const int first = static_cast<int>(hn::GetLane(low));
     const auto table =
         hn::IndicesFromVec(d, hn::Min(hn::Sub(low, hn::Set(di, first)), hn::Set(di, lanes() - 1)));
-    const auto between = [&](const float* row) HWY_ATTR {
+    const auto between = [&](const float* values) HWY_ATTR {
       VF a, b;
       if constexpr (kIsClose) {
-        a = hn::TableLookupLanes(hn::LoadU(d, row + first), table);
-        b = hn::TableLookupLanes(hn::LoadU(d, row + first + 1), table);
+        a = hn::TableLookupLanes(hn::LoadU(d, values + first), table);
+        b = hn::TableLookupLanes(hn::LoadU(d, values + first + 1), table);
       } else {
-        a = hn::GatherIndex(d, row, low);
-        b = hn::GatherIndex(d, row + 1, low);
+        a = hn::GatherIndex(d, values, low);
+        b = hn::GatherIndex(d, values + 1, low);
       }
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
-    const VF extinction = hn::Mul(between(line.row[3]), scale);
+    const VF extinction = hn::Mul(between(row[3]), scale);
     const VF before = hn::LoadU(d, line.clear + at + n);
     const auto is_there = hn::Gt(extinction, hn::Zero(d));
     if (hn::AllFalse(d, is_there)) {
@@ -247,7 +272,7 @@ HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float st
     hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
     const VF share = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
     for (int c = 0; c < 3; ++c) {
-      const VF light = hn::Mul(between(line.row[c]), scale);
+      const VF light = hn::Mul(between(row[c]), scale);
       float* sum = line.channel[c] + at + n;
       hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Mul(share, light)), d, sum);
     }
@@ -271,25 +296,6 @@ HWY_INLINE bool take_samples(const Gathered& line, int at, float place, float st
   return hn::AllFalse(d, any);
 }
 
-/// Takes samples of pixels begin ... end - 1, whole chunks of which none is done.
-HWY_INLINE void sample_stretch(const RowsView& rows, const AroundLine& around, const SamplePlane& plane,
-                               float number, int begin, int end, const Gathered& line) {
-  const double first = plane.x_per_u * begin + plane.x_0, last = plane.x_per_u * (end - 1) + plane.x_0;
-  // beyond these blocks the row is empty, and pixels farther out read its padding
-  const int lowest = static_cast<int>(std::floor(first)), highest = static_cast<int>(std::floor(last)) + 1;
-  const int from = lowest >= 0 ? lowest / kBlock : -1 - (-lowest - 1) / kBlock,
-            to = highest >= 0 ? highest / kBlock + 1 : -((-highest - 1) / kBlock);
-  mix_rows(rows, around, from, to, line.row);
-  const auto step = static_cast<float>(plane.x_per_u);
-  const bool close = step <= kClose;
-  for (int u = begin; u < end; u += kChunk) {
-    const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - from * kBlock);
-    const bool is_done = close ? take_samples<true>(line, u, place, step, number)
-                               : take_samples<false>(line, u, place, step, number);
-    if (is_done) line.open[u / kChunk / 64] &= ~(std::uint64_t{1} << (u / kChunk % 64));
-  }
-}
-
 /// From place `from` on the first bit that is set, or `end`. @param word  gives 64 bits
 template <class Word>
 HWY_INLINE int next_bit(int from, int end, const Word& word) {
@@ -304,19 +310,70 @@ HWY_INLINE int next_bit(int from, int end, const Word& word) {
   return from < end ? from : end;
 }
 
-HWY_INLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int width,
-                             const Gathered& line) {
-  AroundLine around;
-  find_rows(rows, plane, v, around);
-  if (around.count == 0) return;
+/// Lines that lie beside each other on a plane.
+struct LinesOnPlane {
+  int first = 0;  ///< the row of voxels before the first of them; and those after it
+  int row_count = 0;
+  RowPair rows[kMostRows];
+  int line_count = 0;
+  const Gathered* line[kMostLines];
+  int before[kMostLines];  ///< of `rows`, before the line
+  float part[kMostLines];  ///< how far the line is beyond that one
+};
+
+/// Takes samples of pixels begin ... end - 1, whole chunks, of the lines that are open there.
+HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
+                                 float number, int begin, int end, const MixingRoom& room) {
+  const double first = plane.x_per_u * begin + plane.x_0, last = plane.x_per_u * (end - 1) + plane.x_0;
+  // beyond these blocks the row is empty, and pixels farther out read its padding
+  const int lowest = static_cast<int>(std::floor(first)), highest = static_cast<int>(std::floor(last)) + 1;
+  const int from = lowest >= 0 ? lowest / kBlock : -1 - (-lowest - 1) / kBlock,
+            to = highest >= 0 ? highest / kBlock + 1 : -((-highest - 1) / kBlock);
+  const float* const* mixed[kMostRows];
+  for (int n = 0; n < lines.row_count; ++n)
+    mixed[n] = mix_pair(rows, lines.rows[n], from, to, room.pair[n]) ? room.pair[n] : nullptr;
+  const auto step = static_cast<float>(plane.x_per_u);
+  const bool close = step <= kClose;
+  for (int n = 0; n < lines.line_count; ++n) {
+    const float* const* near = mixed[lines.before[n]];
+    const float part = lines.part[n];
+    const float* const* far = part > 0 ? mixed[lines.before[n] + 1] : nullptr;
+    if (near == nullptr && far == nullptr) continue;
+    const Gathered& line = *lines.line[n];
+    const auto open = [&](int w) { return line.open[w]; };
+    int chunk = next_bit(begin / kChunk, end / kChunk, open);
+    if (chunk == end / kChunk) continue;
+    const float* const* row = near;
+    if (part > 0) {
+      mix_lines(near, 1 - part, far, part, (to - from) * kBlock, room.line);
+      row = room.line;
+    }
+    for (; chunk < end / kChunk; chunk = next_bit(chunk + 1, end / kChunk, open)) {
+      const int u = chunk * kChunk;
+      const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - from * kBlock);
+      const bool is_done = close ? take_samples<true>(line, row, u, place, step, number)
+                                 : take_samples<false>(line, row, u, place, step, number);
+      if (is_done) line.open[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
+    }
+  }
+}
+
+HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
+                                        const SamplePlane& plane, float number, int width,
+                                        const MixingRoom& room) {
   const auto there = [&](int w) {
     std::uint64_t any = 0;
-    for (int n = 0; n < around.count; ++n) any |= around.mask[n][w];
+    for (int n = 0; n < lines.row_count; ++n)
+      for (int m = 0; m < lines.rows[n].count; ++m) any |= lines.rows[n].mask[m][w];
     return any;
   };
   const auto not_there = [&](int w) { return ~there(w); };
-  const auto open = [&](int w) { return line.open[w]; };
-  const auto not_open = [&](int w) { return ~line.open[w]; };
+  const auto open = [&](int w) {
+    std::uint64_t any = 0;
+    for (int n = 0; n < lines.line_count; ++n) any |= lines.line[n]->open[w];
+    return any;
+  };
+  const auto not_open = [&](int w) { return ~open(w); };
   const int chunks = (width + kChunk - 1) / kChunk;
   int next = 0;  // chunk that has not been sampled on this plane
   for (int block = 0; next < chunks;) {
@@ -333,25 +390,56 @@ HWY_INLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, flo
     const int last = to < 0 ? 0 : to < width ? static_cast<int>(to) / kChunk + 1 : chunks;
     while ((c = next_bit(c, last, open)) < last) {
       const int stop = next_bit(c, last, not_open);
-      sample_stretch(rows, around, plane, number, c * kChunk, stop * kChunk, line);
+      sample_stretch(rows, lines, plane, number, c * kChunk, stop * kChunk, room);
       c = stop;
     }
     if (last > next) next = last;
   }
 }
 
-void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
-                 const Gathered& line) {
+/// Lines v ... v + count - 1, those that are open, on a plane.
+HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
+                               int width, const Gathered* lines, const bool* is_open,
+                               const MixingRoom& room) {
+  LinesOnPlane near;
+  for (int n = 0; n < count; ++n) {
+    const double y = plane.y_per_v * (v + n) + plane.y_0;
+    if (!is_open[n] || !(y > -1 && y < rows.count[1])) continue;
+    const int below = static_cast<int>(y + 1) - 1;
+    if (near.line_count > 0 && below + 1 - near.first >= kMostRows) {
+      // as far apart as that they have no rows in common, but for a few
+      gather_lines_on_plane(rows, near, plane, number, width, room);
+      near.line_count = near.row_count = 0;
+    }
+    if (near.line_count == 0) near.first = below;
+    near.line[near.line_count] = &lines[n];
+    near.before[near.line_count] = below - near.first;
+    near.part[near.line_count++] = static_cast<float>(y - below);
+    for (; near.first + near.row_count <= below + 1; ++near.row_count)
+      find_pair(rows, plane, near.first + near.row_count, near.rows[near.row_count]);
+  }
+  if (near.line_count > 0) gather_lines_on_plane(rows, near, plane, number, width, room);
+}
+
+void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const Gathered* lines, const MixingRoom& room) {
   const int words = ((width + kChunk - 1) / kChunk + 63) / 64;
+  bool is_open[kMostLines];
+  for (int n = 0; n < count; ++n) is_open[n] = true;
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
-    gather_plane(rows, planes[p], static_cast<float>(p), v, width, line);
+    gather_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, room);
     // all of a line is seldom done, and looking costs
     if (++since < 16) continue;
     since = 0;
-    std::uint64_t open = 0;
-    for (int w = 0; w < words; ++w) open |= line.open[w];
-    if (open == 0) return;
+    bool any = false;
+    for (int n = 0; n < count; ++n) {
+      std::uint64_t open = 0;
+      for (int w = 0; w < words; ++w) open |= lines[n].open[w];
+      is_open[n] = open != 0;
+      any = any || is_open[n];
+    }
+    if (!any) return;
   }
 }
 
@@ -405,6 +493,24 @@ HWY_INLINE float exp_of_minus(float t) {
   return p * p;
 }
 
+/// A place on a ray: the voxels before it.
+struct Place {
+  int x, y;
+  float x_part, y_part;  ///< how far it is beyond them
+};
+
+HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
+  Place place;
+  // beyond the first voxel, places are above -1
+  place.x = static_cast<int>(x + 1) - 1;
+  // x + 1 may be rounded to a border that x is before
+  if (place.x >= rows.count[0]) place.x = rows.count[0] - 1;
+  place.x_part = x - static_cast<float>(place.x);
+  place.y = static_cast<int>(y + 1) - 1;
+  place.y_part = y - static_cast<float>(place.y);
+  return place;
+}
+
 /// The four rows of voxels around a place on a ray.
 struct AroundPlace {
   int x;  ///< the voxel before the place
@@ -413,21 +519,17 @@ struct AroundPlace {
   float weight[4];
 };
 
-HWY_INLINE void find_rows_around(const RowsView& rows, float x, float y, const SamplePlane& plane,
+HWY_INLINE void find_rows_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
                                  AroundPlace& around) {
-  // beyond the first voxel, places are above -1
-  around.x = static_cast<int>(x + 1) - 1;
-  // x + 1 may be rounded to a border that x is before
-  if (around.x >= rows.count[0]) around.x = rows.count[0] - 1;
-  around.part = x - static_cast<float>(around.x);
-  const int below = static_cast<int>(y + 1) - 1;
-  const float part = y - static_cast<float>(below);
+  around.x = place.x;
+  around.part = place.x_part;
   for (int n = 0; n < 4; ++n) {
-    const int far = n & 1, deep = n >> 1, yy = below + far, zz = plane.slice + deep;
+    const int far = n & 1, deep = n >> 1, yy = place.y + far, zz = plane.slice + deep;
     const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
     around.block_of[n] =
         is_in ? rows.block_of + (yy * rows.row[1] + zz * rows.row[2]) * rows.blocks : nullptr;
-    around.weight[n] = (far != 0 ? part : 1 - part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
+    around.weight[n] =
+        (far != 0 ? place.y_part : 1 - place.y_part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
   }
 }
 
@@ -473,21 +575,17 @@ HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& 
   return true;
 }
 
-/// The next plane on which a ray has left, along each axis, the cubes that are empty around a place.
-HWY_INLINE int leap_from(const LeapsView& leaps, const float* place, const float* per_plane, int plane) {
-  int cube[3], index = 0;
-  for (int a = 0; a < 3; ++a) {
-    cube[a] = static_cast<int>(place[a] + 1) >> kLeapShift;
-    index += cube[a] * leaps.step[a];
-  }
-  const int leap = leaps.leap[index];
-  if (leap == 0) return plane + 1;
+/// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
+/// @param place  voxels; @param planes_per  for a voxel along each axis, 0: it never goes so far
+HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const float* place,
+                         const float* planes_per, int plane) {
+  const int leap = cubes.leap[index];
   float away = 1e6f;
   for (int a = 0; a < 3; ++a) {
-    const float pace = per_plane[a];
-    if (std::abs(pace) < 1e-6f) continue;
-    const int border = pace > 0 ? kLeapSide * (cube[a] + leap) : kLeapSide * (cube[a] - leap + 1);
-    const float planes = (static_cast<float>(border) - (place[a] + 1)) / pace;
+    if (planes_per[a] == 0) continue;
+    const int cube = cell[a] >> kCubeShift,
+              border = planes_per[a] > 0 ? kCubeSide * (cube + leap) : kCubeSide * (cube - leap + 1);
+    const float planes = (static_cast<float>(border) - (place[a] + 1)) * planes_per[a];
     if (planes < away) away = planes;
   }
   const int by = static_cast<int>(std::ceil(away - 1e-3f));
@@ -509,7 +607,7 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
   if (leave < end) end = leave;
 }
 
-HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes,
+HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
                           int plane_count, float z_per_plane, TracedRay& ray) {
   V4 sum{};
   float clear = 1;
@@ -521,19 +619,32 @@ HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const Sa
   bound_planes(ray.x, ray.x_per_plane, rows.count[0], begin, end);
   bound_planes(ray.y, ray.y_per_plane, rows.count[1], begin, end);
   const float pace[3] = {ray.x_per_plane, ray.y_per_plane, z_per_plane};
+  float planes_per[3];
+  for (int a = 0; a < 3; ++a) planes_per[a] = std::abs(pace[a]) < 1e-6f ? 0 : 1 / pace[a];
   const int stop = end > begin ? static_cast<int>(end) : 0;
   for (int p = end > begin ? static_cast<int>(begin) : 0; p < stop && clear >= kDone;) {
     const auto plane = static_cast<float>(p);
     const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
-    AroundPlace around;
-    find_rows_around(rows, x, y, planes[p], around);
-    V4 mixed;
-    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) {
+    const Place at = place_at(rows, x, y);
+    const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
+    std::ptrdiff_t index = 0;
+    int bit = 0;
+    for (int a = 0; a < 3; ++a) {
+      index += (cell[a] >> kCubeShift) * std::ptrdiff_t{cubes.step[a]};
+      bit += (cell[a] & (kCubeSide - 1)) << cubes.shift[a];
+    }
+    const std::uint64_t filled = cubes.filled[index];
+    if ((filled >> bit & 1) == 0) {
       const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
-      p = leap_from(leaps, place, pace, p);
+      p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, place, planes_per, p);
       continue;
     }
+    AroundPlace around;
+    find_rows_around(rows, at, planes[p], around);
     ++p;
+    V4 mixed;
+    // what a place is just beside counts for nothing
+    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) continue;
     const float q = plane + 0.5f;
     float begun = q - ray.first, left = ray.last + 1 - q;
     begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
@@ -549,9 +660,9 @@ HWY_INLINE void trace_ray(const RowsView& rows, const LeapsView& leaps, const Sa
   ray.clear = clear;
 }
 
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, int count, TracedRay* rays) {
-  for (int n = 0; n < count; ++n) trace_ray(rows, leaps, planes, plane_count, z_per_plane, rays[n]);
+  for (int n = 0; n < count; ++n) trace_ray(rows, cubes, planes, plane_count, z_per_plane, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -648,15 +759,15 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace palpate::internal::volume_picture {
 
-HWY_EXPORT(gather_line);
+HWY_EXPORT(gather_lines);
 HWY_EXPORT(pack_line);
 HWY_EXPORT(mark_line);
 HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
-void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
-                 const Gathered& line) {
-  HWY_DYNAMIC_DISPATCH(gather_line)(rows, planes, plane_count, v, width, line);
+void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const Gathered* lines, const MixingRoom& room) {
+  HWY_DYNAMIC_DISPATCH(gather_lines)(rows, planes, plane_count, v, count, width, lines, room);
 }
 void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed) {
   HWY_DYNAMIC_DISPATCH(pack_line)(line, width, background, packed);
@@ -668,9 +779,9 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
                std::uint32_t* marked) {
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, int count, TracedRay* rays) {
-  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, leaps, planes, plane_count, z_per_plane, count, rays);
+  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, cubes, planes, plane_count, z_per_plane, count, rays);
 }
 
 }  // namespace palpate::internal::volume_picture

@@ -66,14 +66,21 @@ struct Gathered {
   float* first;       ///< planes that are seen, and parts of one; null: all
   float* last;
   std::uint64_t* open;  ///< a bit for each chunk: something more is seen
-  float* row[4];        ///< room for a row of samples, kRowPadding more at either end
 };
 inline constexpr float kNoPlane = 1e9f;
+/// Lines that are gathered together, and rows of voxels, across the lines, that they have in common at most.
+inline constexpr int kMostLines = 4, kMostRows = 6;
 inline constexpr int kRowPadding = 32 * kBlock;
+/// Room for rows of voxels, kRowPadding more at either end: red, green, blue and extinction of each.
+struct MixingRoom {
+  float* pair[kMostRows][4];
+  float* line[4];
+};
 
-/// Gathers from all planes, front to back. @param width  pixels
-void gather_line(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int width,
-                 const Gathered& line);
+/// Gathers lines v ... v + count - 1 from all planes, front to back, on each plane one line after another:
+/// lines that lie beside each other look at the same blocks. @param width  pixels
+void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const Gathered* lines, const MixingRoom& room);
 
 /// Intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed);
@@ -85,13 +92,16 @@ inline constexpr std::uint32_t kBendsAlong = 0x80000000, kBendsAcross = 0x400000
 void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
                std::uint32_t* marked);
 
-/// Where there is nothing: of each cube of 4^3 cells how many cubes from here, itself included, are empty
-/// whichever way one goes; 0 where something is. Cell c lies between voxels c - 1 and c.
-struct LeapsView {
-  const std::int32_t* leap = nullptr;
-  std::int32_t step[3]{};  ///< from a cube to the next along x, y, z of the rows
+/// Where there is nothing. Cell c lies between voxels c - 1 and c; of each cube of 4^3 cells is known which
+/// of them have a voxel with something at a corner, and, where none has, how many cubes from here, itself
+/// included, have none, whichever way one goes.
+struct CubesView {
+  const std::uint64_t* filled = nullptr;  ///< bit (i & 3) + 4 (j & 3) + 16 (k & 3) of the grid's axes
+  const std::uint8_t* leap = nullptr;     ///< 0 where a bit is set
+  std::int32_t step[3]{};                 ///< from a cube to the next along x, y, z of the rows
+  int shift[3]{};                         ///< of a cell's place in a bit's number
 };
-inline constexpr int kLeapSide = 4;
+inline constexpr int kCubeShift = 2, kCubeSide = 1 << kCubeShift;
 
 /// A ray through planes of samples, front to back, and what it gathers.
 struct TracedRay {
@@ -102,7 +112,7 @@ struct TracedRay {
   float channel[3];                      ///< 0 ... 1
   float clear, met;                      ///< as in Gathered
 };
-void trace_rays(const RowsView& rows, const LeapsView& leaps, const SamplePlane* planes, int plane_count,
+void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, int count, TracedRay* rays);
 
 /// Final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the column.

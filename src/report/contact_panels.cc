@@ -163,7 +163,8 @@ std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& see
   return html + "</ul>";
 }
 
-std::string panel(const Run& run, std::size_t index, const SectionStyle& style, double mm_per_N) {
+std::string panel(const Run& run, std::size_t index, const std::string& picture, const SectionStyle& style,
+                  double mm_per_N) {
   const ShownContact& shown = run.shown[index];
   const Contact& contact = shown.contact;
   const std::string number_text = std::to_string(index), name = run.name(contact.label);
@@ -179,8 +180,8 @@ std::string panel(const Run& run, std::size_t index, const SectionStyle& style, 
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
-                     swatch(run.colour(contact.label)) + escape(name) + "</h3>" + facts(run, shown) +
-                     "<div class=\"sections\">\n";
+                     swatch(run.colour(contact.label)) + escape(name) + "</h3><div class=\"about\">" +
+                     facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
   auto left = model_left(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
     auto under = std::make_shared<Model>(left != nullptr ? *left : run.model);
@@ -246,7 +247,8 @@ std::string key(const Run& run, double mm_per_N) {
 
 }  // namespace
 
-Result<std::string> contacts_html(const Run& run, const Progress& progress) {
+Result<std::string> contacts_html(const Run& run, std::span<const std::string> pictures,
+                                  const Progress& progress) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"contacts-title\"><h2 id=\"contacts-title\">Contacts</h2>\n";
   if (run.shown.empty()) {
@@ -270,7 +272,7 @@ Result<std::string> contacts_html(const Run& run, const Progress& progress) {
   for (std::size_t i = 0; i < run.shown.size(); ++i) {
     if (progress.stopped()) return Progress::interrupted();
     progress.report("sections", static_cast<double>(i) / static_cast<double>(run.shown.size()));
-    panels += panel(run, i, style, mm_per_N);
+    panels += panel(run, i, i < pictures.size() ? pictures[i] : std::string(), style, mm_per_N);
   }
   const bool strained = panels.find("class=\"strain\"") != std::string::npos;
   return html + tabs(run) + controls(strained) + "<div class=\"panels\">\n" + panels + "</div>\n" +

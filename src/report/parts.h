@@ -1,6 +1,8 @@
 #pragma once
 
+#include <span>
 #include <string>
+#include <vector>
 
 #include "palpate/base/progress.h"
 #include "report/run.h"
@@ -8,20 +10,29 @@
 /// The parts of the page, top to bottom. Everything that comes from a file is escaped in them.
 namespace palpate::report {
 
+/// That a recording was made with the model at hand, or an error that says which one is wanted.
+Result<void> check_model(const RecordingHeader& header, const Model& model);
+
 /// Title, who and when, the figures that a person looks at first.
 std::string header_html(const Run& run);
 std::string tiles_html(const Run& run);
 /// What the simulated hand did not reach; empty when it reached everything.
 std::string trouble_html(const Run& run);
 
-/// The structures in three dimensions, with all places that are shown and the path, from the side whence most
-/// of them are seen. Empty where nothing was touched, and where the model has no labels. Error kInterrupted.
-Result<std::string> volume_html(const Run& run, const Progress& progress);
+/// Pictures in three dimensions. Empty where nothing was touched, and where the model has no labels.
+struct VolumePictures {
+  std::string html;  ///< all places that are shown and the path, from the side whence most of them are seen
+  std::vector<std::string> of_contact;  ///< an image for each of Run::shown, from near by
+};
+/// Error kInterrupted.
+Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress);
 
 /// The largest of 1, 2, 5, 10, ... mm per newton with which an arrow at the limit stays in a section.
 double arrow_mm_per_N(double limit_N);
 /// Tabs, one a structure, each with three sections through its contact. Error kInterrupted.
-Result<std::string> contacts_html(const Run& run, const Progress& progress);
+/// @param pictures  an image for each, or none
+Result<std::string> contacts_html(const Run& run, std::span<const std::string> pictures,
+                                  const Progress& progress);
 
 /// The plots' places, and their data as a JSON block that page.js reads.
 std::string plots_html(const Run& run);

@@ -50,27 +50,36 @@ std::string banner_html(const Run& run) {
          (run.model.oriented ? "" : "<span class=\"badge\">Orientation unknown</span>") + "</div>\n";
 }
 
-Result<std::string> page_html(const RecordingSource& recording, const Model& model,
-                              const Progress& progress) {
-  const RecordingHeader& header = recording.head().header;
+}  // namespace
+
+Result<void> check_model(const RecordingHeader& header, const Model& model) {
   if (header.model_hash != model.content_hash) {
     return Error{ErrorKind::kBadInput,
                  "the recording was made with another model (" + hex(header.model_hash) +
                      ") than the one at hand (" + hex(model.content_hash) + ")",
                  "", "give the scene file or the data set with which it was recorded, unchanged since"};
   }
+  return {};
+}
+
+namespace {
+
+Result<std::string> page_html(const RecordingSource& recording, const Model& model,
+                              const Progress& progress) {
+  const RecordingHeader& header = recording.head().header;
+  if (auto same = check_model(header, model); !same) return same.error();
   const auto read = read_run(recording, model, progress);
   if (!read) return read.error();
   const Run& run = *read;
-  const auto volume = volume_html(run, progress);
+  const auto volume = volume_pictures(run, progress);
   if (!volume.ok()) return volume.error();
-  const auto contacts = contacts_html(run, progress);
+  const auto contacts = contacts_html(run, volume->of_contact, progress);
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) + *volume + *contacts + plots_html(run) +
-          structure_table_html(run) + removal_html(run) + safety_table_html(run) + loop_html(run) +
-          provenance_html(run) + "</main>\n";
+  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *contacts +
+          plots_html(run) + structure_table_html(run) + removal_html(run) + safety_table_html(run) +
+          loop_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")

@@ -52,8 +52,8 @@ TEST_F(Report, ShowsThreeSectionsOfEachTouchedStructure) {
   EXPECT_EQ(count(html, "role=\"tab\""), 4u);
   EXPECT_EQ(count(html, "role=\"tabpanel\""), 4u);
   EXPECT_EQ(count(html, "<figure class=\"section\">"), 12u);
-  // and the volume's picture
-  EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 25u);
+  // and of the volume one, and one a contact
+  EXPECT_EQ(count(html, "src=\"data:image/png;base64,"), 29u);
   EXPECT_EQ(count(html, ">10 mm</text>"), 12u);
   EXPECT_EQ(count(html, ">Side: LEFT</text>"), 12u);
 }
@@ -391,6 +391,7 @@ TEST_F(Report, WorksWithoutScanAndLabels) {
   model.scan.reset();
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
   EXPECT_EQ(count(page(), "<figure class=\"volume\">"), 1u);
+  EXPECT_EQ(count(page(), "<img class=\"near\""), count(page(), "role=\"tabpanel\""));
   model.labels.reset();
   EXPECT_EQ(count(page(), "<figure class=\"section\">"), 12u);
   EXPECT_EQ(count(page(), "<figure class=\"volume\">"), 0u);

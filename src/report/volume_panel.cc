@@ -7,6 +7,7 @@
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
+#include "report/tool_marks.h"
 
 namespace palpate::report {
 namespace {
@@ -14,17 +15,12 @@ namespace {
 constexpr int kVolume_px = 560, kSearch_px = 128;
 /// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
 constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
-/// Of the picture's width: the least that a touched place and a force are wide.
-constexpr double kPlaceShare = 0.007, kArrowShare = 0.004;
-/// As in the sections; the places stand out from bone.
-constexpr Rgb kFreeWay{255, 255, 255}, kTouchingWay{255, 225, 77}, kForce{79, 227, 255}, kTool{155, 227, 122},
-    kPlace{255, 80, 70};
-/// How much is seen of what lies behind structures.
-constexpr double kWayBehind = 0.3, kPlaceBehind = 0.45;
+/// The small picture of a contact: so much around the place.
+constexpr int kContact_px = 260;
+constexpr double kContact_mm = 70;
 
 Point<Patient> proxy_of(const ShownContact& shown) {
-  const auto& at = shown.at_peak().proxy_patient_mm;
-  return {at[0], at[1], at[2]};
+  return proxy_place(shown.peak, shown.contact.device);
 }
 
 /// How many of the touched places nothing is before.
@@ -66,25 +62,6 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
   return best;
 }
 
-void add_tool(std::vector<VolumeMark>& marks, const Model& model, const ShownContact& shown,
-              double least_mm) {
-  const int device = shown.contact.device;
-  for (const ToolBall& ball : tool_balls(model, shown.peak, device)) {
-    const double radius = std::max(ball.radius_mm, least_mm);
-    marks.push_back({ball.middle, ball.middle, radius, radius, kTool, 0});
-  }
-  const auto& w = shown.at_peak().orientation_wxyz;
-  const Eigen::Quaterniond held(w[0], w[1], w[2], w[3]);
-  if (!held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return;
-  for (const ToolCapsule& capsule : model.tool_of(static_cast<std::size_t>(device)).capsules) {
-    const auto end = [&](const Eigen::Vector3d& at) {
-      return proxy_of(shown) + in_patient(model, shown.peak, Vector<World>(held.normalized() * at));
-    };
-    marks.push_back(
-        {end(capsule.from_mm), end(capsule.to_mm), capsule.radius_mm, capsule.radius_mm, kTool, 0});
-  }
-}
-
 std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   std::vector<VolumeMark> marks;
   const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N),
@@ -92,16 +69,60 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   const ShownContact* hardest = nullptr;
   for (const ShownContact& shown : run.shown) {
     for (const Way& way : shown.ways)
-      add_path(marks, way.points, way.touching ? 2.2 : 1.5, way.touching ? kTouchingWay : kFreeWay,
-               kWayBehind, camera);
+      add_path(marks, way.points, way.touching ? 2.2 : 1.5,
+               way.touching ? kTouchingWayColour : kFreeWayColour, kWayBehind, camera);
     const Point<Patient> place = proxy_of(shown);
-    marks.push_back({place, place, place_mm, place_mm, kPlace, kPlaceBehind});
+    marks.push_back({place, place, place_mm, place_mm, kPlaceColour, kPlaceBehind});
     add_arrow(marks, place, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
-              kArrowShare * camera.width_mm, kForce);
+              kArrowShare * camera.width_mm, kForceColour);
     if (hardest == nullptr || shown.contact.peak_force_N > hardest->contact.peak_force_N) hardest = &shown;
   }
-  if (hardest != nullptr) add_tool(marks, run.model, *hardest, 0);
+  if (hardest != nullptr) add_tool(marks, run.model, hardest->peak, hardest->contact.device);
   return marks;
+}
+
+/// From the side to which the hand is pushed, which is the one whence it came.
+ViewFrom view_of_contact(const Run& run, const ShownContact& shown, ViewFrom otherwise) {
+  const Vector<Patient> force = patient_force_N(run.model, shown.peak, shown.contact.device);
+  ViewFrom best = otherwise;
+  double most = 0;
+  for (const ViewFrom from : {ViewFrom::kAnterior, ViewFrom::kLeft, ViewFrom::kRight, ViewFrom::kPosterior,
+                              ViewFrom::kSuperior, ViewFrom::kInferior}) {
+    const double along = force.dot(direction_to(from));
+    if (along > most) best = from, most = along;
+  }
+  return best;
+}
+
+/// A contact from near by: its place, path, force and tool alone.
+std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model& model,
+                          std::span<const StructureLook> looks, const ShownContact& shown,
+                          ViewFrom otherwise) {
+  VolumePictureRequest request;
+  request.from = view_of_contact(run, shown, otherwise);
+  request.tilt_deg = 20;
+  request.turn_deg = 20;
+  request.focus = proxy_of(shown);
+  request.size_mm = kContact_mm;
+  request.pixels = kContact_px;
+  const VolumeCamera camera = camera_of(model.labels->geometry(), request);
+  std::vector<VolumeMark> marks;
+  const double place_mm = kPlaceShare * camera.width_mm;
+  for (const Way& way : shown.ways)
+    add_path(marks, way.points, way.touching ? 2.2 : 1.5, way.touching ? kTouchingWayColour : kFreeWayColour,
+             kWayBehind, camera);
+  const Point<Patient> place = proxy_of(shown);
+  marks.push_back({place, place, place_mm, place_mm, kPlaceColour, kPlaceBehind});
+  add_tool(marks, run.model, shown.peak, shown.contact.device);
+  add_arrow(marks, place,
+            patient_force_N(run.model, shown.peak, shown.contact.device) *
+                arrow_mm_per_N(run.forces.highest_limit_N),
+            2 * kArrowShare * camera.width_mm, kForceColour);
+  const std::string size = std::to_string(kContact_px);
+  return "<img class=\"near\" alt=\"" + escape(run.name(shown.contact.label)) +
+         " in three dimensions around the place where it was pressed hardest\" width=\"" + size +
+         "\" height=\"" + size + "\" src=\"data:image/png;base64," +
+         base64(encode_png(volume_picture(renderer, model, looks, request, marks))) + "\">";
 }
 
 std::string too_large_html() {
@@ -126,9 +147,14 @@ std::string figure_html(const Run& run, const Image& picture) {
 
 }  // namespace
 
-Result<std::string> volume_html(const Run& run, const Progress& progress) {
-  if (run.shown.empty() || run.model.labels == nullptr) return std::string();
-  if (run.model.labels->geometry().voxel_count() > kMostVoxels) return too_large_html();
+Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress) {
+  VolumePictures pictures;
+  pictures.of_contact.resize(run.shown.size());
+  if (run.shown.empty() || run.model.labels == nullptr) return pictures;
+  if (run.model.labels->geometry().voxel_count() > kMostVoxels) {
+    pictures.html = too_large_html();
+    return pictures;
+  }
   const auto left = model_left(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
   const Model& model = left != nullptr ? *left : run.model;
   const std::vector<StructureLook> looks = structure_looks(model);
@@ -140,8 +166,13 @@ Result<std::string> volume_html(const Run& run, const Progress& progress) {
   VolumePictureRequest request;
   request.from = *from;
   request.pixels = kVolume_px;
-  return figure_html(
+  pictures.html = figure_html(
       run, volume_picture(*renderer, model, looks, request, marks_of(run, camera_of(grid, request))));
+  for (std::size_t n = 0; n < run.shown.size(); ++n) {
+    if (progress.stopped()) return Progress::interrupted();
+    pictures.of_contact[n] = contact_image(*renderer, run, model, looks, run.shown[n], *from);
+  }
+  return pictures;
 }
 
 }  // namespace palpate::report

@@ -242,6 +242,59 @@ class Viewer(unittest.TestCase):
         self.page.wait("window.isTaken")
 
 
+class WithoutWebGl(Viewer):
+    """Where the browser has no 3-D textures palpate draws the volume."""
+
+    @classmethod
+    def setUpClass(cls):
+        if "explore" not in command(0, "pointer", None):
+            raise unittest.SkipTest("the mock server draws nothing")
+        cls.server = Server("pointer").__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def silhouette(self, size, mm):
+        answer = self.page.run("return palpateViewer.silhouette(arguments[0], arguments[1], arguments[2])", size[1], size[0], mm)
+        return numpy.array(answer["seen"], bool).reshape(size)
+
+    def seen_from(self, views, size, mm):
+        seen = []
+        for dx, dy, perspective in views:
+            self.page.run("palpateViewer.lookFrom(arguments[0], arguments[1], arguments[2])", dx, dy, perspective)
+            seen.append(self.silhouette(size, mm))
+        return seen
+
+    def test_palpate_draws_the_same_silhouettes_and_follows_a_drag(self):
+        size, mm = (340, 340), 0.5
+        views = [(0, 0, False), (120, 60, False), (-200, -40, True)]
+        self.assertFalse(self.page.run("return palpateViewer.isServed"))
+        expected = self.seen_from(views, size, mm)
+        self.assertGreater((expected[0] ^ expected[1]).sum(), 500)
+        shared, arguments = self.page, browser.ARGUMENTS
+        browser.ARGUMENTS = [*arguments, "--disable-3d-apis"]
+        try:
+            type(self).open_browser(own=True)
+        finally:
+            browser.ARGUMENTS = arguments
+        self.page = type(self).page
+        type(self).page = shared
+        self.open_page()
+        self.page.wait("palpateViewer.isServed")
+        for seen, by_graphics in zip(self.seen_from(views, size, mm), expected):
+            overlap = (seen & by_graphics).sum() / (seen | by_graphics).sum()
+            print(f"  intersection over union {overlap:.4f}", flush=True)
+            self.assertGreaterEqual(overlap, 0.97)
+        # pictures come while it is dragged, and the last one is what is seen at the end
+        before, work = self.silhouette(size, mm), "palpateViewer.volumeWork.pictures"
+        pictures = self.page.run(f"return {work}")
+        self.drag("#picture-volume .stack", 90, 30)
+        self.page.wait(f"{work} > {pictures} && palpateViewer.isVolumeSharp")
+        self.assertGreater((self.silhouette(size, mm) ^ before).sum(), 500)
+        folder = os.environ.get("PALPATE_TEST_PICTURES")
+        if folder:
+            self.page.screenshot(os.path.join(folder, "without-webgl.png"))
+
+
 class WithPointer(Viewer):
     """The object stands still, and the tip is where the test leads it."""
 

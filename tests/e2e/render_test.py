@@ -82,6 +82,30 @@ class Render(cli.KneeTest):
         self.assertTrue(animated.is_file())
         self.assertIn(b"acTL", animated.read_bytes())
 
+    def test_a_moment_of_a_recording(self):
+        recording, picture, script = (self.folder / name for name in ("run.h5", "moment.png", "script.toml"))
+        script.write_text(cli.TOUCH + "[[step]]\nhold = 2.0\n")
+        self.succeed("simulate", self.scene, "--script", script, "-o", recording)
+
+        def drawn(*arguments):
+            self.succeed("render", recording, "--made-with", self.scene, "--pixels", "320", "-o", picture, *arguments)
+            return picture.read_bytes()
+        pictures = {drawn("--time", time) for time in ("0", "0.5", "1.5")}
+        self.assertEqual(len(pictures), 3)
+        self.assertNotIn(self.render(), pictures)
+        # at its ends, and beyond them
+        self.assertEqual(drawn("--time=-1"), drawn("--time", "0"))
+        self.assertNotEqual(drawn("--time", "1.5", "--turn", "40"), drawn("--time", "1.5"))
+        other = self.folder / "run.txt"
+        other.write_text("no recording")
+        for target, arguments, code in ((other, ["--time", "1"], cli.BAD_INPUT), (recording, ["--time", "soon"], cli.USAGE),
+                                        (self.scene, ["--made-with", self.scene], cli.USAGE)):
+            done = cli.run("render", target, "-o", self.folder / "none.png", *arguments)
+            self.assertEqual(done.returncode, code, done.stderr)
+            self.assertFalse((self.folder / "none.png").exists())
+        # it is not written over
+        self.assertNotEqual(cli.run("render", recording, "--made-with", self.scene, "--time", "1", "-o", recording).returncode, 0)
+
     def test_neither_title_nor_path_is_in_it(self):
         scene = self.scene.with_name("CANARY.toml")
         pictures = []

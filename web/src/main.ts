@@ -16,7 +16,7 @@ import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Sce
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
 import { ScopeView } from "./scope_view.js";
 import { LAYOUTS, PAGE_KEY, Session, type KeptPage, type Layout } from "./session.js";
-import { Slicer } from "./slicer.js";
+import { anySlicer } from "./plain_slicer.js";
 import { keep, recall } from "./kept.js";
 import { applyLanguage } from "./language.js";
 import { applyTheme } from "./theme.js";
@@ -59,7 +59,7 @@ class Page {
   readonly pointer: PointerDevice;
   readonly requests: Requests;
   readonly timeline: Timeline;
-  readonly slicer = new Slicer();
+  readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
   private drawnVersion = -1;
@@ -143,6 +143,10 @@ class Page {
         void this.mend();
       };
     }
+    this.renderer.served = () => {
+      const { scene } = this.session;
+      return scene && { hash: scene.volume.hash, structures: scene.structures.length, token: this.token };
+    };
     this.renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
   }
 

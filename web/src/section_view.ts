@@ -16,7 +16,7 @@ import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
-import type { Slicer } from "./slicer.js";
+import type { AnySlicer } from "./plain_slicer.js";
 import { drawStrainLegend } from "./strain.js";
 import { words } from "./words.js";
 
@@ -68,7 +68,7 @@ export class SectionView {
   private measure: Pick<Measure, "kind" | "points"> | null = null; // being made
   private restsAt: Vec3 | null = null; // where the plane stays meanwhile, less its offset
 
-  constructor(readonly kind: PlaneKind, private readonly session: Session, private readonly slicer: Slicer,
+  constructor(readonly kind: PlaneKind, private readonly session: Session, private readonly slicer: AnySlicer,
               private readonly measures: Measures, private readonly pointer: PointerDevice, private readonly history: History) {
     this.picture = new Picture(kind);
     history.part(kind, () => this.stand, (to) => (this.stand = to));

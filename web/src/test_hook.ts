@@ -30,6 +30,8 @@ export function openToTests(page: Page): void {
     /** How many texels the volume is drawn from, each way. */
     get volumeTexels() { return page.renderer.texels; },
     get isDrawnInWorker() { return page.renderer.isInWorker; },
+    /** palpate draws it. */
+    get isServed() { return page.renderer.isServed; },
     /** As a browser takes the graphics of the "sections" or the "volume", or gives them back. */
     loseGraphics: (which: string, restores: boolean) => (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with the structure at a place of the list, 0 the first; -1 empties it. */

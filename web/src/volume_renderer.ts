@@ -6,6 +6,7 @@ import { invert, type Vec3 } from "./geometry.js";
 import { breathe, slicesOfPiece } from "./pieces.js";
 import { shrunkGrid, type Memory, type Volumes } from "./scene.js";
 import type { Session } from "./session.js";
+import { servePictures, type Served } from "./served_pictures.js";
 import { Found, type View } from "./volume_caster.js";
 import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
 
@@ -24,6 +25,10 @@ export class VolumeRenderer {
   /** The worker has thrown something or was ended. @param isReplaced  by another one, which `restore` fills; it is once */
   onFailed: (isReplaced: boolean) => void = () => {};
   isInWorker = true;
+  /** palpate draws it, for want of WebGL 2. */
+  isServed = false;
+  /** What it draws. */
+  served: () => Served | null = () => null;
   isLoaded = false; // there is something to draw
   isCompiling = false; // without a graphics card; others wait for the graphics meanwhile
   version = ""; // another one: the volume or how it looks is another one
@@ -95,6 +100,15 @@ export class VolumeRenderer {
     port1.onmessage = (event) => this.hear(event.data as Answered);
     serve(port2, document.createElement("canvas"));
   }
+  /** By palpate, where the page cannot either. */
+  private drawThere(): void {
+    if (this.isServed) return;
+    this.isServed = true;
+    const { port1, port2 } = new MessageChannel();
+    this.port = port1;
+    port1.onmessage = (event) => this.hear(event.data as Answered);
+    servePictures(port2, () => this.served());
+  }
 
   private answer(type: keyof typeof this.answers): Promise<Answered> {
     return new Promise((done) => this.answers[type].push(done));
@@ -105,7 +119,8 @@ export class VolumeRenderer {
   private hear(message: Answered): void {
     switch (message.type) {
       case "unable":
-        this.drawHere();
+        if (this.isInWorker) this.drawHere();
+        else this.drawThere();
         break;
       case "picture": {
         const { view, done } = this.drawings.get(message.id)!;

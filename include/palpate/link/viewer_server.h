@@ -284,8 +284,9 @@ struct ViewerServerOptions {
   std::function<void(const std::string&)> log;
 };
 
-/// Serves the page and the session until it is destroyed. Two threads of its own, at ordinary priority: one
-/// for all viewers, one that makes volumes for them.
+/// Serves the page and the session until it is destroyed. Three threads of its own: one
+/// for all viewers and one that makes volumes for them at ordinary priority, one at the lowest that draws
+/// pictures of the volume (and has helpers while it does).
 class ViewerServer {
  public:
   /// Everything that start() refuses of options but the port, which may be taken: before long work. Logs

@@ -1,0 +1,215 @@
+#include "palpate/report/moment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+
+#include "palpate/rendering/rendering.h"
+#include "palpate/tissue/tissue_laws.h"
+#include "palpate/tissue/yielded_tissue.h"
+#include "report/contacts.h"
+#include "report/parts.h"
+#include "report/removal_figures.h"
+#include "report/timed_ticks.h"
+#include "report/tool_marks.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kWayBefore_s = 2;
+constexpr double kTipShare = 0.005;
+constexpr Rgb kTipColour{255, 255, 255};
+
+/// Where tips were, not longer ago than ways go back.
+class RecentTips {
+ public:
+  explicit RecentTips(int devices) : devices_(static_cast<std::size_t>(devices)) {}
+  void see(const report::TimedTick& now) {
+    Seen seen{now.begin_s, {}, {}};
+    for (std::size_t d = 0; d < devices_; ++d) {
+      const auto& at = now.tick.device[d].tip_patient_mm;
+      seen.tip[d] = {at[0], at[1], at[2]};
+      seen.touching[d] = (now.tick.device[d].flags & kFlagContact) != 0;
+    }
+    seen_.push_back(seen);
+    while (seen_.front().time_s < now.begin_s - kWayBefore_s) seen_.pop_front();
+  }
+  std::vector<RecordedMoment::Way> ways() const {
+    std::vector<RecordedMoment::Way> ways;
+    for (std::size_t d = 0; d < devices_; ++d) {
+      const Seen* before = nullptr;
+      for (const Seen& seen : seen_) {
+        if (before == nullptr || before->touching[d] != seen.touching[d]) {
+          ways.push_back({seen.touching[d], {}});
+          // without a gap between the two
+          if (before != nullptr) ways.back().points.push_back(before->tip[d]);
+        }
+        ways.back().points.push_back(seen.tip[d]);
+        before = &seen;
+      }
+    }
+    return ways;
+  }
+
+ private:
+  struct Seen {
+    double time_s;
+    std::array<Point<Patient>, kMaxDevices> tip;
+    std::array<bool, kMaxDevices> touching;
+  };
+  std::size_t devices_;
+  std::deque<Seen> seen_;
+};
+
+/// Less than this nobody sees.
+constexpr double kMoved_mm = 0.01;
+/// Voxels along a side of a box that is looked at as a whole.
+constexpr int kBoxSide = 8;
+
+/// The model with its labels where their tissue went: each voxel's is looked up where it lay at rest.
+std::shared_ptr<const Model> where_tissue_went(const Model& model, const YieldedTissue& yielded) {
+  const Bricks<LabelId>& labels = *model.labels;
+  const GridGeometry& grid = labels.geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  const auto X_VoxelPatient = X_PatientVoxel.inverse();
+  const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+  Volume<LabelId> there(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j) labels.copy_row(0, j, k, grid.dims[0], &there.at(0, j, k));
+  const auto boxes = [&](std::size_t axis) { return (grid.dims[axis] + kBoxSide - 1) / kBoxSide; };
+  for (int c = 0; c < boxes(2); ++c)
+    for (int b = 0; b < boxes(1); ++b)
+      for (int a = 0; a < boxes(0); ++a) {
+        // fields are smooth: its corners, sides' and its own middle tell whether anything of a box moves
+        bool moves = false;
+        for (int n = 0; n < 27 && !moves; ++n) {
+          const double half = 0.5 * kBoxSide;
+          moves = moved(X_PatientVoxel * Point<Voxel>(kBoxSide * a + half * (n % 3),
+                                                      kBoxSide * b + half * (n / 3 % 3),
+                                                      kBoxSide * c + half * (n / 9)))
+                      .norm() > kMoved_mm;
+        }
+        if (!moves) continue;
+        for (int k = kBoxSide * c; k < std::min(grid.dims[2], kBoxSide * (c + 1)); ++k)
+          for (int j = kBoxSide * b; j < std::min(grid.dims[1], kBoxSide * (b + 1)); ++j)
+            for (int i = kBoxSide * a; i < std::min(grid.dims[0], kBoxSide * (a + 1)); ++i) {
+              const Eigen::Vector3d from =
+                  (X_VoxelPatient * place_at_rest(X_PatientVoxel * Point<Voxel>(i, j, k), moved)).eigen();
+              std::array<int, 3> nearest{};
+              bool is_in = true;
+              for (std::size_t axis = 0; axis < 3; ++axis) {
+                const double rounded = std::round(from[static_cast<Eigen::Index>(axis)]);
+                is_in = is_in && rounded >= 0 && rounded < grid.dims[axis];
+                nearest[axis] = is_in ? static_cast<int>(rounded) : 0;
+              }
+              there.at(i, j, k) = is_in ? labels.at(nearest[0], nearest[1], nearest[2]) : LabelId{0};
+            }
+      }
+  auto seen = std::make_shared<Model>(model);
+  seen->surfaces.clear();
+  seen->label_of_surface.clear();
+  seen->labels = label_bricks(there);
+  return seen;
+}
+
+void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
+  if (model.labels == nullptr || !is_elastic(model.tissue_law)) return;
+  Model under = moment.left != nullptr ? *moment.left : model;
+  under.tissue_law = law;
+  const YieldedTissue yielded(under, moment.tick);
+  if (yielded.rests()) return;
+  for (int device = 0; device < moment.devices; ++device) {
+    const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
+    moment.dent_mm[static_cast<std::size_t>(device)] =
+        yielded.moved_mm(Point<Patient>(leans[0], leans[1], leans[2]));
+  }
+  moment.left = where_tissue_went(under, yielded);
+}
+
+/// Ends a reading that has all that it needs.
+Error enough() {
+  return {ErrorKind::kInterrupted, "enough", "", ""};
+}
+
+}  // namespace
+
+Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const Model& model, double time_s,
+                                       const Progress& progress) {
+  const RecordingHead& head = recording.head();
+  if (auto same = report::check_model(head.header, model); !same) return same.error();
+  RecordedMoment moment;
+  moment.devices = report::device_count(head);
+  report::TickTimes times(head);
+  RecentTips tips(moment.devices);
+  report::RemovalMeter removal(model);
+  LawsByVersion laws(model.tissue_law);
+  bool any = false, is_over = false;
+  double done = 0;
+  const auto see = [&](const report::TimedTick& now) {
+    is_over = is_over || (any && now.begin_s > time_s);
+    if (is_over) return;
+    any = true;
+    moment.time_s = now.begin_s;
+    moment.tick = now.tick;
+    tips.see(now);
+    removal.see(now);
+    for (int d = 0; d < moment.devices; ++d) {
+      const double limit = now.tick.device[static_cast<std::size_t>(d)].limit_N;
+      if (std::isfinite(limit)) moment.highest_limit_N = std::max(moment.highest_limit_N, limit);
+    }
+  };
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("reading the recording",
+                        done / static_cast<double>(std::max<std::uint64_t>(1, head.ticks)));
+        done += static_cast<double>(part.ticks.size());
+        removal.hear(part.events);
+        for (const RecordingEvent& event : part.events)
+          if (event.kind == RecordingEvent::Kind::kModel) laws.hear(event.change);
+        times.take(part.ticks, see);
+        return is_over ? Result<void>(enough()) : Result<void>();
+      },
+      progress);
+  if (!read && !is_over) return read.error();
+  if (!is_over) times.finish(see);
+  if (!any)
+    return Error{ErrorKind::kBadInput, "the recording has no ticks", "",
+                 "choose one of a run that went on for a while"};
+  moment.ways = tips.ways();
+  const report::RemovalFigures figures = removal.finish();
+  moment.left = report::model_left(model, figures.changes, moment.time_s);
+  show_yielding(model, laws.at(moment.tick.model_version), moment);
+  return moment;
+}
+
+std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& model,
+                                     const VolumeCamera& camera) {
+  std::vector<VolumeMark> marks;
+  for (const RecordedMoment::Way& way : moment.ways)
+    add_path(marks, way.points, way.touching ? 2.2 : 1.5,
+             way.touching ? report::kTouchingWayColour : report::kFreeWayColour, report::kWayBehind, camera);
+  const double mm_per_N = report::arrow_mm_per_N(moment.highest_limit_N);
+  for (int device = 0; device < moment.devices; ++device) {
+    const Vector<Patient>& dent = moment.dent_mm[static_cast<std::size_t>(device)];
+    const Point<Patient> proxy = report::proxy_place(moment.tick, device) + dent;
+    const auto& at = moment.tick.device[static_cast<std::size_t>(device)].tip_patient_mm;
+    const Point<Patient> tip(at[0], at[1], at[2]);
+    if (!proxy.eigen().allFinite() || !tip.eigen().allFinite()) continue;
+    const std::size_t first = marks.size();
+    report::add_tool(marks, model, moment.tick, device);
+    for (std::size_t n = first; n < marks.size(); ++n) {
+      marks[n].from += dent;
+      marks[n].to += dent;
+    }
+    const double proxy_mm = report::kPlaceShare * camera.width_mm, tip_mm = kTipShare * camera.width_mm;
+    marks.push_back({proxy, proxy, proxy_mm, proxy_mm, report::kPlaceColour, report::kPlaceBehind});
+    marks.push_back({tip, tip, tip_mm, tip_mm, kTipColour, report::kPlaceBehind});
+    const Vector<Patient> force_N = report::patient_force_N(model, moment.tick, device);
+    if (force_N.eigen().allFinite())
+      add_arrow(marks, proxy, force_N * mm_per_N, report::kArrowShare * camera.width_mm,
+                report::kForceColour);
+  }
+  return marks;
+}
+
+}  // namespace palpate
