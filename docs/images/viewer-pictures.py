@@ -31,6 +31,8 @@ def main(url, folder):
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
             time.sleep(8)  # the plots have something to show
             seen = "palpateViewer.scopeWords.includes('ahead')" if layout == "inside" else "Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8"
+            # a busy machine takes a while
+            page.wait("palpateViewer.isVolumeSharp", 300)
             page.wait(seen, 60)
             page.run("palpateViewer.draw()")
             time.sleep(0.2)  # a press lasts a second or two

@@ -285,7 +285,6 @@ class Page {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
-        if (!this.session.volumes) this.renderer.prepare(scene.structures.some(({ tissue }) => (scene.tissues[tissue]?.opacity ?? 1) < 1));
         if (this.session.volumes && showsTheSame(scene, this.session.scene)) this.session.setScene(scene, this.session.volumes);
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;

@@ -153,11 +153,6 @@ export class VolumeRenderer {
     return this.drawings.size > 0;
   }
 
-  /** What will draw the volume is compiled while that comes. @param thin  some of it is seen through */
-  prepare(thin: boolean): void {
-    this.say({ type: "prepare", thin });
-  }
-
   /** Brings a volume to where it is drawn, in pieces. */
   load(volumes: Volumes, memory: Memory): void {
     this.isLoaded = false;

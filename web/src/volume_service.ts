@@ -9,7 +9,6 @@ import { breathe } from "./pieces.js";
 import { Caster, type View } from "./volume_caster.js";
 
 export type Asked =
-  | { type: "prepare"; thin: boolean } // for the first picture; without a graphics card
   | { type: "waits" } // the page draws nothing until "compiled"
   | { type: "begin"; voxels: Vec3; factor: Vec3; hasScan: boolean; texelFromPatient: Affine }
   | { type: "put"; piece: Piece }
@@ -73,9 +72,6 @@ class Service {
   private hear(asked: Asked): void {
     const { caster } = this;
     switch (asked.type) {
-      case "prepare":
-        this.prepare(asked.thin);
-        break;
       case "waits":
         this.waiting.shift()?.();
         break;
@@ -117,18 +113,6 @@ class Service {
     }
   }
 
-  /** Draws a little of nothing: that compiles what will draw the first picture. */
-  private prepare(thin: boolean): void {
-    const { caster } = this;
-    if (!caster.isSoftware || this.field || caster.isLost) return;
-    this.say({ type: "compiles" });
-    const view: View = { width: 16, height: 16, corner: [0, 0, 0], across: [1, 0, 0], down: [0, 1, 0], into: [0, 0, 1], eye: null, cut: null, isFine: false };
-    caster.begin(new Field([1, 1, 1], [1, 1, 1], false), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
-    caster.setLooks(Uint8Array.from({ length: 1024 }, () => (thin ? 128 : 255)));
-    caster.aim(view);
-    caster.band(view, 0, 1);
-    this.say({ type: "compiled" });
-  }
   /** Until the page waits for what takes the graphics long. */
   private pageWaits(): Promise<void> {
     this.say({ type: "compiles" });
