@@ -49,6 +49,9 @@ export class PlainSlicer implements AnySlicer {
   displace(): void {}
   updateDisplacement(): void {}
   lose(): void {}
+  isCompiled(): boolean {
+    return true;
+  }
 
   mark(): void {
     this.took_ms = this.began_ms === null ? 0 : performance.now() - this.began_ms;
