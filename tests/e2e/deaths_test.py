@@ -283,7 +283,7 @@ class Deaths(cli.PalpateTest):
 
     # main, who ends what does not hear, the hand, the recorder, who looks up causes, soft tissue; those with names of
     # their own
-    THREADS = sorted(6 * ["palpate"] + ["palpate-guard", "palpate-servo", "viewer-volumes", "viewers"])
+    THREADS = sorted(6 * ["palpate"] + ["palpate-guard", "palpate-servo", "viewer-pictures", "viewer-volumes", "viewers"])
 
     def begin_watched(self):
         """(a session that serves a page, the file that chooses who throws, [(name, number)] of its threads as they began)"""
@@ -368,10 +368,11 @@ class Deaths(cli.PalpateTest):
                     self.feel_b_spline(session)
                     session.wait_until(lambda: session.recording.stat().st_size > size, "it records more")
                     session.process.terminate()
-                elif name == "viewer-volumes":
+                elif name in ("viewer-volumes", "viewer-pictures"):
+                    view = f"/api/picture/{volume['hash']}?view=16,16,0,0,0,1,0,0,0,1,0"
                     # nobody answers
                     with contextlib.suppress(OSError, http.client.HTTPException):
-                        self.ask_page(session, f"/api/volume/labels/{volume['hash']}")
+                        self.ask_page(session, f"/api/volume/labels/{volume['hash']}" if name == "viewer-volumes" else view)
                 code, _, told = session.end()
                 dies = name not in ("viewers", "fields")
                 self.assertEqual(code, -signal.SIGABRT if dies else cli.OK, told)
