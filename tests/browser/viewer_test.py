@@ -27,6 +27,7 @@ import browser  # noqa: E402
 
 # The software renderer, also where there is a graphics card: the same picture everywhere. It draws what the page draws,
 # and what the browser puts together of it takes no shaders; that this waits for pictures is told in the console.
+WITHOUT_WEBGL = [*browser.ARGUMENTS, "--disable-software-rasterizer"]
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing"]
 WAITS_FOR_PICTURES = "GL Driver Message (OpenGL, Performance"
@@ -271,7 +272,7 @@ class WithoutWebGl(Viewer):
         expected = self.seen_from(views, size, mm)
         self.assertGreater((expected[0] ^ expected[1]).sum(), 500)
         shared, arguments = self.page, browser.ARGUMENTS
-        browser.ARGUMENTS = [*arguments, "--disable-3d-apis"]
+        browser.ARGUMENTS = WITHOUT_WEBGL
         try:
             type(self).open_browser(own=True)
         finally:
