@@ -77,7 +77,9 @@ TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
     for (int column = 0; column < 48; ++column) {
       const double off = std::hypot(-4 + column + 0.5 - 20, 44 - row - 0.5 - 20);
       if (seen.place(column, row) != 0) ++met;
-      if (off > 13) EXPECT_EQ(seen.place(column, row), 0) << column << " " << row;
+      if (off > 13) {
+        EXPECT_EQ(seen.place(column, row), 0) << column << " " << row;
+      }
       if (off > 11) continue;
       // the second of the structures, where the ball's surface is
       EXPECT_EQ(seen.place(column, row), 2) << column << " " << row;

@@ -348,6 +348,8 @@ class Explore(cli.PalpateTest):
         log = self.folder / "supervisor.log"
         terminal = self.terminal(*self.explore("--repeat", "--no-viewer", "--supervisor-log", log))
         terminal.wait_for(PRESSES)
+        # a slow machine may be warned of other things, its tissue's cells for one
+        before = terminal.shown.count("warning:")
         # what it needs for another one are files
         limits = resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, (3, limits[1]))
@@ -357,11 +359,11 @@ class Explore(cli.PalpateTest):
         # three more tries
         until = time.monotonic() + 3.5
         terminal.wait_until(lambda: time.monotonic() > until, "the time for more tries")
-        self.assertEqual(terminal.shown.count("warning:"), 1, terminal.shown)
+        self.assertEqual(terminal.shown.count("warning:"), before + 1, terminal.shown)
         self.assertIn("EMERGENCY STOP", terminal.frames()[-2])
         resource.prlimit(terminal.process.pid, resource.RLIMIT_NOFILE, limits)
         terminal.wait_for("a supervisor watches again")
-        self.assertEqual(terminal.shown.count("warning:"), 2, terminal.shown)
+        self.assertEqual(terminal.shown.count("warning:"), before + 2, terminal.shown)
         # and it does, with the log of the one before it
         another = self.supervisor_of(terminal.process)
         terminal.process.kill()

@@ -43,7 +43,7 @@ struct DoctorSettings {
   double timer_s = 5;
   /// Names of devices that are to be there. Empty: whichever are; where one is ready, what others lack is
   /// advice.
-  std::vector<std::string> devices;
+  std::vector<std::string> devices = {};
   std::filesystem::path root = "/";  ///< where /proc and /sys are, for tests
 };
 

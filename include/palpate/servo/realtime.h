@@ -24,9 +24,9 @@ struct RealtimeGrant {
   bool fifo = false;
   int priority = 0;  ///< of SCHED_FIFO, 0 without it; less than asked for where the rtprio limit is lower
   bool memory_locked = false;
-  int cpu = -1;           ///< the CPU that the thread is bound to, -1: none
-  std::string scheduler;  ///< "SCHED_FIFO 80", or what it is instead and why
-  std::string memory;     ///< "locked", or what it is instead and why
+  int cpu = -1;                ///< the CPU that the thread is bound to, -1: none
+  std::string scheduler = {};  ///< "SCHED_FIFO 80", or what it is instead and why
+  std::string memory = {};     ///< "locked", or what it is instead and why
 };
 
 /// Makes the calling thread real-time as far as the system allows, and says how far that is. Besides what is
