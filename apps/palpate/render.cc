@@ -35,6 +35,8 @@ struct RenderOptions {
   VolumePictureRequest request;
   std::vector<double> at;
   std::vector<std::string> only, hide;
+  std::optional<double> scan_opacity;
+  std::vector<double> window;
   std::optional<int> frames;
 };
 
@@ -102,6 +104,24 @@ Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const 
   for (std::size_t label = 0; label < looks.size(); ++label)
     if ((!only->empty() && !has(*only, label)) || has(*hide, label)) looks[label].opacity = 0;
   return looks;
+}
+
+Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
+  if (!options.scan_opacity && options.window.empty()) return ScanLook{};
+  if (!options.scan_opacity)
+    return usage("a window is of the scan, which is not drawn", "--window", "draw it with --scan");
+  if (model.scan == nullptr)
+    return usage("there is no scan", "--scan", "name one in the scene, or leave the option out");
+  const std::size_t voxels = model.scan->geometry().voxel_count();
+  if (voxels > kMostScanVoxels)
+    return usage("a scan is drawn of at most " + std::to_string(kMostScanVoxels) + " voxels, this one has " +
+                     std::to_string(voxels),
+                 "--scan", "crop or resample it, or leave the option out");
+  ScanLook look{model.scan, scan_window(*model.scan), *options.scan_opacity};
+  if (!options.window.empty()) look.window = {options.window[0], options.window[1]};
+  if (!(look.window[0] < look.window[1]))
+    return usage("the window's lower end is not below its upper end", "--window", "give LOW,HIGH");
+  return look;
 }
 
 /// The pictures one after another, each a turn further.
@@ -180,7 +200,9 @@ int render(const RenderOptions& options, Console& console) {
   const auto looks = looks_of(options, model);
   if (!looks) return console.fail(looks.error());
   const Progress progress = console.progress();
-  auto renderer = VolumeRenderer::make(*model.labels, *looks, 0, progress);
+  const auto scan = scan_of(options, model);
+  if (!scan) return console.fail(scan.error());
+  auto renderer = VolumeRenderer::make(*model.labels, *looks, 0, progress, *scan);
   if (!renderer) return console.fail(renderer.error());
 
   const auto requests = requests_of(options, model.labels->geometry());
@@ -241,12 +263,9 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
       ->type_name("DEG");
   verb.add_flag("--perspective", options.request.perspective,
                 "What is near is larger, and there is no scale bar; default: parallel rays");
-  verb.add_option(
-          "--at", options.at,
-          "The point in the picture's middle: patient coordinates in mm, LPS; default: the volume's centre")
-      ->delimiter(',')
-      ->expected(3)
-      ->check(number_between(-1e6, 1e6))
+  add_numbers(
+      verb, "--at", options.at, 3, 1e6,
+      "The point in the picture's middle: patient coordinates in mm, LPS; default: the volume's centre")
       ->type_name("X,Y,Z");
   verb.add_option("--cut", options.request.cut, "Takes away what lies on this side of the middle")
       ->transform(CLI::CheckedTransformer(kViews))
@@ -261,6 +280,13 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
       ->type_name("NAME");
   verb.add_option("--hide", options.hide, "Leaves out this structure; may be given again")->type_name("NAME");
+  verb.add_option("--scan", options.scan_opacity,
+                  "Draws the scan, too, as a haze around the structures: 1, or less where it hides too much")
+      ->check(number_between(0.05, 1))
+      ->type_name("OPACITY");
+  add_numbers(verb, "--window", options.window, 2, 1e9,
+              "Of the scan: the values that are black and white; default: its 1st and 99th percentile")
+      ->type_name("LOW,HIGH");
   verb.add_option("--orbit", options.frames,
                   "So many pictures all the way around the body: an animated PNG where the output ends with "
                   ".png, else a "
@@ -280,6 +306,7 @@ void add_render(CLI::App& app, Run& run) {
       "  palpate render knee-phantom -o knee.png\n"
       "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
       "  palpate render scene.toml --only femur --orbit 72 -o frames\n"
+      "  palpate render scene.toml --scan 0.6 --window=-100,400 -o with-scan.png\n"
       "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n"
       "  palpate render run.h5 --time 3.2 -o moment.png\n\n"
       "Colours and opacities are the scene's (docs/render.md).");

@@ -100,14 +100,6 @@ int draw_section(const SectionOptions& options, Console& console) {
   return kExitOk;
 }
 
-CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
-                         double most, const std::string& help) {
-  return verb.add_option(name, numbers, help)
-      ->delimiter(',')
-      ->expected(count)
-      ->check(number_between(-most, most));
-}
-
 void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);

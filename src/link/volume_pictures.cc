@@ -265,17 +265,24 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
     const Vector<Patient> way = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
     for (const double behind : {0.4, 1.0, 0.0, 1.8, 3.0}) {
       const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + way * (depth + behind * h);
+      // at a rim what is drawn lies beside the ray: of the eight voxels around the nearest one
       const Eigen::Vector3d voxel = (X_VoxelPatient * at).eigen();
-      std::array<int, 3> n{};
-      bool is_in = true;
-      for (int a = 0; a < 3; ++a) {
-        const double rounded = std::round(voxel[a]);
-        is_in = is_in && rounded >= 0 && rounded < grid.dims[static_cast<std::size_t>(a)];
-        n[static_cast<std::size_t>(a)] = is_in ? static_cast<int>(rounded) : 0;
+      const Eigen::Vector3d low = voxel.array().floor();
+      double nearest = 3;
+      std::uint8_t place = 0;
+      for (int corner = 0; corner < 8; ++corner) {
+        const Eigen::Vector3d n = low + Eigen::Vector3d(corner & 1, corner >> 1 & 1, corner >> 2);
+        const double apart = (n - voxel).squaredNorm();
+        if (apart >= nearest || (n.array() < 0).any() || n[0] >= grid.dims[0] || n[1] >= grid.dims[1] ||
+            n[2] >= grid.dims[2])
+          continue;
+        const LabelId label =
+            labels_->at(static_cast<int>(n[0]), static_cast<int>(n[1]), static_cast<int>(n[2]));
+        if (label >= prepared_.size() || prepared_[label].opacity == 0) continue;
+        nearest = apart;
+        place = place_of_[label];
       }
-      if (!is_in) continue;
-      const LabelId label = labels_->at(n[0], n[1], n[2]);
-      if (label < prepared_.size() && prepared_[label].opacity > 0) return place_of_[label];
+      if (place != 0) return place;
     }
     return 0;
   };

@@ -44,6 +44,7 @@ struct Part {
 struct VoxelLook {
   float extinction = 0;  ///< h / mm
   float colour[3] = {};
+  float covered = 0;  ///< by structures that are drawn
 };
 
 namespace {
@@ -316,6 +317,7 @@ class Encoding::Tile {
       find_looks();
       find_normals();
     }
+    if (encoding_.scan_.scan != nullptr) add_scan();
     for (int along = 0; along < 2; ++along) {
       const int across = 1 - along;
       for (int k = 0; k < size[2]; ++k)
@@ -370,7 +372,7 @@ class Encoding::Tile {
 
   static VoxelLook look_of_one(const Part& part) {
     const Rgb& c = part.colour;
-    return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}};
+    return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}, part.opacity > 0 ? 1.0f : 0.0f};
   }
 
   void find_looks() {
@@ -425,6 +427,7 @@ class Encoding::Tile {
       all += shares[n].coverage;
       if (part(shares[n].label).solid > 0) solid += shares[n].coverage;
     }
+    look.covered = all;
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
@@ -440,6 +443,25 @@ class Encoding::Tile {
     if (look.extinction > 0)
       for (float& c : look.colour) c /= look.extinction;
     return look;
+  }
+
+  void add_scan() {
+    const ScanLook& scan = encoding_.scan_;
+    const double h = encoding_.grid_.min_spacing_mm();
+    for (int k = 0; k < box_.size[2]; ++k)
+      for (int j = 0; j < box_.size[1]; ++j) {
+        const float* scanned = &scan.scan->at(box_.first[0], box_.first[1] + j, box_.first[2] + k);
+        VoxelLook* look = looks_.data() + offset(0, j, k);
+        for (int i = 0; i < box_.size[0]; ++i) {
+          const double value = value_in_window(scanned[i], scan.window);
+          const auto e = static_cast<float>(scan_per_mm(value, look[i].covered, scan.opacity) * h);
+          if (e == 0) continue;
+          const auto grey = static_cast<float>(scan_grey(value));
+          const float all = look[i].extinction + e;
+          for (float& c : look[i].colour) c = (c * look[i].extinction + grey * e) / all;
+          look[i].extinction = all;
+        }
+      }
   }
 
   void find_normals() {
@@ -499,9 +521,10 @@ class Encoding::Tile {
 
 // ---- the whole --------------------------------------------------------------------------------------------
 
-Encoding::Encoding(const GridGeometry& grid, std::span<const StructureLook> looks)
+Encoding::Encoding(const GridGeometry& grid, std::span<const StructureLook> looks, ScanLook scan)
     : grid_(grid),
       looks_(looks.begin(), looks.end()),
+      scan_(std::move(scan)),
       to_patient_(grid.X_PatientVoxel().linear().inverse().transpose()),
       rows_{BlockRows(grid, 0), BlockRows(grid, 1)},
       leaps_(grid) {

@@ -88,7 +88,7 @@ class Leaps {
 
 class Encoding {
  public:
-  explicit Encoding(const GridGeometry& grid, std::span<const StructureLook> looks);
+  explicit Encoding(const GridGeometry& grid, std::span<const StructureLook> looks, ScanLook scan = {});
   /// Makes the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
   Result<void> encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
                       const Progress& progress);
@@ -104,6 +104,7 @@ class Encoding {
 
   GridGeometry grid_;
   std::vector<StructureLook> looks_;
+  ScanLook scan_;
   Eigen::Matrix3d to_patient_;                 ///< turns a gradient by voxels into one by mm
   std::array<std::vector<float>, 3> kernels_;  ///< of the smoothed opacity along i, j, k
   std::array<BlockRows, 2> rows_;

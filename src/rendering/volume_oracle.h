@@ -20,7 +20,8 @@ struct OracleVoxel {
 
 class VolumeOracle {
  public:
-  VolumeOracle(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks)
+  VolumeOracle(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks,
+               const ScanLook& scan = {})
       : grid_(labels.geometry()), labels_(labels), looks_(looks), voxels_(grid_.voxel_count()) {
     namespace terms = internal::volume_picture;
     const Eigen::Matrix3d to_patient = grid_.X_PatientVoxel().linear().inverse().transpose();
@@ -57,7 +58,8 @@ class VolumeOracle {
         voxel.extinction += e;
         voxel.colour += e * Eigen::Vector3d(colour.r, colour.g, colour.b);
       }
-      if (voxel.extinction > 0) voxel.colour /= voxel.extinction;
+      if (voxel.extinction == 0) return add_scan(voxel, scan, all, i, j, k);
+      voxel.colour /= voxel.extinction;
       // the smoothed opacity is known one voxel beyond the grid, too
       const Eigen::Vector3d rise(smooth[wide(i + 1, j, k)] - smooth[wide(i - 1, j, k)],
                                  smooth[wide(i, j + 1, k)] - smooth[wide(i, j - 1, k)],
@@ -65,6 +67,7 @@ class VolumeOracle {
       const Eigen::Vector3d gradient = to_patient * rise / 2;
       const double least = terms::kFaintGradient * terms::surface_gradient_per_mm(grid_);
       voxel.normal = gradient / std::max(gradient.norm(), least) * terms::sidedness(smooth[wide(i, j, k)]);
+      add_scan(voxel, scan, all, i, j, k);
     });
   }
 
@@ -99,6 +102,17 @@ class VolumeOracle {
   const OracleVoxel& voxel(int i, int j, int k) const { return voxels_[grid_.offset(i, j, k)]; }
 
  private:
+  static void add_scan(OracleVoxel& voxel, const ScanLook& scan, double covered, int i, int j, int k) {
+    namespace terms = internal::volume_picture;
+    if (scan.scan == nullptr) return;
+    const double value = terms::value_in_window(scan.scan->at(i, j, k), scan.window);
+    const double e = terms::scan_per_mm(value, covered, scan.opacity);
+    if (e == 0) return;
+    voxel.colour =
+        (voxel.colour * voxel.extinction + Eigen::Vector3d::Constant(terms::scan_grey(value)) * e) /
+        (voxel.extinction + e);
+    voxel.extinction += e;
+  }
   template <class Visit>
   void for_each_voxel(const Visit& visit) const {
     for (int k = 0; k < grid_.dims[2]; ++k)

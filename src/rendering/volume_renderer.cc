@@ -251,10 +251,12 @@ VolumeRenderer::~VolumeRenderer() = default;
 
 Result<VolumeRenderer> VolumeRenderer::make(const Bricks<LabelId>& labels,
                                             std::span<const StructureLook> looks, int threads,
-                                            const Progress& progress) {
+                                            const Progress& progress, ScanLook scan) {
+  PALPATE_CHECK(scan.scan == nullptr ||
+                (scan.scan->geometry().dims == labels.geometry().dims && scan.window[0] < scan.window[1]));
   VolumeRenderer renderer;
   renderer.threads_ = threads;
-  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), looks);
+  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), looks, std::move(scan));
   renderer.scratch_ = std::make_unique<internal::volume_picture::Scratch>();
   if (const auto made =
           renderer.encoding_->encode(labels, {{0, 0, 0}, labels.geometry().dims}, threads, progress);

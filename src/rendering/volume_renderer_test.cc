@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -134,8 +135,9 @@ Drawn draw(VolumeRenderer& renderer, const VolumeCamera& camera, const VolumeSty
   return drawn;
 }
 
-VolumeRenderer made(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks, int threads = 0) {
-  auto renderer = VolumeRenderer::make(*label_bricks(labels), looks, threads);
+VolumeRenderer made(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks, int threads = 0,
+                    const ScanLook& scan = {}) {
+  auto renderer = VolumeRenderer::make(*label_bricks(labels), looks, threads, {}, scan);
   EXPECT_TRUE(renderer);
   return std::move(*renderer);
 }
@@ -166,6 +168,54 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
     EXPECT_LE(difference.p999, 12) << number;
     EXPECT_GE(difference.coverage, 0.2) << number;
     EXPECT_LE(difference.too_deep, 0.05) << number;
+  }
+}
+
+/// Waves of a few voxels' length over the whole window and beyond it, and what is no number.
+ScanLook some_scan(const GridGeometry& grid, std::mt19937& random) {
+  std::uniform_real_distribution<double> part(0, 1);
+  const double x = part(random), y = part(random), z = part(random);
+  auto scan = std::make_shared<Volume<float>>(grid);
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        scan->at(i, j, k) = static_cast<float>(300 + 900 * std::sin(0.2 * i + x) * std::cos(0.15 * j + y) *
+                                                         std::sin(0.25 * k + z));
+  scan->at(3, 4, 5) = std::numeric_limits<float>::quiet_NaN();
+  scan->at(9, 4, 5) = std::numeric_limits<float>::infinity();
+  return {scan, {-100, 1000}, 0.6 + 0.4 * part(random)};
+}
+
+TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
+  const unsigned seed = test::test_seed();
+  std::printf("seed %u\n", seed);
+  std::mt19937 random(seed);
+  for (int number = 0; number < 6; ++number) {
+    const GridGeometry grid = some_grid(number % 4);
+    Volume<LabelId> labels = some_shapes(grid, random);
+    const VolumeCamera camera = some_camera(grid, number, random);
+    const VolumeStyle style = some_style(grid, number);
+    const ScanLook scan = some_scan(grid, random);
+    const std::vector<StructureLook> looks = some_looks();
+    VolumeRenderer renderer = made(labels, looks, 0, scan);
+    Drawn drawn = draw(renderer, camera, style);
+    const Difference difference =
+        compare(VolumeOracle(labels, looks, scan).render(camera, style, 5), drawn.rgb, drawn.depth_mm,
+                style.background, grid.spacing_mm.maxCoeff());
+    EXPECT_LE(difference.rms, 2) << number;
+    EXPECT_LE(difference.p999, 12) << number;
+    EXPECT_GE(difference.coverage, 0.5) << number;
+    // it is seen, and not through what is solid
+    VolumeRenderer without = made(labels, looks);
+    EXPECT_NE(draw(without, camera, style), drawn) << number;
+    // what a box of labels uncovers shows the scan
+    const VoxelBox box{{10, 12, 8}, {18, 15, 14}};
+    for (int k = 8; k < 22; ++k)
+      for (int j = 12; j < 27; ++j)
+        for (int i = 10; i < 28; ++i) labels.at(i, j, k) = 0;
+    renderer.change(*label_bricks(labels), box);
+    VolumeRenderer anew = made(labels, looks, 2, scan);
+    EXPECT_EQ(draw(renderer, camera, style), draw(anew, camera, style)) << number;
   }
 }
 

@@ -158,23 +158,33 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
   }
 }
 
-/// Blocks begin ... end - 1 of a pair of rows as one, from `to` on; those beyond either end are empty.
+/// Asks for blocks begin ... end - 1 of a pair of rows while there is something else to do: they are far
+/// away.
 /// @returns whether there are any
-HWY_NOINLINE bool mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, float* const* to) {
-  const DF d;
-  // asks for what is far away while there is something else to do
+HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begin, int end) {
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
-      const std::uint32_t place = pair.block_of[n][b];
-      if (place == 0) continue;
+      // what is there is known without going far
+      if ((pair.mask[n][b / 64] >> b % 64 & 1) == 0) continue;
       any = true;
+      const std::uint32_t place = pair.block_of[n][b];
+      const std::uint8_t state =
+          std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_relaxed);
+      // one that is not lit yet is lit from another
+      if (state != rows.lit_now) __builtin_prefetch(&rows.voxels[place]);
       __builtin_prefetch(&rows.lit[place]);
-      __builtin_prefetch(&rows.state[place]);
     }
-  if (!any) return false;
+  return any;
+}
+
+/// Blocks begin ... end - 1 of a pair of rows as one, `to` being block `first`; those beyond either end are
+/// empty.
+HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, int first,
+                           float* const* to) {
+  const DF d;
   for (int b = begin; b < end; ++b) {
-    const int at = (b - begin) * kBlock;
+    const int at = (b - first) * kBlock;
     const LitBlock* blocks[2];
     LitBlock room[2];
     float weights[2];
@@ -204,16 +214,15 @@ HWY_NOINLINE bool mix_pair(const RowsView& rows, const RowPair& pair, int begin,
       hn::StoreU(extinction, d, to[3] + at + n);
     }
   }
-  return true;
 }
 
-/// Two mixed rows as one, or one by its weight alone where the other is null.
+/// Voxels begin ... end - 1 of two mixed rows as one, or of one by its weight alone where the other is null.
 HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const float* const* far,
-                            float far_weight, int count, float* const* to) {
+                            float far_weight, int begin, int end, float* const* to) {
   const DF d;
   const auto a = hn::Set(d, near_weight), b = hn::Set(d, far_weight);
   for (int c = 0; c < 4; ++c)
-    for (int n = 0; n < count; n += lanes()) {
+    for (int n = begin; n < end; n += lanes()) {
       VF sum = hn::Zero(d);
       if (near != nullptr) sum = hn::Mul(hn::LoadU(d, near[c] + n), a);
       if (far != nullptr) sum = hn::Add(sum, hn::Mul(hn::LoadU(d, far[c] + n), b));
@@ -225,7 +234,8 @@ HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const f
 /// voxels.
 constexpr float kClose = 0.999f;
 
-/// A chunk's pixels take a sample each. @param place  of the first one in the mixed row
+/// A chunk's pixels that still see something take a sample each. @param place  of the first one in the mixed
+/// row
 /// @returns whether nothing more is seen by any
 template <bool kIsClose>
 HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, int at, float place, float step,
@@ -252,11 +262,13 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, in
       }
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
-    const VF extinction = hn::Mul(between(row[3]), scale);
     const VF before = hn::LoadU(d, line.clear + at + n);
+    // around the others nothing may have been mixed
+    const auto sees = hn::Ge(before, hn::Set(d, kDone));
+    const VF extinction = hn::IfThenElseZero(sees, hn::Mul(between(row[3]), scale));
     const auto is_there = hn::Gt(extinction, hn::Zero(d));
     if (hn::AllFalse(d, is_there)) {
-      any = hn::Or(any, hn::Ge(before, hn::Set(d, kDone)));
+      any = hn::Or(any, sees);
       continue;
     }
     VF way = hn::LoadU(d, line.step + at + n);
@@ -321,36 +333,83 @@ struct LinesOnPlane {
   float part[kMostLines];  ///< how far the line is beyond that one
 };
 
+/// The block of a row in which voxel x lies, which may lie before it.
+HWY_INLINE int block_of_voxel(int x) {
+  return x >= 0 ? x / kBlock : -1 - (-x - 1) / kBlock;
+}
+
+/// Blocks first ... end - 1.
+struct BlockRange {
+  int first = 0, end = 0;
+
+  void widen(const BlockRange& other) {
+    if (end == first) {
+      *this = other;
+      return;
+    }
+    if (other.first < first) first = other.first;
+    if (other.end > end) end = other.end;
+  }
+};
+
+/// The blocks around samples of pixels first ... last.
+HWY_INLINE BlockRange blocks_around(const SamplePlane& plane, int first, int last) {
+  return {block_of_voxel(static_cast<int>(std::floor(plane.x_per_u * first + plane.x_0))),
+          block_of_voxel(static_cast<int>(std::floor(plane.x_per_u * last + plane.x_0)) + 1) + 1};
+}
+
+/// Those around the pixels of a line's chunks begin ... end - 1 that still see something.
+HWY_INLINE BlockRange blocks_seen(const Gathered& line, const SamplePlane& plane, int begin, int end) {
+  const auto is_open = [&](int chunk) { return (line.open[chunk / 64] >> chunk % 64 & 1) != 0; };
+  while (begin < end && !is_open(begin)) ++begin;
+  while (begin < end && !is_open(end - 1)) --end;
+  if (begin == end) return {};
+  // an open chunk has one
+  int first = begin * kChunk, last = end * kChunk - 1;
+  while (line.clear[first] < kDone) ++first;
+  while (line.clear[last] < kDone) --last;
+  return blocks_around(plane, first, last);
+}
+
 /// Takes samples of pixels begin ... end - 1, whole chunks, of the lines that are open there.
 HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
                                  float number, int begin, int end, const MixingRoom& room) {
-  const double first = plane.x_per_u * begin + plane.x_0, last = plane.x_per_u * (end - 1) + plane.x_0;
   // beyond these blocks the row is empty, and pixels farther out read its padding
-  const int lowest = static_cast<int>(std::floor(first)), highest = static_cast<int>(std::floor(last)) + 1;
-  const int from = lowest >= 0 ? lowest / kBlock : -1 - (-lowest - 1) / kBlock,
-            to = highest >= 0 ? highest / kBlock + 1 : -((-highest - 1) / kBlock);
+  const int origin = blocks_around(plane, begin, begin).first;
+  // only what somebody sees is mixed: much of what lies around is behind something
+  BlockRange of_line[kMostLines], of_row[kMostRows];
+  for (int n = 0; n < lines.line_count; ++n) {
+    of_line[n] = blocks_seen(*lines.line[n], plane, begin / kChunk, end / kChunk);
+    if (of_line[n].end == of_line[n].first) continue;
+    of_row[lines.before[n]].widen(of_line[n]);
+    if (lines.part[n] > 0) of_row[lines.before[n] + 1].widen(of_line[n]);
+  }
   const float* const* mixed[kMostRows];
   for (int n = 0; n < lines.row_count; ++n)
-    mixed[n] = mix_pair(rows, lines.rows[n], from, to, room.pair[n]) ? room.pair[n] : nullptr;
+    mixed[n] = ask_for_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end) ? room.pair[n] : nullptr;
+  for (int n = 0; n < lines.row_count; ++n)
+    if (mixed[n] != nullptr)
+      mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, room.pair[n]);
   const auto step = static_cast<float>(plane.x_per_u);
   const bool close = step <= kClose;
   for (int n = 0; n < lines.line_count; ++n) {
+    if (of_line[n].end == of_line[n].first) continue;
     const float* const* near = mixed[lines.before[n]];
     const float part = lines.part[n];
     const float* const* far = part > 0 ? mixed[lines.before[n] + 1] : nullptr;
     if (near == nullptr && far == nullptr) continue;
     const Gathered& line = *lines.line[n];
     const auto open = [&](int w) { return line.open[w]; };
-    int chunk = next_bit(begin / kChunk, end / kChunk, open);
-    if (chunk == end / kChunk) continue;
     const float* const* row = near;
     if (part > 0) {
-      mix_lines(near, 1 - part, far, part, (to - from) * kBlock, room.line);
+      mix_lines(near, 1 - part, far, part, (of_line[n].first - origin) * kBlock,
+                (of_line[n].end - origin) * kBlock, room.line);
       row = room.line;
     }
-    for (; chunk < end / kChunk; chunk = next_bit(chunk + 1, end / kChunk, open)) {
+    for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
+         chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
-      const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - from * kBlock);
+      const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
       const bool is_done = close ? take_samples<true>(line, row, u, place, step, number)
                                  : take_samples<false>(line, row, u, place, step, number);
       if (is_done) line.open[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -14,10 +15,13 @@
 ///     extinction  e     1/mm: solid ones together have kSolidDepth / h * solidity(); of what one sees
 ///     through
 ///                       the surface has surface_depth() in all, the more the more slanting the ray, and its
-///                       inside haze_per_mm()
-///     colour      c     the mean of the structures', each counting as its extinction does
+///                       inside haze_per_mm(); of the scan, where nothing covers more than a half,
+///                       scan_per_mm()
+///     colour      c     the mean of the structures' and the scan's grey, each counting as its extinction
+///                       does
 ///     normal      m     gradient of the smoothed opacity, over its length or kFaintGradient of a solid's
-///                       surface, whichever is more, times sidedness(): at most 1 long
+///                       surface, whichever is more, times sidedness(): at most 1 long; 0 where structures
+///                       have no extinction
 ///     light       l     of a voxel: c (ambient + diffuse f) + specular f^20 with
 ///                       f = |m . into| + 1 - |m|: what has no side faces the light
 ///
@@ -47,6 +51,20 @@ inline double surface_depth(double opacity) {
 }
 inline double haze_per_mm(double opacity) {
   return 0.006 * opacity;
+}
+
+/// Both of the scan, as the viewer's page has them. @param value  0 ... 1 of the window
+inline double scan_per_mm(double value, double covered, double opacity) {
+  return 0.03 * std::clamp((36 * value * opacity - 3) / 33, 0.0, 1.0) *
+         (1 - std::clamp(2 * covered, 0.0, 1.0));
+}
+inline double scan_grey(double value) {
+  return 0.8 * 255 * value;
+}
+/// Where in its window a scan's value is; 0 where that is no number.
+inline double value_in_window(float scanned, const std::array<double, 2>& window) {
+  const double value = (static_cast<double>(scanned) - window[0]) / (window[1] - window[0]);
+  return value > 0 ? std::min(value, 1.0) : 0;
 }
 
 /// Width of the Gaussian under the normals: voxels of one bit say little of a surface's slope. 2.5 of the

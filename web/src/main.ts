@@ -38,8 +38,8 @@ const TOKEN_KEY = "palpate.token";
 const SOFTWARE_FRAME_MS = 66;
 /** Beside a picture of the volume, sections are drawn in a third of the time: as many times their own pass from one to the next. */
 const SECTIONS_REST = 3;
-/** Where no graphics card draws, the page waits for its sections: so long for all of them at a time. */
-const SECTIONS_MS = 40;
+/** Where no graphics card draws, the page waits for its sections: so long for all of them at a time, and less where it waits for a part of the volume's picture, too. */
+const SECTIONS_MS = 40, SECTIONS_BESIDE_MS = 25;
 /** Graphics that the browser has not given back by then will hardly come. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;
@@ -554,7 +554,7 @@ class Page {
     // the page would wait until the volume's shader is compiled
     if (areSectionsDue && session.volumes && !this.renderer.isCompiling) {
       this.drawnVersion = session.version;
-      this.drawSections(this.slicer.isSoftware ? SECTIONS_MS : Infinity);
+      this.drawSections(!this.slicer.isSoftware ? Infinity : this.renderer.isDrawing ? SECTIONS_BESIDE_MS : SECTIONS_MS);
     }
     this.capture.drawn();
     if (now - this.figures_ms > FIGURES_MS) {

@@ -1,7 +1,7 @@
 // A picture on the page: what is drawn of the volume below, what is drawn over it above, in two canvases of one size.
 
 import type { Frame } from "./overlay.js";
-import { pixelRatio } from "./screen.js";
+import { ObservedSize } from "./screen.js";
 import { says } from "./words.js";
 
 /** Its id, by which its name and what is done in it stand in the words. */
@@ -12,7 +12,7 @@ export class Picture {
   readonly base: CanvasRenderingContext2D;
   readonly over: CanvasRenderingContext2D;
   readonly head: HTMLElement;
-  private wanted = { width: 0, height: 0, ratio: 1 };
+  private readonly size: ObservedSize;
 
   constructor(id: PictureId) {
     this.element = document.createElement("section");
@@ -31,39 +31,29 @@ export class Picture {
     this.element.append(stack, this.head);
     this.base = canvases[0]!.getContext("2d", { alpha: false, willReadFrequently: false })!;
     this.over = canvases[1]!.getContext("2d")!;
-    new ResizeObserver(() => this.measure()).observe(stack);
+    this.size = new ObservedSize(stack);
   }
 
   get surface(): HTMLElement {
     return this.element.firstElementChild as HTMLElement;
   }
-  private measure(): void {
-    const ratio = pixelRatio();
-    const { clientWidth, clientHeight } = this.surface;
-    this.wanted = { width: Math.round(clientWidth * ratio), height: Math.round(clientHeight * ratio), ratio };
-  }
 
   /** @returns whether its size is another one than at the last time */
   fit(): boolean {
-    const { width, height } = this.wanted;
-    if (this.base.canvas.width === width && this.base.canvas.height === height) return false;
-    for (const { canvas } of [this.base, this.over]) {
-      canvas.width = width;
-      canvas.height = height;
-    }
-    return true;
+    const [isOther] = [this.base, this.over].map(({ canvas }) => this.size.fit(canvas));
+    return isOther!;
   }
   get isShown(): boolean {
-    // a picture that is not shown is observed to have no size; to ask for its place would lay out the page between two frames
-    const { wanted, base: { canvas } } = this;
-    return wanted.width > 0 && wanted.height > 0 && canvas.width > 0 && canvas.height > 0;
+    // a picture that is not shown is observed to have no size
+    const { size, base: { canvas } } = this;
+    return size.width > 0 && size.height > 0 && canvas.width > 0 && canvas.height > 0;
   }
   frame(): Frame {
-    return { context: this.over, width: this.base.canvas.width, height: this.base.canvas.height, ratio: this.wanted.ratio };
+    return { context: this.over, width: this.base.canvas.width, height: this.base.canvas.height, ratio: this.size.ratio };
   }
   /** Canvas pixels of where an event is. */
   at(event: { clientX: number; clientY: number }): [number, number] {
     const box = this.surface.getBoundingClientRect();
-    return [(event.clientX - box.left) * this.wanted.ratio, (event.clientY - box.top) * this.wanted.ratio];
+    return [(event.clientX - box.left) * this.size.ratio, (event.clientY - box.top) * this.size.ratio];
   }
 }

@@ -1,6 +1,7 @@
 // Small plots over time: a ring of samples, drawn on a canvas in the colours of the theme.
 
-import { pixelRatio } from "./screen.js";
+import { ObservedSize } from "./screen.js";
+import { themeColour } from "./theme.js";
 
 export interface Curve { colour: string; samples: number[] }
 
@@ -8,11 +9,13 @@ export class Plot {
   private readonly context: CanvasRenderingContext2D;
   private readonly times: number[] = [];
   private readonly curves: Curve[];
+  private readonly size: ObservedSize;
 
   /** @param colours  of the curves, names of custom properties of the style sheet */
   constructor(private readonly canvas: HTMLCanvasElement, colours: string[], private readonly span_s: number,
               private readonly leastTop: number) {
     this.context = canvas.getContext("2d")!;
+    this.size = new ObservedSize(canvas);
     this.curves = colours.map((colour) => ({ colour, samples: [] }));
   }
 
@@ -34,11 +37,9 @@ export class Plot {
   }
 
   draw(): void {
-    const ratio = pixelRatio();
-    const [w, h] = [Math.round(this.canvas.clientWidth * ratio), Math.round(this.canvas.clientHeight * ratio)];
+    const { width: w, height: h, ratio } = this.size;
     if (w === 0 || h === 0) return;
-    if (this.canvas.width !== w || this.canvas.height !== h) Object.assign(this.canvas, { width: w, height: h });
-    const style = getComputedStyle(document.documentElement);
+    this.size.fit(this.canvas);
     const c = this.context;
     c.clearRect(0, 0, w, h);
     const shown = this.curves.flatMap((curve) => curve.samples).filter(Number.isFinite);
@@ -51,18 +52,18 @@ export class Plot {
     c.textBaseline = "middle";
     c.lineWidth = ratio;
     for (const value of [0, top / 2, top]) {
-      c.strokeStyle = style.getPropertyValue("--line");
+      c.strokeStyle = themeColour("--line");
       c.beginPath();
       c.moveTo(left, Math.round(y(value)) + 0.5);
       c.lineTo(w, Math.round(y(value)) + 0.5);
       c.stroke();
-      c.fillStyle = style.getPropertyValue("--muted");
+      c.fillStyle = themeColour("--muted");
       c.fillText(short(value), left - 4 * ratio, Math.min(h - 6 * ratio, Math.max(6 * ratio, y(value))));
     }
     const last = this.times.at(-1) ?? 0;
     const x = (time: number) => left + (1 - (last - time) / this.span_s) * (w - left);
     for (const { colour, samples } of this.curves) {
-      c.strokeStyle = style.getPropertyValue(colour);
+      c.strokeStyle = themeColour(colour);
       c.lineWidth = 1.4 * ratio;
       c.lineJoin = "round";
       c.beginPath();

@@ -8,3 +8,23 @@ export function pixelRatio(): number {
 export function memory_GB(): number {
   return (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
 }
+
+/** Whole pixels of an element's inside, as they were when it was laid out last: to ask for them would lay out the page between two frames. 0 where it is not shown. */
+export class ObservedSize {
+  width = 0;
+  height = 0;
+  ratio = 1; // canvas pixels of one of the page
+
+  constructor(element: Element) {
+    new ResizeObserver(() => {
+      this.ratio = pixelRatio();
+      [this.width, this.height] = [Math.round(element.clientWidth * this.ratio), Math.round(element.clientHeight * this.ratio)];
+    }).observe(element);
+  }
+  /** Gives a canvas these pixels. @returns whether it had others */
+  fit(canvas: HTMLCanvasElement): boolean {
+    if (canvas.width === this.width && canvas.height === this.height) return false;
+    [canvas.width, canvas.height] = [this.width, this.height];
+    return true;
+  }
+}

@@ -128,6 +128,7 @@ export function openToTests(page: Page): void {
     async volumePicture(width: number, height: number, mmPerPixel: number, isFine = true) {
       return btoa(Array.from(await volume.pixels(width, height, mmPerPixel, isFine), (byte) => String.fromCharCode(byte)).join(""));
     },
+    met: (width: number, height: number, mmPerPixel: number) => volume.met(width, height, mmPerPixel),
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** The picture that "Screenshot" writes, as a data URL. */
     async screenshot() {

@@ -7,6 +7,7 @@ type Theme = "system" | "light" | "dark";
 const ORDER: Theme[] = ["system", "light", "dark"];
 const MESSAGES = { system: "themeSystem", light: "themeLight", dark: "themeDark" } as const;
 const KEY = "palpate.theme";
+const colours = new Map<string, string>(); // of the theme, as they were asked for
 const systemIsDark = matchMedia("(prefers-color-scheme: dark)");
 
 function chosen(): Theme {
@@ -15,8 +16,18 @@ function chosen(): Theme {
 }
 export function applyTheme(): void {
   const theme = chosen();
+  colours.clear();
   document.documentElement.dataset.theme = theme === "system" ? (systemIsDark.matches ? "dark" : "light") : theme;
   says(byId("theme"), { text: MESSAGES[theme] });
+}
+/** A custom property of the style sheet. */
+export function themeColour(property: string): string {
+  let colour = colours.get(property);
+  if (colour === undefined) {
+    colour = getComputedStyle(document.documentElement).getPropertyValue(property);
+    colours.set(property, colour);
+  }
+  return colour;
 }
 export function nextTheme(): void {
   localStorage.setItem(KEY, ORDER[(ORDER.indexOf(chosen()) + 1) % ORDER.length]!);

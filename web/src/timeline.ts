@@ -7,8 +7,9 @@ import { quantity } from "./figures.js";
 import { onLanguage } from "./language.js";
 import { refusalText, type Requests } from "./requests.js";
 import type { RecordedEvent, Recording, State } from "./scene.js";
-import { pixelRatio } from "./screen.js";
+import { ObservedSize } from "./screen.js";
 import { readable, type Session } from "./session.js";
+import { themeColour } from "./theme.js";
 import { words } from "./words.js";
 import type { Pose } from "./wire.js";
 
@@ -22,6 +23,7 @@ const devicesOf = (recording: Recording): number => 1 + Math.max(0, ...recording
 export class Timeline {
   private readonly place = byId<HTMLInputElement>("place");
   private readonly canvas = byId<HTMLCanvasElement>("line");
+  private readonly size = new ObservedSize(this.canvas);
   private readonly marks = byId<HTMLSelectElement>("marks");
   private readonly speed = byId<HTMLSelectElement>("play-speed");
   private recording: Recording | null = null;
@@ -132,23 +134,20 @@ export class Timeline {
   draw(): void {
     const { recording, session, canvas } = this;
     if (!recording || !session.pose) return;
-    const ratio = pixelRatio();
-    const width = Math.round(canvas.clientWidth * ratio);
-    const height = Math.round(canvas.clientHeight * ratio);
-    const now = [width, height, session.pose.tick, session.lookVersion, getComputedStyle(canvas).color].join();
+    const { width, height, ratio } = this.size;
+    const colour = themeColour("--ink");
+    const now = [width, height, session.pose.tick, session.lookVersion, colour].join();
     if (width === 0 || now === this.drawn) return;
     this.drawn = now;
-    canvas.width = width;
-    canvas.height = height;
     const context = canvas.getContext("2d")!;
-    const style = getComputedStyle(canvas);
+    if (!this.size.fit(canvas)) context.clearRect(0, 0, width, height);
     const span = Math.max(recording.end_s - recording.begin_s, 1e-9);
     const x = (s: number) => ((s - recording.begin_s) / span) * width;
     const colours = new Map(session.scene!.structures.map(({ label }, n) => [label, `rgb(${session.looks[n]!.colour.join()})`]));
 
     const top = Math.max(...recording.force_N, 1e-6);
     const part = height * 0.62;
-    context.fillStyle = style.getPropertyValue("--force");
+    context.fillStyle = themeColour("--force");
     recording.force_N.forEach((force, n) => {
       const bar = (force / top) * part;
       context.fillRect((n / recording.force_N.length) * width, part - bar, Math.max(1, width / recording.force_N.length), bar);
@@ -156,14 +155,14 @@ export class Timeline {
     // a row for each device
     const row = (height - part) / devicesOf(recording);
     for (const [begin_s, end_s, label, , device] of recording.contacts) {
-      context.fillStyle = colours.get(label) ?? style.color;
+      context.fillStyle = colours.get(label) ?? colour;
       context.fillRect(x(begin_s), part + device * row + ratio, Math.max(ratio, x(end_s) - x(begin_s)), row - ratio);
     }
     for (const { time_s, kind } of recording.events) {
-      context.fillStyle = kind === "stop" ? style.getPropertyValue("--notice") : style.color;
+      context.fillStyle = kind === "stop" ? themeColour("--notice") : colour;
       context.fillRect(x(time_s), 0, ratio, kind === "stop" ? height : height / 4);
     }
-    context.fillStyle = style.color;
+    context.fillStyle = colour;
     context.fillRect(x(session.pose.time) - ratio, 0, 2 * ratio, height);
   }
 }

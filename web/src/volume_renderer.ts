@@ -264,10 +264,16 @@ export class VolumeRenderer {
     });
   }
 
-  /** A picture's pixels: RGBA, row by row from the top. */
-  async pixels(view: View): Promise<Uint8ClampedArray> {
+  /** A picture that is waited for. @throws Error where the graphics were lost */
+  async drawn(view: View): Promise<Drawn> {
     const drawn = await this.draw(view, false);
     if (!drawn) throw new Error("The graphics were lost.");
+    return drawn;
+  }
+
+  /** A picture's pixels: RGBA, row by row from the top. */
+  async pixels(view: View): Promise<Uint8ClampedArray> {
+    const drawn = await this.drawn(view);
     const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true })!;
     [copy.canvas.width, copy.canvas.height] = [view.width, view.height];
     copy.drawImage(drawn.bitmap, 0, 0);

@@ -13,7 +13,7 @@ import { memory_GB } from "./screen.js";
 import type { Memory } from "./scene.js";
 import type { Session } from "./session.js";
 import { firstFelt, Ground, wayTo } from "./touch.js";
-import { BACKGROUND, viewOf, type Cut } from "./volume_caster.js";
+import { BACKGROUND, viewOf, type Cut, type View } from "./volume_caster.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "./wire.js";
 
@@ -267,13 +267,22 @@ export class VolumeView {
     drawAge(frame, session);
   }
 
-  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. @param isFine  as what rests is drawn */
-  async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
+  private async viewAt(width: number, height: number, mmPerPixel: number): Promise<View> {
     await this.renderer.loaded;
     this.renderer.follow(this.session);
     const camera = this.camera.copy();
     camera.mmPerPixel = mmPerPixel;
-    return this.renderer.pixels({ ...viewOf(camera, width, height, 1, this.cut()), isFine });
+    return viewOf(camera, width, height, 1, this.cut());
+  }
+  /** What is seen of the volume, drawn for this at full size: RGBA, row by row from the top. @param isFine  as what rests is drawn */
+  async pixels(width: number, height: number, mmPerPixel: number, isFine = true): Promise<Uint8ClampedArray> {
+    return this.renderer.pixels({ ...(await this.viewAt(width, height, mmPerPixel)), isFine });
+  }
+  /** 1 where a press of that picture's pixel would meet something solid. */
+  async met(width: number, height: number, mmPerPixel: number): Promise<number[]> {
+    const { bitmap, found } = await this.renderer.drawn({ ...(await this.viewAt(width, height, mmPerPixel)), isFine: true });
+    bitmap.close();
+    return Array.from({ length: width * height }, (_, n) => (found.at(((n % width) + 0.5) / width, (Math.floor(n / width) + 0.5) / height) ? 1 : 0));
   }
   /** 1 where the volume is seen, 0 where the ground is. */
   async silhouette(width: number, height: number, mmPerPixel: number): Promise<{ width: number; height: number; seen: number[] }> {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -23,6 +24,16 @@ struct StructureLook {
 };
 /// By LabelId, as the scene says (palpate/haptics/colours.h); what belongs to no tissue is solid.
 std::vector<StructureLook> structure_looks(const Model& model);
+
+/// The scan as a haze around the structures: the brighter, the denser. Where they cover more than half of a
+/// voxel it is not seen.
+struct ScanLook {
+  std::shared_ptr<const Volume<float>> scan;  ///< on the grid of the labels; null: not drawn
+  std::array<double, 2> window{0, 1};         ///< from black to white, the first below the second
+  double opacity = 1;                         ///< 0 ... 1
+};
+/// Each voxel that is drawn is prepared: of a scan nearly all are, 32 bytes each.
+inline constexpr std::size_t kMostScanVoxels = std::size_t{64} << 20;
 
 /// What is seen: rays through the middles of a picture's pixels.
 struct VolumeCamera {
@@ -73,9 +84,10 @@ class VolumeRenderer {
  public:
   /// @param looks    by LabelId; labels beyond have none and are not drawn
   /// @param threads  0: as many as there are processors
+  /// @param scan     is kept as long as the renderer is
   /// Errors: kInterrupted.
   static Result<VolumeRenderer> make(const Bricks<LabelId>& labels, std::span<const StructureLook> looks,
-                                     int threads = 0, const Progress& progress = {});
+                                     int threads = 0, const Progress& progress = {}, ScanLook scan = {});
   VolumeRenderer(VolumeRenderer&&) noexcept;
   VolumeRenderer& operator=(VolumeRenderer&&) noexcept;
   ~VolumeRenderer();
