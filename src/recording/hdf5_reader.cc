@@ -185,13 +185,14 @@ class DataSet {
     return texts;
   }
 
-  // every row is stored: HDF5 would fill gaps with zeros
-  void require_stored(Unpacking& unpacking) const {
+  // every row is stored, or those of a range: HDF5 would fill gaps with zeros
+  void require_stored(Unpacking& unpacking, const std::optional<RowRange>& range = {}) const {
     const hsize_t rows = rows_or_one(), row_bytes = H5Tget_size(type_.get()) * dims_[1];
     require(rows <= unpacking.left / row_bytes, name_ + " is longer than the file can hold");
     unpacking.left -= rows * row_bytes;
     const H5D_layout_t layout = H5Pget_layout(properties_.get());
     if (rows == 0 || layout == H5D_COMPACT) return;
+    if (range && layout == H5D_CHUNKED) return require_chunks(*range);
     hsize_t stored = H5Dget_storage_size(data_set_.get()) / row_bytes;
     if (layout == H5D_CHUNKED) {
       hsize_t chunks = 0;
@@ -204,6 +205,19 @@ class DataSet {
 
  private:
   hsize_t rows_or_one() const { return rank_ == 0 ? 1 : dims_[0]; }
+
+  // one by one: to count all chunks of a long run takes several times as long as reading a range of it
+  void require_chunks(const RowRange& range) const {
+    const hsize_t end = std::min<hsize_t>(range.first + range.count, dims_[0]);
+    for (hsize_t row = range.first / chunk_[0] * chunk_[0]; row < end; row += chunk_[0])
+      for (hsize_t column = 0; column < dims_[1]; column += chunk_[1]) {
+        const hsize_t offset[2] = {row, column};
+        hsize_t bytes = 0;
+        // HDF5 fails for one that was never stored
+        require(H5Dget_chunk_storage_size(data_set_.get(), offset, &bytes) >= 0 && bytes > 0,
+                name_ + " has gaps");
+      }
+  }
 
   void check_layout() {
     const H5D_layout_t layout = H5Pget_layout(properties_.get());
@@ -339,7 +353,8 @@ std::vector<RecordingEvent> read_earlier_changes(hid_t file, Unpacking& unpackin
 }
 
 void open_columns(hid_t file, std::uint32_t major, const std::string& group_name,
-                  std::span<const Column> columns, Unpacking& unpacking, std::vector<StoredColumn>& opened) {
+                  std::span<const Column> columns, const std::optional<RowRange>& range, Unpacking& unpacking,
+                  std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
   for (const Column& column : columns) {
     if (major < column.since && !is_there(group.get(), column.name)) {
@@ -349,7 +364,7 @@ void open_columns(hid_t file, std::uint32_t major, const std::string& group_name
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
-    data_set.require_stored(unpacking);
+    data_set.require_stored(unpacking, range);
     opened.push_back({&column, std::move(data_set)});
   }
 }
@@ -422,7 +437,7 @@ EventQueue open_events(hid_t file, std::uint32_t major, Unpacking& unpacking, bo
   if (major < kFormatMajor)
     return EventQueue(complete ? read_earlier_changes(file, unpacking) : std::vector<RecordingEvent>());
   std::vector<StoredColumn> columns;
-  open_columns(file, major, "events", event_columns(), unpacking, columns);
+  open_columns(file, major, "events", event_columns(), {}, unpacking, columns);
   const std::uint64_t rows = common_rows(columns, complete);
   return {std::move(columns), rows};
 }
@@ -504,9 +519,10 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
     const bool complete = head.summary.has_value();
     // the ticks' ends first: what they had heard of is in the file before them, also while it is written
     std::vector<StoredColumn> columns;
-    open_columns(opened.get(), major, "ticks", tick_columns(), unpacking, columns);
+    open_columns(opened.get(), major, "ticks", tick_columns(), range, unpacking, columns);
     for (int d = 0; d < head.header.devices; ++d)
-      open_columns(opened.get(), major, "device" + std::to_string(d), device_columns(), unpacking, columns);
+      open_columns(opened.get(), major, "device" + std::to_string(d), device_columns(), range, unpacking,
+                   columns);
     const std::uint64_t rows = common_rows(columns, complete);
     if (range) {
       range->first = std::min(range->first, rows);

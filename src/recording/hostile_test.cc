@@ -131,6 +131,37 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_THAT(with("header/script", huge.get(), {}), HasSubstr("not a text"));
 }
 
+/// A place of a recording is read from a file that may have changed since it was opened.
+TEST_F(Hostile, OfARangeTheGapsAreRefused) {
+  const auto source = RecordingSource::open(file_);
+  ASSERT_TRUE(source) << source.error().message();
+  ASSERT_TRUE(source->read_at(0, kTicks));
+  constexpr hsize_t kChunk = 4;
+  EXPECT_THAT(
+      error_after([](hid_t f) {
+        replace(f, "ticks/dt_s", H5T_IEEE_F64LE, {kTicks}, {kChunk});
+        // all but the first chunk
+        const std::vector<double> values(kTicks, 0.125);
+        const Handle column(H5Dopen2(f, "ticks/dt_s", H5P_DEFAULT), H5Dclose);
+        const Handle space(H5Dget_space(column.get()), H5Sclose);
+        const hsize_t first = kChunk, count = kTicks - kChunk;
+        H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, &first, nullptr, &count, nullptr);
+        const Handle memory(H5Screate_simple(1, &count, nullptr), H5Sclose);
+        EXPECT_GE(
+            H5Dwrite(column.get(), H5T_IEEE_F64LE, memory.get(), space.get(), H5P_DEFAULT, values.data()), 0);
+      }),
+      HasSubstr("has gaps"));
+  // what is stored is read
+  const auto stored = source->read_at(kChunk, kTicks - kChunk);
+  ASSERT_TRUE(stored) << stored.error().message();
+  EXPECT_EQ(stored->front().dt_s, 0.125);
+  for (const std::uint64_t first : {0u, 3u}) {
+    const auto read = source->read_at(first, 2);
+    ASSERT_FALSE(read) << first;
+    EXPECT_THAT(read.error().what, HasSubstr("/ticks/dt_s has gaps"));
+  }
+}
+
 TEST_F(Hostile, LengthsThatTheFileCannotHoldAreRefused) {
   const auto with = [&](std::vector<hsize_t> dims, std::vector<hsize_t> chunk) {
     return error_after([&](hid_t f) { replace(f, "ticks/dt_s", H5T_IEEE_F64LE, dims, chunk); });
