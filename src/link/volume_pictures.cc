@@ -143,7 +143,7 @@ std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_
   return has_view ? std::optional(std::move(key)) : std::nullopt;
 }
 
-PictureStore::PictureStore(const ViewerHost& host) : labels_(host.scene().labels) {
+PictureStore::PictureStore(const ViewerHost& host) : host_(host), labels_(host.scene().labels) {
   for (const ViewedStructure& structure : host.scene().structures) {
     const auto& tissues = host.scene().tissues;
     const bool is_known =
@@ -229,7 +229,14 @@ bool PictureStore::prepare(const PictureKey& key) {
   for (std::size_t n = 0; n < key.colours.size(); ++n)
     looks[label_of_[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
-  if (renderer_ && are_equal(looks, prepared_)) return true;
+  const auto labels = host_.labels();
+  if (renderer_ && are_equal(looks, prepared_)) {
+    const VoxelBox changed = box_of_changes(*labels_, *labels);
+    if (changed.voxel_count() > 0) renderer_->change(*labels, changed);
+    labels_ = labels;
+    return true;
+  }
+  labels_ = labels;
   renderer_.reset();
   const Progress progress({}, &stop_);
   auto made = VolumeRenderer::make(*labels_, looks, std::max(1, processors() - 1), progress);

@@ -40,7 +40,8 @@ class PictureStore {
   /// So many wishes wait; of more the oldest is not granted.
   static constexpr std::size_t kMostWaiting = 16;
 
-  /// @param host  its scene is read, now and never again
+  /// @param host  is asked for its labels before each picture: what a burr took meanwhile is gone. Outlives
+  ///              the store
   explicit PictureStore(const ViewerHost& host);
   /// Ends after the picture that is being made; nobody is told of any.
   ~PictureStore();
@@ -62,12 +63,13 @@ class PictureStore {
   Payload drawn(const PictureKey& key);
   bool prepare(const PictureKey& key);
 
-  std::shared_ptr<const Bricks<LabelId>> labels_;
+  const ViewerHost& host_;
   std::vector<StructureLook> looks_;    ///< by label, as the scene says
   std::vector<LabelId> label_of_;       ///< of the scene's structures
   std::vector<std::uint8_t> place_of_;  ///< of a label among these, + 1; 0: in none
   // of the store's thread alone
-  std::optional<VolumeRenderer> renderer_;
+  std::shared_ptr<const Bricks<LabelId>> labels_;
+  std::optional<VolumeRenderer> renderer_;  ///< of these labels
   std::vector<StructureLook> prepared_;  ///< with these looks
   std::vector<std::uint8_t> rgb_;
   std::vector<float> depth_mm_;

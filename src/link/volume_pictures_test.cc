@@ -30,7 +30,13 @@ struct BallHost : FakeHost {
     ball.labels = label_bricks(labels);
   }
   const ViewedScene& scene() const override { return ball.labels ? ball : FakeHost::scene(); }
+  std::shared_ptr<const Bricks<LabelId>> labels() const override {
+    const std::lock_guard lock(mutex);
+    return now ? now : ball.labels;
+  }
   ViewedScene ball;
+  mutable std::mutex mutex;
+  std::shared_ptr<const Bricks<LabelId>> now;
 };
 
 /// From the front, a pixel a mm, 48 of them each way.
@@ -109,6 +115,36 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   ASSERT_NE(near, nullptr);
   EXPECT_NEAR(Seen(*near).depth_mm(24, 24), 60 - 12, 0.8);
   EXPECT_NE(Seen(*near).place(12, 24), 0);
+}
+
+TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
+  BallHost host;
+  PictureStore store(host);
+  const auto whole = wait_for(store, kFront);
+  ASSERT_NE(whole, nullptr);
+  EXPECT_NEAR(Seen(*whole).depth_mm(24, 24), -12, 1.3);
+  // a hole from the front to the middle
+  Bricks<LabelId> holed =
+      host.ball.labels->with({{{16, 4, 16}, {8, 16, 8}}, std::vector<LabelId>(8 * 16 * 8, 0)});
+  const auto put = [&](std::shared_ptr<const Bricks<LabelId>> labels) {
+    const std::lock_guard lock(host.mutex);
+    host.now = std::move(labels);
+  };
+  put(std::make_shared<const Bricks<LabelId>>(holed));
+  const auto cut = wait_for(store, kFront);
+  ASSERT_NE(cut, nullptr);
+  EXPECT_NEAR(Seen(*cut).depth_mm(24, 24), 0, 1.3);
+  EXPECT_NEAR(Seen(*cut).depth_mm(16, 24), Seen(*whole).depth_mm(16, 24), 0.1);
+  // as if it had been so from the beginning, also in other looks
+  BallHost other;
+  other.ball.labels = std::make_shared<const Bricks<LabelId>>(holed);
+  PictureStore anew(other);
+  EXPECT_EQ(*wait_for(anew, kFront), *cut);
+  const std::string red = std::string(kFront) + "&looks=ffffffffff0000ff";
+  EXPECT_EQ(*wait_for(anew, red), *wait_for(store, red));
+  // undone
+  put(host.ball.labels);
+  EXPECT_EQ(*wait_for(store, kFront), *whole);
 }
 
 TEST(PictureStore, DrawsNothingForWhoeverIsGone) {

@@ -217,11 +217,15 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
         }));
     EXPECT_EQ(playback.state().sweeps, gone) << part;
     EXPECT_EQ(gone > 0, part > 0.35) << part;
-    RemovedVolume removed(*loaded_.model);
+    std::vector<Cut> cuts;
     for (const RecordingEvent& event : recording_.events)
       if (event.kind == EventKind::kSweep && event.number <= wanted.model_version)
-        removed.add(std::vector<Cut>{cut_of(event.sweep)});
+        cuts.push_back(cut_of(event.sweep));
+    RemovedVolume removed(*loaded_.model);
+    removed.add(cuts);
     EXPECT_EQ(playback.state().removed_mm3, removed.by_label_mm3()) << part;
+    const auto left = Carving(*loaded_.model).with(cuts)->taken_from(*loaded_.model);
+    EXPECT_EQ(playback.labels()->dense().voxels(), left->labels->dense().voxels()) << part;
     EXPECT_EQ(removed.by_label_mm3().empty(), gone == 0) << part;
   }
   EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, all.size() + 5), all);

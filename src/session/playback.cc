@@ -15,6 +15,7 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
+#include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
 #include "session/nearest_line.h"
@@ -138,6 +139,33 @@ Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& ed
   }
 }
 
+/// A model's labels less what sweeps took, for one place of a recording after another.
+class CutLabels {
+ public:
+  std::shared_ptr<const Bricks<LabelId>> by(const Model& model, std::vector<SweepRecord> sweeps) {
+    const bool goes_on =
+        sweeps.size() >= sweeps_.size() && std::equal(sweeps_.begin(), sweeps_.end(), sweeps.begin());
+    if (!goes_on || carving_ == nullptr) {
+      carving_ = std::make_shared<const Carving>(model);
+      labels_ = model.labels;
+      sweeps_.clear();
+    }
+    if (sweeps.size() == sweeps_.size()) return labels_;
+    std::vector<Cut> more;
+    std::transform(sweeps.begin() + static_cast<std::ptrdiff_t>(sweeps_.size()), sweeps.end(),
+                   std::back_inserter(more), cut_of);
+    carving_ = carving_->with(more);
+    labels_ = carving_->taken_from(model)->labels;
+    sweeps_ = std::move(sweeps);
+    return labels_;
+  }
+
+ private:
+  std::vector<SweepRecord> sweeps_;  ///< that are taken
+  std::shared_ptr<const Carving> carving_;
+  std::shared_ptr<const Bricks<LabelId>> labels_;
+};
+
 class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
@@ -244,6 +272,16 @@ class Playback final : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return edits_.cuts.by(version, static_cast<std::size_t>(first), most);
   }
+  std::shared_ptr<const Bricks<LabelId>> labels() const override {
+    std::vector<SweepRecord> sweeps;
+    {
+      const std::lock_guard lock(mutex_);
+      const std::uint32_t version = shown_.model_version;
+      sweeps = edits_.cuts.by(version, 0, edits_.cuts.count(version));
+    }
+    const std::lock_guard lock(cut_mutex_);
+    return cut_.by(*model_, std::move(sweeps));
+  }
   Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
@@ -270,6 +308,8 @@ class Playback final : public ViewerHost {
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
   const Edits edits_;
+  mutable std::mutex cut_mutex_;
+  mutable CutLabels cut_;
   const NearestLine nearest_;
 
   mutable std::mutex mutex_;  // of what follows

@@ -354,6 +354,11 @@ ViewedState ViewedSession::state() const {
   return state;
 }
 
+std::shared_ptr<const Bricks<LabelId>> ViewedSession::labels() const {
+  const std::lock_guard lock(mutex_);
+  return model_.felt->labels;
+}
+
 std::shared_ptr<const ViewedYield> ViewedSession::yielded(std::size_t device) const {
   const TissueThread* const tissue = yields_.load();
   return tissue != nullptr ? tissue->yielded(device) : nullptr;

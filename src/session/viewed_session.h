@@ -85,6 +85,7 @@ class ViewedSession final : public ViewerHost {
   ViewedState state() const override;
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
                                   std::size_t most) const override;
+  std::shared_ptr<const Bricks<LabelId>> labels() const override;
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;

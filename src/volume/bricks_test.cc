@@ -154,6 +154,40 @@ TEST(Bricks, VersionsShareWhatIsTheSame) {
     EXPECT_EQ(same.brick(n), again.brick(n));
 }
 
+TEST(Bricks, ABoxHoldsWhatDiffers) {
+  std::mt19937 random(11);
+  int changed = 0;
+  for (int number = 0; number < 60; ++number) {
+    const GridGeometry some = any_grid(random);
+    const Bricks<LabelId> once(any_volume<LabelId>(some, random), 0);
+    const auto patch = any_patch<LabelId>(some, random);
+    const Bricks<LabelId> again = once.with(patch);
+    const VoxelBox box = box_of_changes(once, again);
+    EXPECT_EQ(box_of_changes(again, once), box);
+    const auto is_in = [](const VoxelBox& b, const std::array<int, 3>& at) {
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        if (at[axis] < b.first[axis] || at[axis] >= b.first[axis] + b.size[axis]) return false;
+      return true;
+    };
+    for (int k = 0; k < some.dims[2]; ++k)
+      for (int j = 0; j < some.dims[1]; ++j)
+        for (int i = 0; i < some.dims[0]; ++i) {
+          if (once.at(i, j, k) == again.at(i, j, k)) continue;
+          ++changed;
+          ASSERT_TRUE(is_in(box, {i, j, k})) << number;
+        }
+    // and not much more
+    for (std::size_t axis = 0; axis < 3 && box.voxel_count() > 0; ++axis) {
+      EXPECT_GE(box.first[axis], std::max(0, patch.box.first[axis] - 20)) << number;
+      EXPECT_LE(box.first[axis] + box.size[axis],
+                std::min(some.dims[axis], patch.box.first[axis] + patch.box.size[axis] + 20))
+          << number;
+    }
+    EXPECT_EQ(box_of_changes(once, once).voxel_count(), 0u);
+  }
+  EXPECT_GT(changed, 1000);
+}
+
 TEST(Bricks, WhatIsOneValueIsHeldOnce) {
   const GridGeometry cube = grid({200, 200, 200}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   const Bricks<std::uint16_t> none(Volume<std::uint16_t>(cube), 0);

@@ -240,6 +240,9 @@ class ViewerHost {
                                           std::size_t /*most*/) const {
     return {};
   }
+  /// The scene's labels without what burrs have taken from them by now, as sweeps() tells it. On any thread,
+  /// and not for one that is waited for: a recording's are cut as they are asked for.
+  virtual std::shared_ptr<const Bricks<LabelId>> labels() const { return scene().labels; }
   /// How tissue has yielded around a device's tool; null: it has not.
   virtual std::shared_ptr<const ViewedYield> yielded(std::size_t /*device*/) const { return nullptr; }
   /// All of what is asked, or an error that names the value and nothing of it.

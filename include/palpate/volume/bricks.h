@@ -239,4 +239,34 @@ extern template class BricksBySlices<std::uint16_t>;
 extern template class BricksBySlices<std::int16_t>;
 extern template class BricksBySlices<float>;
 
+/// A box of the grid beyond which both have the same voxels, from the bricks that they do not share; of size
+/// 0 where they share all. For two versions of one volume.
+template <class T>
+VoxelBox box_of_changes(const Bricks<T>& one, const Bricks<T>& other) {
+  using L = BrickLayout;
+  PALPATE_CHECK(one.geometry().dims == other.geometry().dims);
+  const std::array<int, 3>& dims = one.geometry().dims;
+  const std::array<int, 3>& counts = one.counts();
+  std::array<int, 3> first = dims, end{0, 0, 0};
+  std::size_t number = 0;
+  for (int c = 0; c < counts[2]; ++c)
+    for (int b = 0; b < counts[1]; ++b)
+      for (int a = 0; a < counts[0]; ++a, ++number) {
+        if (one.brick(number) == other.brick(number)) continue;
+        const std::array<int, 3> at{a, b, c};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const int low = L::kCells * at[axis] - L::kBorder;
+          first[axis] = std::min(first[axis], std::max(0, low));
+          end[axis] = std::max(end[axis], std::min(dims[axis], low + L::kCells));
+        }
+      }
+  VoxelBox box;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (end[axis] <= first[axis]) return {};
+    box.first[axis] = first[axis];
+    box.size[axis] = end[axis] - first[axis];
+  }
+  return box;
+}
+
 }  // namespace palpate

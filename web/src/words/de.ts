@@ -302,7 +302,7 @@ export const de: Words = {
   mendMemory: "Schließen Sie andere Tabs und Programme, oder öffnen Sie die Seite auf einem anderen Gerät.",
   shrunk: (part) => `Der Speicher dieses Geräts ist knapp: Das Volumen wird mit ${part} seiner Auflösung gezeigt.`,
   noGraphicsMemory: "Der Grafikspeicher fasst das Volumen nicht.",
-  noWebGl: "Dieser Browser hat kein WebGL 2: Schnitte werden gröber gezeichnet, und palpate selbst zeichnet das Volumen, mit ruhendem Gewebe und ohne das, was eine Fräse abträgt.",
+  noWebGl: "Dieser Browser hat kein WebGL 2: Schnitte werden gröber gezeichnet, und palpate selbst zeichnet das Volumen, mit ruhendem Gewebe.",
   lostSections: "Der Browser hat die Grafik entzogen: Die Schnitte können nicht gezeichnet werden.",
   lostVolume: "Der Browser hat die Grafik entzogen: Das Volumen kann nicht gezeichnet werden.",
   lostBoth: "Der Browser hat die Grafik entzogen: Die Schnitte und das Volumen können nicht gezeichnet werden.",

@@ -302,7 +302,7 @@ export const en = {
   mendMemory: "Close other tabs and programs, or open the page on another device.",
   shrunk: (part: string) => `This device's memory is short: the volume is shown at ${part} of its resolution.`,
   noGraphicsMemory: "The graphics memory does not hold the volume.",
-  noWebGl: "This browser has no WebGL 2: sections are drawn coarser, and palpate itself draws the volume, with tissue at rest and without what a burr takes away.",
+  noWebGl: "This browser has no WebGL 2: sections are drawn coarser, and palpate itself draws the volume, with tissue at rest.",
   lostSections: "The browser has taken away the graphics: the sections cannot be drawn.",
   lostVolume: "The browser has taken away the graphics: the volume cannot be drawn.",
   lostBoth: "The browser has taken away the graphics: the sections and the volume cannot be drawn.",
