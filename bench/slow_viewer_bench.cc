@@ -1,6 +1,6 @@
-// What a viewer that stops reading, viewers that download, tissue that yields, or pictures of the volume,
-// cost the servo and the other viewers: pairs of sessions on the real clock, with and without them, in turns.
-// See README.md.
+// What a viewer that stops reading, viewers that download, tissue that yields, pictures of the volume, or a
+// task that is measured, cost the servo and the other viewers: pairs of sessions on the real clock, with and
+// without them, in turns. See README.md.
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -43,6 +43,7 @@ struct Options {
   std::uint64_t seed = 1;
   bool tissue = false;    // it yields or does not; the viewers are the same
   bool pictures = false;  // of the volume are drawn, one after another, or not; the viewers are the same
+  std::string task;       // that is done and told to the viewers, or not; the viewers are the same
   std::string scene = "knee-phantom", json;
 };
 
@@ -73,13 +74,13 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   const std::int64_t until_ns = steady_ns() + static_cast<std::int64_t>(options.seconds * 1e9);
   std::vector<std::unique_ptr<ViewerClient>> clients;
   for (int n = 0; n < options.viewers; ++n)
-    clients.push_back(std::make_unique<ViewerClient>(port, kPoses_hz));
+    clients.push_back(std::make_unique<ViewerClient>(port, kPoses_hz, 0, troubled && !options.task.empty()));
   std::vector<std::thread> threads;
   for (const auto& client : clients)
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
 
   // those that load volumes, again and again
-  const bool others = troubled && !options.tissue && !options.pictures,
+  const bool others = troubled && !options.tissue && !options.pictures && options.task.empty(),
              stuck = others && options.downloading == 0;
   std::vector<Downloads> downloads(others ? static_cast<std::size_t>(options.downloading) : 0);
   for (Downloads& one : downloads)
@@ -184,6 +185,15 @@ Session run_session(const LoadedScene& loaded, const Script& script, const Optio
     if (::write(viewers.port_to, &port, sizeof port) != sizeof port) fail("the viewers are gone");
     return std::shared_ptr<void>(std::move(*server));
   };
+  if (troubled && !options.task.empty()) {
+    auto task = load_task(options.task);
+    if (!task) fail(task.error().message());
+    // until the session ends
+    task->end = TaskEnd::kRecording;
+    task->time_limit_s.reset();
+    explore_options.training.tasks = {{"task", *std::move(task)}};
+    explore_options.training.have_to_fit = explore_options.training.begins_at_once = true;
+  }
   std::optional<Drawing> drawing;
   if (troubled && renderer != nullptr) drawing.emplace(*renderer, loaded.model->labels->geometry());
   const auto result = explore(loaded, script, explore_options, {});
@@ -274,6 +284,7 @@ LoadedScene by_layers(const LoadedScene& loaded) {
 std::string what_differs(const Options& options) {
   if (options.tissue) return "tissue that yields";
   if (options.pictures) return "pictures of the volume";
+  if (!options.task.empty()) return "the task " + options.task;
   if (options.downloading == 0) return "one more that reads nothing";
   return std::to_string(options.downloading) + " more that download";
 }
@@ -328,6 +339,7 @@ int run(const Options& options) {
        {"downloading", options.downloading},
        {"tissue", options.tissue},
        {"drawing", options.pictures},
+       {"task", options.task},
        {"seed", options.seed},
        {"pairs", pairs},
        {"lateness_p99_increase_us",
@@ -341,7 +353,7 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   CLI::App app(
       "Tick lateness and other viewers, with and without a viewer that stops reading, some that download, "
-      "tissue that yields, or pictures of the volume that are drawn beside it");
+      "tissue that yields, pictures of the volume that are drawn beside it, or a task that is measured");
   palpate::bench::Options options;
   app.add_option("scene", options.scene, "a data set or scene file")->capture_default_str();
   app.add_option("--pairs", options.pairs, "how many pairs")
@@ -361,6 +373,8 @@ int main(int argc, char** argv) {
                "tissue that yields, as the scene says, and by layers, instead of viewers");
   app.add_flag("--pictures", options.pictures,
                "pictures of the volume, drawn one after another at the lowest priority, instead of viewers");
+  app.add_option("--task", options.task,
+                 "a task that is measured and told to the viewers, instead of viewers");
   app.add_option("--threads", options.threads, "of those pictures")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();

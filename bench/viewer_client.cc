@@ -31,7 +31,7 @@ void PosesSeen::add(const PosesSeen& other) {
   missed += other.missed;
 }
 
-ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes) {
+ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, bool task) {
   handle_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(handle_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -48,8 +48,8 @@ ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes) 
   while (input_.find("\r\n\r\n") == std::string::npos && receive()) {
   }
   input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
-  const std::string hello =
-      "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) + "}";
+  const std::string hello = "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) +
+                            (task ? ",\"task\":true}" : "}");
   // masked by zeros, which change nothing
   say(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
 }

@@ -21,7 +21,7 @@ class ViewerClient {
  public:
   /// Asks the server on loopback for poses.
   /// @param receive_buffer_bytes  0: the system's
-  ViewerClient(int port, double poses_hz, int receive_buffer_bytes = 0);
+  ViewerClient(int port, double poses_hz, int receive_buffer_bytes = 0, bool task = false);
   ~ViewerClient();
   ViewerClient(const ViewerClient&) = delete;
   ViewerClient& operator=(const ViewerClient&) = delete;

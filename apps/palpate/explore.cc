@@ -14,9 +14,12 @@
 #include "keys.h"
 #include "known_devices.h"
 #include "palpate/base/output.h"
+#include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/link/viewer_server.h"
 #include "palpation.h"
+#include "recorded_runs.h"
+#include "scored.h"
 #include "serving.h"
 #include "text.h"
 #include "verb.h"
@@ -39,6 +42,8 @@ struct ExploreArguments {
   bool may_move = false, repeat = false, no_realtime = false, no_supervisor = false;
   bool no_viewer = false;
   ServingOptions serving;
+  std::string task, learner;
+  std::filesystem::path records;
 };
 
 // the claims of what is written: the recording, the supervisor's log
@@ -125,6 +130,8 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
         return ExploreRequest::kUndoStroke;
       case 'd':
         return ExploreRequest::kRedoStroke;
+      case 't':
+        return ExploreRequest::kTask;
       default:
         return ExploreRequest::kNone;
     }
@@ -212,6 +219,7 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   };
   if (status.heat >= 0.005) add(" heat " + std::to_string(std::lround(100 * status.heat)) + "%");
   if (status.method != ForceMethod::kProxy) add(" " + std::string(name_of(status.method)));
+  if (!status.task.empty()) add(" task " + std::to_string(std::lround(status.task_s)) + " s");
   if (status.method_awaited) add(" (making " + std::string(name_of(*status.method_awaited)) + ")");
   if (status.skipped > 0) add(" skip " + std::to_string(status.skipped));
   if (status.dropped > 0) add(" drop " + std::to_string(status.dropped));
@@ -261,6 +269,15 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
       console.warn()("the supervisor died, and the force is off; another one watches now");
     deaths = s.supervisor_deaths;
     unwatched = s.supervisor_failure.has_value();
+    for (const FinishedRun& finished : s.finished) {
+      console.note(
+          "run " + std::to_string(finished.run.number) + " of " + printable_name(finished.run.task) +
+          (finished.run.score.in_band ? ": every counted metric in its band"
+                                      : ": not every counted metric in its band") +
+          (finished.history.kept ? "; in the records as run " + std::to_string(*finished.history.kept) : ""));
+      if (finished.history.not_kept)
+        console.warn()("the run is not in the records: " + finished.history.not_kept->message());
+    }
     const std::string method = s.method_failure ? s.method_failure->message() : "";
     if (!method.empty() && method != told_method) console.warn()(method);
     told_method = method;
@@ -341,6 +358,59 @@ void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, 
     console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
 }
 
+// "knee-phantom" of "knee-phantom:side=right"
+std::string kind_of(const std::string& data_set) {
+  return data_set.substr(0, data_set.find(':'));
+}
+
+Result<TrainingOptions> training_of(const ExploreArguments& options, const LoadedScene& loaded,
+                                    Console& console) {
+  TrainingOptions training;
+  if (!options.task.empty()) {
+    auto task = load_task(options.task);
+    if (!task) return task.error();
+    if (!task->data_set.empty() && kind_of(task->data_set) != kind_of(loaded.data_set))
+      console.warn()("the task is made for " + printable_name(task->data_set) +
+                     ", and measures another scene here");
+    std::string name = std::filesystem::path(options.task).stem().string();
+    if (name.empty()) name = "task";
+    training.tasks.push_back({printable_name(name), *std::move(task)});
+    training.have_to_fit = true;
+    // a person begins when ready, by a page or a key
+    training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;
+  } else if (!loaded.data_set.empty() && !options.no_viewer) {
+    for (const EmbeddedFile& file : embedded_tasks()) {
+      auto task = parse_task(file.text, std::string(file.name));
+      PALPATE_CHECK(task.ok());
+      if (kind_of(task->data_set) != kind_of(loaded.data_set)) continue;
+      training.tasks.push_back({std::filesystem::path(file.name).stem().string(), *std::move(task)});
+    }
+  }
+  training.keeps = !options.learner.empty();
+  if (training.keeps)
+    training.over = [file = options.records, learner = options.learner](const TaskFile& task,
+                                                                        const TaskRun& run) {
+      auto kept = keep_run(file, learner, task, {{}, run.header, run.score, run.run_hash});
+      if (kept) return *std::move(kept);
+      RunHistory none;
+      none.not_kept = kept.error();
+      return none;
+    };
+  return training;
+}
+
+// title and figures of each run
+void print_runs(const std::vector<FinishedRun>& runs, const TrainingOptions& training) {
+  for (const FinishedRun& finished : runs) {
+    const auto offered = std::ranges::find(training.tasks, finished.run.task, &OfferedTask::name);
+    PALPATE_CHECK(offered != training.tasks.end());
+    std::printf("\n");
+    print_score(offered->file, finished.run.score, "run " + std::to_string(finished.run.number));
+    std::printf("  ticks %llu to %llu; %d of %d in a row\n", u(finished.run.ticks.first),
+                u(finished.run.ticks.last), finished.history.in_a_row, offered->file.in_a_row);
+  }
+}
+
 int explore_target(ExploreArguments options, Console& console) {
   if (options.devices.empty()) options.devices = {kSimulatedHand};
   auto known = known_devices(options.about_devices);
@@ -361,6 +431,11 @@ int explore_target(ExploreArguments options, Console& console) {
       options.devices.front() != kSimulatedHand ? Script{} : script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
+  if (!options.learner.empty())
+    if (const auto kept = check_records(options.records, options.learner, console); !kept)
+      return console.fail(kept.error());
+  auto training = training_of(options, *loaded, console);
+  if (!training) return console.fail(training.error());
 
   // stopped in the background, a device would hold its last force
   for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
@@ -371,6 +446,7 @@ int explore_target(ExploreArguments options, Console& console) {
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
+  session.training = *training;
   const auto held = kept_held_hands();
   if (!held) return console.fail(held.error());
   session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
@@ -383,13 +459,16 @@ int explore_target(ExploreArguments options, Console& console) {
   if (result->stopped_by_user) console.note("stopped");
   warn_of_trouble(result->trouble, said, console);
   print(*result, pointer);
+  print_runs(result->runs, *training);
   if (result->recording_failure) return console.fail(*result->recording_failure);
   if (result->device_lost)
     return console.fail({ErrorKind::kUnavailable, "the device's driver gave up", "",
                          "look at its connection and power; what was felt until then is kept"});
   if (options.recording) console.note("recording: " + options.recording->string());
   // who ends a session has seen what it did
-  return result->failed_steps == 0 || result->stopped_by_user ? kExitOk : kExitLimit;
+  const bool in_band =
+      options.task.empty() || (!result->runs.empty() && result->runs.back().run.score.in_band);
+  return (result->failed_steps == 0 && in_band) || result->stopped_by_user ? kExitOk : kExitLimit;
 }
 
 void add_options(CLI::App* verb, ExploreArguments& options) {
@@ -407,6 +486,13 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_flag("--may-move", options.may_move,
                  "An arm may move by itself when it is initialised: nobody is within its reach");
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
+  verb->add_option("-t,--task", options.task,
+                   "Task that is done in it, measured as it is done: a file, or one of palpate task list; "
+                   "default: the page offers those that are made for the scene");
+  CLI::Option* learner =
+      verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym");
+  verb->add_option("--records", options.records, "The file of the records (palpate records --help)")
+      ->needs(learner);
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
                    "rating and 3 N")
@@ -448,6 +534,7 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore knee-atlas -o run.h5 --rate 4000 --spin 100\n"
       "  palpate explore scene.toml --script press.toml --repeat\n"
       "  palpate explore knee-phantom --device pointer\n"
+      "  palpate explore knee-phantom --device pointer --task hold-steady --learner L042\n"
       "  palpate explore scene.toml --device simulated --device pointer\n\n"
       "A page shows it in any browser, at the address that is told when the loop runs (docs/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
@@ -455,7 +542,9 @@ void add_explore(CLI::App& app, Run& run) {
       "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
       "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
       "method (docs/methods.md). Of a burr b switches the motor, u puts back what was cut last and d does\n"
-      "it again (docs/burr.md). While a device that pushes is stopped, six digits are shown by which it can\n"
+      "it again (docs/burr.md). t begins a run of a task and ends it (docs/training.md); by a simulated hand "
+      "it\n"
+      "begins with the session. While a device that pushes is stopped, six digits are shown by which it can\n"
       "be armed from the page, once. While a device may push, a viewer's wish to change something is shown\n"
       "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"

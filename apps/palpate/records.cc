@@ -1,5 +1,6 @@
 #include "palpate/records/records.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -222,20 +223,73 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
   return record;
 }
 
-Result<std::int64_t> record_run(const std::filesystem::path& asked, const std::string& learner,
-                                const TaskFile& task, const ScoredRun& scored, Console& console) {
+static Result<std::unique_ptr<Records>> opened_to_add(const std::filesystem::path& asked) {
   const auto file = records_file(asked);
   if (!file) return file.error();
   if (asked.empty() && file->has_parent_path()) {
     std::error_code told_by_open;
     std::filesystem::create_directories(file->parent_path(), told_by_open);
   }
-  auto records = Records::open(*file);
-  if (!records) return records.error();
+  return Records::open(*file);
+}
+
+static void warn_of_person(const std::string& learner, Console& console) {
   if (looks_like_a_person(learner))
     console.warn()("\"" + printable_name(learner) +
                    "\" looks like a person's name: records are for pseudonyms");
+}
+
+Result<std::int64_t> record_run(const std::filesystem::path& asked, const std::string& learner,
+                                const TaskFile& task, const ScoredRun& scored, Console& console) {
+  auto records = opened_to_add(asked);
+  if (!records) return records.error();
+  warn_of_person(learner, console);
   return (*records)->add(record_of(learner, task, scored));
+}
+
+Result<void> check_records(const std::filesystem::path& asked, const std::string& learner, Console& console) {
+  if (auto named = check_learner(learner); !named) return named;
+  if (auto records = opened_to_add(asked); !records) return records.error();
+  warn_of_person(learner, console);
+  return {};
+}
+
+Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::string& learner,
+                            const TaskFile& task, const ScoredRun& scored) {
+  // a curve of more runs than that is another one by now
+  constexpr std::size_t kMostRuns = 500;
+  auto opened = opened_to_add(asked);
+  if (!opened) return opened.error();
+  Records& records = **opened;
+  const RunRecord record = record_of(learner, task, scored);
+  const auto id = records.add(record);
+  if (!id) return id.error();
+  RunHistory history;
+  history.kept = *id;
+  history.best.assign(task.metrics.size(), kNotKnown);
+  std::vector<bool> in_band;
+  std::vector<std::int64_t> earlier;
+  const auto listed = records.list({learner, task.title, 0}, [&](const RunRecord& run) -> Result<void> {
+    if (run.task_hash != record.task_hash || run.id > *id) return {};
+    in_band.push_back(run.in_band);
+    if (run.id < *id) earlier.push_back(run.id);
+    return {};
+  });
+  if (!listed) return listed.error();
+  history.runs = static_cast<int>(in_band.size());
+  history.in_a_row = runs_in_a_row(in_band);
+  for (std::size_t n = earlier.size() - std::min(earlier.size(), kMostRuns); n < earlier.size(); ++n) {
+    const auto run = records.run(earlier[n]);
+    if (!run) return run.error();
+    for (std::size_t m = 0; m < std::min(run->metrics.size(), history.best.size()); ++m) {
+      const std::optional<double> value = run->metrics[m].value;
+      if (!value) continue;
+      double& best = history.best[m];
+      const bool more = info_of(task.metrics[m].metric).more_is_better;
+      if (std::isnan(best) || (more ? *value > best : *value < best)) best = *value;
+    }
+  }
+  return history;
 }
 
 void add_records(CLI::App& app, Run& run) {
@@ -243,7 +297,9 @@ void add_records(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("records", "What learners did: list, show, export, erase");
   verb->require_subcommand(1);
   verb->footer(
-      "palpate task score RUN --task TASK --record LEARNER writes what stands here. A learner is a "
+      "palpate task score RUN --task TASK --record LEARNER and palpate explore --task TASK --learner "
+      "LEARNER\n"
+      "write what stands here. A learner is a "
       "pseudonym; who it is,\n"
       "keep elsewhere. The file is PALPATE_RECORDS, or palpate/records.db in XDG_DATA_HOME or "
       "~/.local/share.");

@@ -7,6 +7,7 @@
 
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
+#include "text.h"
 
 namespace palpate::app {
 namespace {
@@ -69,10 +70,31 @@ Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console&
     in_scene_ = *std::move(in_scene);
   }
   if (const auto same = check_recorded_model(header, *model_); !same) return named(same.error());
-  auto scored = score_recording(*in_scene_, *source, progress);
+  auto scored = score_recording(*in_scene_, *source, progress, ticks_);
   if (!scored) return named(scored.error());
   const auto& summary = source->head().summary;
   return ScoredRun{recording, header, *std::move(scored), summary ? summary->run_hash : 0};
+}
+
+void print_score(const TaskFile& task, const TaskScore& score, const std::string& name) {
+  std::printf("%s: %s\n", name.c_str(), task.title.c_str());
+  for (const MetricValue& value : score.metrics) {
+    const TaskMetric& asked = task.metrics[value.part];
+    const char* verdict = !value.counts ? "" : value.in_band ? "in band" : "OUT OF BAND";
+    std::printf("  %s  %s  %s  %s%s\n", fitted(metric_name(asked), 34).c_str(),
+                fitted(metric_text(value.metric, value.value), 12).c_str(),
+                fitted(bounds_text(asked), 18).c_str(), verdict,
+                value.counts && asked.basis.empty() ? " (not validated)" : "");
+  }
+  for (const TaskEvent& event : score.events)
+    std::printf("  %9.3f s  %s\n", event.time_s, event_text(task, event).c_str());
+  if (score.more_events > 0)
+    std::printf("  and %llu more\n", static_cast<unsigned long long>(score.more_events));
+  for (std::size_t n = 0; n < task.steps.size(); ++n)
+    if (!score.done[n]) std::printf("  not done: %s\n", task.steps[n].name.c_str());
+  if (score.cut_short) std::printf("  the recording was cut short: no pass\n");
+  if (score.missing_s > 0)
+    std::printf("  %.3f s are missing, for ticks were dropped: no pass\n", score.missing_s);
 }
 
 nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {

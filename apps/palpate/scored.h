@@ -23,8 +23,9 @@ struct ScoredRun {
 class Scorer {
  public:
   /// @param target  scene of recordings that name no data set; may be empty
-  Scorer(TaskFile task, std::string target, std::optional<int> volume)
-      : task_(std::move(task)), target_(std::move(target)), volume_(volume) {}
+  /// @param ticks   of each recording that are scored
+  Scorer(TaskFile task, std::string target, std::optional<int> volume, TickRange ticks = {})
+      : task_(std::move(task)), target_(std::move(target)), volume_(volume), ticks_(ticks) {}
 
   /// Errors name the recording or the task's line.
   Result<ScoredRun> score(const std::filesystem::path& recording, Console& console);
@@ -34,10 +35,14 @@ class Scorer {
   TaskFile task_;
   std::string target_;
   std::optional<int> volume_;
+  TickRange ticks_;
   std::string loaded_;  // data set
   std::shared_ptr<const Model> model_;
   std::optional<TaskInScene> in_scene_;
 };
+
+/// A score in text. @param name  of the run
+void print_score(const TaskFile& task, const TaskScore& score, const std::string& name);
 
 /// A score as `palpate task score --json` writes it.
 nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run);

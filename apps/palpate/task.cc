@@ -21,33 +21,16 @@ struct TaskOptions {
   bool json = false;
   double share = 0.9;
   std::uint64_t seed = 1;
+  TickRange ticks;
 };
-
-void print_score(const TaskFile& task, const ScoredRun& run) {
-  const TaskScore& score = run.score;
-  std::printf("%s: %s\n", run.recording.filename().string().c_str(), task.title.c_str());
-  for (const MetricValue& value : score.metrics) {
-    const TaskMetric& asked = task.metrics[value.part];
-    const char* verdict = !value.counts ? "" : value.in_band ? "in band" : "OUT OF BAND";
-    std::printf("  %s  %s  %s  %s%s\n", fitted(metric_name(asked), 34).c_str(),
-                fitted(metric_text(value.metric, value.value), 12).c_str(),
-                fitted(bounds_text(asked), 18).c_str(), verdict,
-                value.counts && asked.basis.empty() ? " (not validated)" : "");
-  }
-  for (const TaskEvent& event : score.events)
-    std::printf("  %9.3f s  %s\n", event.time_s, event_text(task, event).c_str());
-  if (score.more_events > 0)
-    std::printf("  and %llu more\n", static_cast<unsigned long long>(score.more_events));
-  for (std::size_t n = 0; n < task.steps.size(); ++n)
-    if (!score.done[n]) std::printf("  not done: %s\n", task.steps[n].name.c_str());
-  if (score.cut_short) std::printf("  the recording was cut short: no pass\n");
-  if (score.missing_s > 0) std::printf("  %.3f s are missing in the recording\n", score.missing_s);
-}
 
 int score_runs(const TaskOptions& options, Console& console) {
   auto task = load_task(options.task);
   if (!task) return console.fail(task.error());
-  Scorer scorer(*std::move(task), options.target, options.volume);
+  if (options.ticks.first > options.ticks.last)
+    return console.fail(
+        {ErrorKind::kUsage, "comes after --to-tick", "--from-tick", "give the earlier one first"});
+  Scorer scorer(*std::move(task), options.target, options.volume, options.ticks);
   std::vector<ScoredRun> runs;
   std::vector<bool> in_band;
   for (const auto& recording : options.recordings) {
@@ -73,7 +56,8 @@ int score_runs(const TaskOptions& options, Console& console) {
     json["passed"] = passed;
     std::printf("%s\n", json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
   } else {
-    for (const ScoredRun& run : runs) print_score(scorer.task(), run);
+    for (const ScoredRun& run : runs)
+      print_score(scorer.task(), run.score, run.recording.filename().string());
     std::printf("%s: %d of %d runs in a row with every counted metric in its band\n",
                 passed ? "PASSED" : "not passed yet", in_a_row, scorer.task().in_a_row);
   }
@@ -251,12 +235,19 @@ void add_task(CLI::App& app, Run& run) {
       score->add_option("--record", options->learner, "Keep the scores as this learner's, a pseudonym");
   score->add_option("--records", options->records, "The file of the records (palpate records --help)")
       ->needs(record);
+  score
+      ->add_option("--from-tick", options->ticks.first,
+                   "The first tick that counts, of a run that began while it was recorded")
+      ->check(whole_between(0, 1ull << 62));
+  score->add_option("--to-tick", options->ticks.last, "The last tick that counts")
+      ->check(whole_between(0, 1ull << 62));
   score->add_flag("--json", options->json, "As JSON, with every event");
   score->footer(
       "Examples:\n"
       "  palpate task score run.h5 --task meniscus-probing\n"
       "  palpate task score run.h5 --task meniscus-probing --record L042\n"
-      "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n\n"
+      "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n"
+      "  palpate task score run.h5 --task hold-steady --from-tick 5120 --to-tick 20833\n\n"
       "A pass takes as many runs in a row as the task says, each with every counted metric in its band.\n"
       "Exit code 3: the last run has one out of its band. docs/tasks.md says what each metric is, and what "
       "is known\n"

@@ -1,6 +1,6 @@
-"""Takes docs/viewer.md's pictures of a running viewer page in headless Chromium.
+"""Takes docs/viewer.md's and docs/training.md's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER    of palpate explore, or of palpate replay --view
+usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, or of palpate replay --view
 """
 
 import os
@@ -15,10 +15,27 @@ browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
+def task(page, folder):
+    """A run that is under way and then over."""
+    page.resize(1440, 900)
+    page.dark(True)
+    page.run("document.querySelector('[data-layout=volume]').click()")
+    page.wait("palpateViewer.training.run.done.every((done) => done)", 120)
+    page.run("document.getElementById('task-end').click()")
+    page.wait("palpateViewer.training.view === 'debriefing'")
+    page.run("document.querySelector('#task-steps .where').click()")
+    page.wait("palpateViewer.isVolumeSharp", 300)
+    page.run("palpateViewer.draw()")
+    time.sleep(0.5)
+    page.screenshot(os.path.join(folder, "viewer-training.png"))
+
+
 def main(url, folder):
     with browser.Browser() as page:
         page.post("/url", {"url": url})
         page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+        if page.run("return palpateViewer.training.run?.phase === 'running'"):
+            return task(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
         of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"), ("viewer-inside", True, "inside"))
         for name, dark, layout in (("viewer-recording", True, "two"),) if is_recording else of_session:

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "link/connection.h"
+#include "link/task_json.h"
 #include "link/viewer.h"
 #include "palpate/base/clock.h"
 
@@ -16,6 +17,8 @@ namespace {
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
 // what is seen of tissue is smooth at that rate, and a message of it may be as long as a hundred poses
 constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
+// a force that is to be held within a band is led by it
+constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
@@ -157,6 +160,8 @@ void Hub::welcome(Viewer& viewer) {
   viewer.show_state();
   // one that comes late gets what there is now, not what another saw last
   if (viewer.wants_yields()) look_at_yields(Clock::now());
+  if (viewer.wants_training()) look_at_training(Clock::now());
+  viewer.show_training();
   if (std::exchange(posing_, true)) return;
   next_pose_ = Clock::now();
   wait_for_poses();
@@ -195,10 +200,19 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   const auto granted = [&]() -> Result<void> {
     if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
       return grant_pointer(viewer, *pointer);
+    if (const auto* task = std::get_if<TaskRequest>(&request.what)) return grant_task(viewer, *task);
     if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
     return grant_rearm(viewer, std::get<RearmRequest>(request.what));
   }();
   return granted ? Result<Grant>(Grant::kDone) : granted.error();
+}
+
+// whoever has the hand is measured
+Result<void> Hub::grant_task(Viewer& viewer, const TaskRequest& request) {
+  if (pointer_ && pointer_ != &viewer)
+    return Error{ErrorKind::kUsage, "a task is begun and ended by whoever moves the tip", "",
+                 "ask them, or wait until they let go"};
+  return host_.train(request);
 }
 
 // whoever has the hand gets its force back
@@ -302,8 +316,26 @@ void Hub::look_at_yields(Clock::time_point now) {
   for (const auto& viewer : viewers_) viewer->show_yields();
 }
 
+void Hub::look_at_training(Clock::time_point now) {
+  next_training_ = now + kTrainingPeriod;
+  if (host_.scene().tasks.empty()) return;
+  std::string text = training_json(host_.training());
+  auto debriefed = host_.debriefing();
+  const bool is_over = debriefed != debriefed_;
+  if (is_over) {
+    debriefed_ = std::move(debriefed);
+    debriefing_ = debriefed_ ? std::make_shared<const std::string>(debriefing_json(*debriefed_)) : nullptr;
+  }
+  if (text == training_ && !is_over) return;
+  training_ = std::move(text);
+  for (const auto& viewer : viewers_) viewer->show_training();
+}
+
 void Hub::show_pose() {
   const Clock::time_point now = Clock::now();
+  if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                           [](const auto& viewer) { return viewer->wants_training(); }))
+    look_at_training(now);
   if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
                                          [](const auto& viewer) { return viewer->wants_yields(); }))
     look_at_yields(now);

@@ -30,6 +30,7 @@ struct SweepsHad;
 ///
 ///     timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose turn it is
 ///             15 Hz ── how tissue has yielded ──────► every viewer that wants it, where it is another way
+///             20 Hz ── how far a run of a task is ──► likewise
 ///     timer, 10 Hz ─── state, health; deadlines of every connection
 class Hub {
  public:
@@ -93,12 +94,19 @@ class Hub {
   std::string sweeps_after(SweepsHad& had) const;
   /// How tissue has yielded around a device, as it was looked at last.
   const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
+  /// Tells viewers how far a run of a task is, where they do not know.
+  void look_at_training(Clock::time_point now);
+  /// What was told of it last; empty: the session has no tasks.
+  const std::string& told_training() const { return training_; }
+  /// Of the last run, null while there is none.
+  const std::shared_ptr<const std::string>& told_debriefing() const { return debriefing_; }
 
  private:
   static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
   bool one_loads_alone() const;
   Result<Grant> grant(Viewer& viewer, const Request& request);
   Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
+  Result<void> grant_task(Viewer& viewer, const TaskRequest& request);
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
   void count();
@@ -138,6 +146,10 @@ class Hub {
   };
   std::array<LookedAt, kMaxDevices> yields_;
   Clock::time_point next_yields_{};
+  std::string training_;
+  std::shared_ptr<const ViewedDebriefing> debriefed_;
+  std::shared_ptr<const std::string> debriefing_;
+  Clock::time_point next_training_{};
 };
 
 }  // namespace palpate::link

@@ -31,6 +31,8 @@ void message(std::string_view text) {
     PALPATE_CHECK(std::abs(square - 1) < 1e-9);
   }
   if (const auto* tissue = std::get_if<TissueRequest>(&request->what)) PALPATE_CHECK(tissue->tissue >= 0);
+  if (const auto* task = std::get_if<TaskRequest>(&request->what))
+    PALPATE_CHECK(task->begin.has_value() != task->end && (!task->begin || task->begin->size() <= 256));
   if (const auto* error = std::get_if<Error>(&request->what))
     PALPATE_CHECK(!refused_json(request->id, *error).empty());
 }

@@ -11,7 +11,7 @@ namespace {
 
 // JavaScript's numbers hold no larger whole one exactly
 constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
-constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024;
+constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024, kMostTask_bytes = 256;
 constexpr int kMostTissues = 1 << 16;
 // how far from 1 a quaternion's length may be that was computed in floats
 constexpr std::size_t kMostCode_bytes = 16;
@@ -168,6 +168,15 @@ PlayRequest read_play(Fields& fields) {
   return request;
 }
 
+TaskRequest read_task(Fields& fields) {
+  TaskRequest request;
+  request.begin = fields.name("begin", kMostTask_bytes);
+  request.end = fields.flag("end").value_or(false);
+  fields.end();
+  if (request.begin.has_value() == request.end) fields.refuse("", "one of begin and end is asked for");
+  return request;
+}
+
 std::optional<ViewerMessage> read_hello(Fields& fields) {
   Hello hello;
   fields.want("protocol");
@@ -175,6 +184,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.token = fields.name("token", kMostToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.yielded = fields.flag("yielded").value_or(false);
+  hello.task = fields.flag("task").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
   return hello;
@@ -215,6 +225,8 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = read_pointer(fields);
   } else if (*type == "play") {
     request.what = read_play(fields);
+  } else if (*type == "task") {
+    request.what = read_task(fields);
   } else if (*type == "rearm") {
     fields.want("stop");
     RearmRequest rearm;

@@ -22,6 +22,7 @@ struct Hello {
   std::string token;  ///< empty: none
   double poses_hz = 60;
   bool yielded = false;  ///< it wants to be told how tissue has yielded
+  bool task = false;     ///< it wants to be told how far a run of a task is
 };
 struct StopRequest {};
 struct PointerRequest {
@@ -35,7 +36,7 @@ struct TipMessage {
 struct Request {
   std::int64_t id = 0;
   std::variant<SettingsRequest, TissueRequest, StrokeRequest, StopRequest, RearmRequest, PointerRequest,
-               PlayRequest, Error>
+               PlayRequest, TaskRequest, Error>
       what;
 };
 

@@ -41,6 +41,25 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->yielded);
 
+  EXPECT_FALSE(hello->task);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->task);
+
+  const auto begin = parsed<TaskRequest>(R"({"type": "task", "id": 8, "begin": "hold-steady"})");
+  ASSERT_TRUE(begin);
+  EXPECT_EQ(begin->begin, "hold-steady");
+  EXPECT_FALSE(begin->end);
+  const auto end = parsed<TaskRequest>(R"({"type": "task", "id": 9, "end": true})");
+  ASSERT_TRUE(end);
+  EXPECT_FALSE(end->begin);
+  EXPECT_TRUE(end->end);
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "end": false})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": "a", "end": true})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": 7})"), "begin");
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": "a", "learner": "x"})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": ")" + std::string(257, 'a') + "\"}"), "begin");
+  EXPECT_FALSE(parsed<Request>(R"({"type": "task", "begin": "a"})")) << "no id";
+
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "law": "chainmail", "friction": false, "viscosity": true, "passivity": true,
           "paused": true, "max_force_N": 1.0, "rotation_wxyz": [0, 1, 0, 0]})");

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "link/pose_message.h"
+#include "link/task_json.h"
 #include "palpate/base/printable.h"
 #include "palpate_version.h"
 
@@ -190,6 +191,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                     {"friction", scene.friction}};
   json["rate_hz"] = scene.rate_hz;
   json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
+  json["tasks"] = Json::array();
+  for (const ViewedTask& task : scene.tasks) json["tasks"].push_back(task_json(task));
   return text_of(json);
 }
 

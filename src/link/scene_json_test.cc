@@ -50,7 +50,8 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 18u);
+  EXPECT_EQ(json.size(), 19u);
+  EXPECT_TRUE(json["tasks"].empty());
   EXPECT_TRUE(json["recording"].is_null());
 }
 

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -12,6 +13,56 @@
 
 /// A session in memory that does what it is asked for, and remembers it.
 namespace palpate::testing {
+
+inline ViewedTask test_task() {
+  ViewedTask task;
+  task.name = "hold";
+  task.title = "Hold\x1b[31m";
+  task.briefing = "Press.\nGently.";
+  task.quiz = task.ordered = true;
+  task.ends_with_steps = false;
+  task.time_limit_s = 60;
+  task.in_a_row = 3;
+  task.regions = {{"front", {1, 2, 3}, 12.5, {0, -1, 0}}};
+  task.steps = {{"push", "touch", 0, {0.8, std::numeric_limits<double>::infinity()}, 3, 0.5}};
+  task.forces = {{{1, 2}, std::array{0.8, 1.2}, {}}};
+  task.protections = {{{2}, 0.2}};
+  task.metrics = {{"peak_force", "N", {1}, false, {}, 8.5, "Tuijthof"}, {"time", "s", {}, false, {}, {}, ""}};
+  task.to_find = {2};
+  return task;
+}
+inline ViewedTraining test_training() {
+  ViewedTraining training;
+  training.phase = ViewedTraining::Phase::kRunning;
+  training.run = 3;
+  training.task = "hold";
+  training.time_s = 1.23456;
+  training.done = {false};
+  training.share = {1.0 / 3};
+  training.forces_N = {1.1};
+  training.protected_N = {0};
+  training.touch_N = 1.5;
+  training.events = {{"over_limit", 0, 1.0, 2.6}};
+  training.events_before = 4;
+  training.keeps = true;
+  return training;
+}
+inline ViewedDebriefing test_debriefing() {
+  ViewedDebriefing told;
+  told.run = 3;
+  told.task = "hold";
+  told.end = "asked";
+  told.metrics = {{0.1 + 0.2, 0.25, true}, {}};
+  told.done = {true};
+  told.events = {{"step_done", 0, 1.5, 1.0}};
+  told.forces = 1;
+  told.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}}, {0.04, {kNotKnown, kNotKnown, kNotKnown}, 0, {}}};
+  told.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
+  told.answer_mm = std::array{1.0, 2.0, 3.0};
+  told.runs = 4;
+  told.kept = 17;
+  return told;
+}
 
 class FakeHost : public ViewerHost {
  public:
@@ -179,6 +230,28 @@ class FakeHost : public ViewerHost {
     return {};
   }
 
+  ViewedTraining training() const override {
+    const std::lock_guard lock(mutex_);
+    return training_;
+  }
+  std::shared_ptr<const ViewedDebriefing> debriefing() const override {
+    const std::lock_guard lock(mutex_);
+    return debriefing_;
+  }
+  Result<void> train(const TaskRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (request.begin && *request.begin != "hold") return Error{ErrorKind::kUsage, "is no task", "begin", ""};
+    training_ = test_training();
+    training_.phase = request.begin ? ViewedTraining::Phase::kRunning : ViewedTraining::Phase::kOver;
+    debriefing_ = request.begin ? nullptr : std::make_shared<const ViewedDebriefing>(test_debriefing());
+    return {};
+  }
+  /// The run goes on.
+  void train_on(double time_s) {
+    const std::lock_guard lock(mutex_);
+    training_.time_s = time_s;
+  }
+
   double played_at_s() const {
     const std::lock_guard lock(mutex_);
     return played_at_s_;
@@ -225,6 +298,8 @@ class FakeHost : public ViewerHost {
   mutable std::mutex mutex_;
   ViewedState state_;
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
+  ViewedTraining training_;
+  std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::array<double, 3> tip_{};
   double played_at_s_ = 0;
   ViewerIdentity asked_by_;
@@ -256,9 +331,10 @@ class TestLog {
 struct TestServer {
   /// @param input  ViewedScene::input
   explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
-                      const std::string& input = "script")
+                      const std::string& input = "script", std::vector<ViewedTask> tasks = {})
       : host(dims) {
     host.edit_scene().input = input;
+    host.edit_scene().tasks = std::move(tasks);
     options.port = 0;
     options.log = log.writer();
     auto started = ViewerServer::start(host, options);

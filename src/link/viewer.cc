@@ -136,6 +136,7 @@ void Viewer::take(const Request& request) {
   if (room) say(std::move(answer));
   deaf_ = deaf_ && !room;
   hub_.look_at_state();
+  if (std::holds_alternative<TaskRequest>(request.what)) hub_.look_at_training(Clock::now());
 }
 
 void Viewer::greet(const Hello& hello) {
@@ -147,6 +148,7 @@ void Viewer::greet(const Hello& hello) {
   role_ = *who.role;
   welcomed_ = true;
   wants_yields_ = hello.yielded;
+  wants_training_ = hello.task;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -168,6 +170,12 @@ void Viewer::show_state() {
 
 void Viewer::show_yields() {
   if (welcomed_ && wants_yields_) write_next();
+}
+
+void Viewer::show_training() {
+  if (!welcomed_ || !wants_training_) return;
+  training_due_ = true;
+  write_next();
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
@@ -194,6 +202,9 @@ void Viewer::write_next() {
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
+  } else if (!(pose_due_ && pose_is_next_) && next_training()) {
+    pose_is_next_ = true;
+    write(net::buffer(text_out_), false);
   } else if (!(pose_due_ && pose_is_next_) && next_sweeps()) {
     pose_is_next_ = true;
     write(net::buffer(text_out_), false);
@@ -212,6 +223,21 @@ bool Viewer::next_sweeps() {
   std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
   if (text.empty()) return false;
   text_out_ = std::move(text);
+  return true;
+}
+
+// the figures of a run before it is told that it is over; in turns with poses
+bool Viewer::next_training() {
+  if (!welcomed_ || !wants_training_) return false;
+  if (debriefing_had_ != hub_.told_debriefing()) {
+    debriefing_had_ = hub_.told_debriefing();
+    if (debriefing_had_) {
+      text_out_ = *debriefing_had_;
+      return true;
+    }
+  }
+  if (!std::exchange(training_due_, false) || hub_.told_training().empty()) return false;
+  text_out_ = hub_.told_training();
   return true;
 }
 

@@ -39,6 +39,7 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 ///     answers_     texts, in order; when there are many, nothing but a stop is done until some were taken
 ///     state_due_   the state as it is when its turn comes
 ///     pose_        the latest, which replaces one that was not sent
+///     training_due_, debriefing_due_  how far a run of a task is, and the last one's figures, likewise
 ///     yields_had_  which message it has of the tissue around each device; the hub has the newest
 ///
 /// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
@@ -59,6 +60,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void show_state();
   /// There may be something new of how tissue has yielded.
   void show_yields();
+  /// There is something new of a run of a task.
+  void show_training();
   /// An answer.
   void say(std::string text);
   /// Says goodbye with a close code, and why to the log.
@@ -71,6 +74,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
   bool is_ending() const { return ending_; }
   bool wants_yields() const { return wants_yields_ && !ending_; }
+  bool wants_training() const { return wants_training_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
   /// Of the sweeps that it has had only so many are still there.
@@ -89,6 +93,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void write_next();
   bool next_sweeps();
   bool next_yield();
+  bool next_training();
   void rest_from_yields();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
@@ -120,6 +125,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::size_t next_yielding_ = 0;                        ///< device whose turn it is
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;
+  bool wants_training_ = false, training_due_ = false;
+  std::shared_ptr<const std::string> debriefing_had_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
   std::string text_out_;

@@ -258,10 +258,12 @@ TEST(Viewer, RolesAreKept) {
   const int port = guarded.test.port();
   TestViewer viewer(port);
   EXPECT_EQ(viewer.greet({{"token", kViewToken}})["role"], "view");
-  for (const Json& asked : {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
-                            Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
-                            Json{{"type", "rearm"}, {"id", 1}, {"stop", 1}},
-                            Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
+  for (const Json& asked :
+       {Json{{"type", "set"}, {"id", 1}, {"paused", true}},
+        Json{{"type", "tissue"}, {"id", 1}, {"tissue", 0}, {"stiffness_N_per_mm", 1}},
+        Json{{"type", "rearm"}, {"id", 1}, {"stop", 1}}, Json{{"type", "task"}, {"id", 1}, {"begin", "hold"}},
+        Json{{"type", "task"}, {"id", 1}, {"end", true}},
+        Json{{"type", "pointer"}, {"id", 1}, {"take", true}}}) {
     viewer.send(asked);
     EXPECT_EQ(viewer.text("refused")["where"], "role") << asked;
   }
@@ -274,6 +276,7 @@ TEST(Viewer, RolesAreKept) {
   EXPECT_FALSE(guarded.test.host.asked_by().control);
   EXPECT_FALSE(guarded.test.host.state().paused);
   EXPECT_FALSE(guarded.test.host.pointer_taken);
+  EXPECT_EQ(guarded.test.host.training().run, 0u);
   EXPECT_EQ(guarded.test.host.tip()[0], 0);
 
   TestViewer control(port);
@@ -351,6 +354,68 @@ TEST(Viewer, WhoeverMovesTheTipGetsItsForceBack) {
   rearm(first, 5);
   EXPECT_EQ(first.text("done")["id"], 5);
   EXPECT_FALSE(test.host.state().stop);
+}
+
+/// Of a session with a task.
+struct TaskTest : ::testing::Test {
+  explicit TaskTest(const std::string& input = "script")
+      : test({}, {5, 4, 3}, input, {palpate::testing::test_task()}) {}
+  TestServer test;
+};
+
+TEST_F(TaskTest, ARunIsToldToWhoWantsItAndDebriefedOnce) {
+  TestViewer first(test.port()), plain(test.port());
+  first.greet({{"task", true}});
+  plain.greet();
+  Json told = first.text("task");
+  EXPECT_EQ(told["phase"], "none");
+  first.send({{"type", "task"}, {"id", 1}, {"begin", "hold"}});
+  EXPECT_EQ(first.text("done")["id"], 1);
+  told = first.text("task");
+  EXPECT_EQ(told["phase"], "running");
+  EXPECT_EQ(told["run"], 3);
+  test.host.train_on(7);
+  EXPECT_EQ(first.text("task")["time_s"], 7.0);
+  first.send({{"type", "task"}, {"id", 2}, {"end", true}});
+  EXPECT_EQ(first.text("done")["id"], 2);
+  const Json debriefing = first.text("debriefing");
+  EXPECT_EQ(debriefing["run"], 3);
+  // who comes later hears of it, too
+  TestViewer later(test.port());
+  later.greet({{"task", true}});
+  EXPECT_EQ(later.text("debriefing"), debriefing);
+  EXPECT_EQ(later.text("task")["phase"], "over");
+  // nothing of it comes again, and nothing at all to who did not ask
+  for (TestViewer* viewer : {&first, &plain}) {
+    viewer->send({{"type", "set"}, {"id", 3}, {"paused", true}});
+    for (Json next = viewer->text();; next = viewer->text()) {
+      ASSERT_FALSE(next.is_null());
+      EXPECT_NE(next["type"], "debriefing");
+      EXPECT_FALSE(viewer == &plain && next["type"] == "task");
+      if (next["type"] == "done") break;
+    }
+  }
+}
+
+struct TaskByPointer : TaskTest {
+  TaskByPointer() : TaskTest("pointer") {}
+};
+
+TEST_F(TaskByPointer, WhoeverMovesTheTipBeginsAndEnds) {
+  TestViewer first(test.port()), second(test.port());
+  first.greet();
+  second.greet();
+  first.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
+  EXPECT_EQ(first.text("done")["id"], 1);
+  second.send({{"type", "task"}, {"id", 2}, {"begin", "hold"}});
+  EXPECT_EQ(second.text("refused")["id"], 2);
+  first.send({{"type", "task"}, {"id", 3}, {"begin", "hold"}});
+  EXPECT_EQ(first.text("done")["id"], 3);
+  second.send({{"type", "task"}, {"id", 4}, {"end", true}});
+  EXPECT_EQ(second.text("refused")["id"], 4);
+  EXPECT_EQ(test.host.training().phase, ViewedTraining::Phase::kRunning);
+  first.send({{"type", "task"}, {"id", 5}, {"end", true}});
+  EXPECT_EQ(first.text("done")["id"], 5);
 }
 
 TEST(Viewer, WhoHasControlPlaysARecording) {

@@ -262,6 +262,7 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source) {
   task.briefing = top.text("briefing").value_or("");
   task.data_set = top.text("data_set").value_or("");
   task.ordered = top.flag("ordered").value_or(false);
+  task.quiz = top.flag("quiz").value_or(false);
   if (top.choice("end") == "recording") task.end = TaskEnd::kRecording;
   task.time_limit_s = top.number("time_limit");
   if (const auto runs = top.whole("in_a_row")) task.in_a_row = static_cast<int>(*runs);

@@ -16,6 +16,7 @@ constexpr const char* kWholeTask = R"(title = "Probe"
 briefing = "Do it."
 data_set = "knee-phantom:side=right"
 ordered = true
+quiz = true
 end = "recording"
 time_limit = 95
 in_a_row = 2
@@ -77,6 +78,7 @@ TEST(ParseTask, ReadsEveryKey) {
   EXPECT_EQ(task->title, "Probe");
   EXPECT_EQ(task->briefing, "Do it.");
   EXPECT_TRUE(task->ordered);
+  EXPECT_TRUE(task->quiz);
   EXPECT_EQ(task->end, TaskEnd::kRecording);
   EXPECT_EQ(task->time_limit_s, 95);
   EXPECT_EQ(task->in_a_row, 2);

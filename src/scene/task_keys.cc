@@ -41,6 +41,11 @@ TaskKeys declared_task_keys() {
              .type = kFlag,
              .default_text = "false",
              .meaning = "`true`: a step counts only after those before it."},
+            {.name = "quiz",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning =
+                 "`true`: while it is done the page names no structure, and draws none that is to be found."},
             {.name = "end",
              .type = kChoice,
              .default_text = "\"steps\"",

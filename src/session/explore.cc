@@ -16,6 +16,7 @@
 #include "session/carried_cells.h"
 #include "session/explore_watch.h"
 #include "session/tip_source.h"
+#include "session/training.h"
 #include "session/viewed_session.h"
 
 namespace palpate {
@@ -38,6 +39,7 @@ struct Session {
   TipSource& tip;
   const ExploreWatch& watch;
   ViewedSession& viewed;
+  Training* training;      // nullptr: there are no tasks
   Supervisor* supervisor;  // nullptr: there is none
   const std::string& coarser_tissue;
   const std::string& careful_bounds;
@@ -49,6 +51,7 @@ struct Shown {
   std::uint32_t stop = 0;
   std::uint64_t question = 0;
   std::optional<Error> refusal;  // to be shown next
+  std::size_t runs = 0;          // of tasks, that are over
 };
 
 // Nothing pushes while nobody watches.
@@ -115,6 +118,13 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   if (session.asks_here) status.arming_code = session.viewed.arming_code();
   status.question = session.viewed.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
+  if (session.training != nullptr) {
+    const ViewedTraining training = session.training->state();
+    if (training.phase == ViewedTraining::Phase::kRunning) status.task = training.task;
+    status.task_s = training.time_s;
+    status.finished = session.training->finished(shown.runs);
+    shown.runs += status.finished.size();
+  }
   shown.stop = status.stop.value_or(0);
   shown.question = status.question ? status.question->number : 0;
   return status;
@@ -142,6 +152,8 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
       return tell(session.viewed.stroke_here(StrokeAction::kUndo));
     case ExploreRequest::kRedoStroke:
       return tell(session.viewed.stroke_here(StrokeAction::kRedo));
+    case ExploreRequest::kTask:
+      return tell(session.viewed.task_here());
     case ExploreRequest::kNone:
       return;
   }
@@ -205,6 +217,11 @@ void finish(const Session& session, ExploreResult& result) {
     result.summary.skipped = result.health.skipped;
     result.summary.trouble = result.trouble;
   }
+  // the recorder has seen the last tick
+  if (session.training != nullptr) {
+    session.training->end();
+    result.runs = session.training->finished();
+  }
   result.holds = session.watch.holds();
   // a pointer has no list of what it is to touch
   if (session.tip.pointer())
@@ -214,13 +231,14 @@ void finish(const Session& session, ExploreResult& result) {
 }
 
 ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
-                         const ExploreOptions& options, bool recording) {
+                         const ExploreOptions& options, bool recording, Training* training) {
   const auto devices = tip.driver().devices();
   return {setup.model,     {devices.begin(), devices.end()},
           setup.workspace, setup.parameters,
           tip.name(),      setup.script.rate_hz,
           tip.pointer(),   recording,
-          scene.modality,  options.asks_here};
+          scene.modality,  options.asks_here,
+          training};
 }
 
 /// The supervisor's record, open as long as this lives.
@@ -281,8 +299,15 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   if (progress.stopped()) return Progress::interrupted();
 
+  std::unique_ptr<Training> training;
+  if (!options.training.tasks.empty()) {
+    auto started = Training::start(options.training, *setup->model, progress);
+    if (!started) return started.error();
+    training = *std::move(started);
+  }
   // who shows it may fail before anything pushes
-  ViewedSession viewed(viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty()));
+  ViewedSession viewed(
+      viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get()));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(viewed);
@@ -308,8 +333,12 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
   ExploreWatch watch(model, (*tip)->asked());
-  auto recorder = Recorder::start((*loop)->ring(), recording, header,
-                                  [&watch](const TickRecord& record) { watch.see(record); }, &viewed.told());
+  if (training) training->begin_session(header);
+  const auto see = [&watch, &training](const TickRecord& record) {
+    watch.see(record);
+    if (training) training->see(record);
+  };
+  auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &viewed.told());
   if (!recorder) return recorder.error();
 
   // however this ends, nobody looks at the loop or the watch when they are gone
@@ -328,7 +357,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                           [&viewed] { return viewed.script_stroke_led_to(); },
                           [&viewed](TissueLaw law) { viewed.change_law_by_script(law); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
-  const Session session{model,        **loop,  **recorder,       **tip, watch, viewed, supervisor->get(),
+  const Session session{model,        **loop,  **recorder,       **tip,
+                        watch,        viewed,  training.get(),   supervisor->get(),
                         carried.told, careful, options.asks_here};
   ExploreResult result;
   result.trouble = setup->trouble;

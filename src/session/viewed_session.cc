@@ -253,6 +253,7 @@ ViewedScene ViewedSession::make_scene() const {
   scene.stiffness_N_per_mm = tissue_key_range("stiffness");
   scene.friction = tissue_key_range("friction");
   scene.rate_hz = parts_.rate_hz;
+  if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();
   return scene;
 }
 
@@ -936,6 +937,30 @@ void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
   // World's origin is the volume's centre; no number fails this, either
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   parts_.pointer->move(WorkspaceMapping(parts_.pointer->devices().front(), parts_.workspace).to_device(tip));
+}
+
+// ---- tasks
+
+ViewedTraining ViewedSession::training() const {
+  return parts_.training != nullptr ? parts_.training->state() : ViewedTraining{};
+}
+
+std::shared_ptr<const ViewedDebriefing> ViewedSession::debriefing() const {
+  return parts_.training != nullptr ? parts_.training->debriefing() : nullptr;
+}
+
+Result<void> ViewedSession::train(const TaskRequest& request) {
+  if (parts_.training == nullptr) return ViewerHost::train(request);
+  // ticks come when the loop runs
+  if (!loop_.load()) return not_running();
+  return request.begin ? parts_.training->begin(*request.begin) : parts_.training->end_run();
+}
+
+Result<void> ViewedSession::task_here() {
+  if (parts_.training == nullptr)
+    return refused("there is no task to be begun", "", "start palpate explore with --task");
+  if (!loop_.load()) return not_running();
+  return parts_.training->begin_or_end();
 }
 
 Result<void> ViewedSession::play(const PlayRequest& /*request*/) {

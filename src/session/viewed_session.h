@@ -29,6 +29,7 @@
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
 #include "session/tissue_thread.h"
+#include "session/training.h"
 
 namespace palpate {
 
@@ -46,6 +47,7 @@ struct ViewedParts {
   bool recording = false;
   Modality modality = Modality::kUnknown;  ///< as the scene says it
   bool asks_here = false;                  ///< somebody at this machine sees question() and answers
+  Training* training = nullptr;            ///< where there are tasks; outlives the session
   /// As with_new_fields, which it is but in tests; may throw.
   std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
                                                      const Progress& progress)>
@@ -98,6 +100,9 @@ class ViewedSession final : public ViewerHost {
   Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::array<double, 3>& tip_patient_mm) override;
   Result<void> play(const PlayRequest& request) override;
+  ViewedTraining training() const override;
+  std::shared_ptr<const ViewedDebriefing> debriefing() const override;
+  Result<void> train(const TaskRequest& request) override;
 
   // ---- keys, at the device itself
   void stop_here();
@@ -125,6 +130,8 @@ class ViewedSession final : public ViewerHost {
   /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
   void change_law_by_script(TissueLaw law);
+  /// Errors: those of Training::begin_or_end; kUsage where there are no tasks.
+  Result<void> task_here();
   /// HandCommands::stroke_led_to, of the last of them.
   std::optional<std::uint32_t> script_stroke_led_to() const;
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.

@@ -101,6 +101,7 @@ class Viewed : public ::testing::Test {
                                 false,
                                 Modality::kMr,
                                 asks_here_,
+                                nullptr,
                                 new_fields_,
                                 more_methods_});
     auto loop =

@@ -311,8 +311,8 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.cut_short = cut_short && !ended_;
   score.missing_s = missing_s_;
   score.hash = hash_;
-  constexpr double kMostMissing = 0.01;
-  score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ <= kMostMissing * (time_s_ - begun_s_);
+  // what nobody saw may have been beyond a limit
+  score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ == 0;
   for (std::size_t n = 0; n < task_.file.metrics.size(); ++n) {
     const TaskMetric& asked = task_.file.metrics[n];
     MetricValue value{asked.metric, n, value_of(n), asked.counts(), false};
@@ -327,22 +327,39 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   return score;
 }
 
+double TaskEvaluator::share_of_step(std::size_t n) const {
+  if (done_[n]) return 1;
+  const TaskStep& step = task_.file.steps[n];
+  if (step.kind != StepKind::kCover)
+    return step.seconds > 0 ? std::clamp(step_s_[n] / step.seconds, 0.0, 1.0) : 0;
+  const SurfacePatches& patches = task_.regions[step.region].patches;
+  const double asked = step.coverage * static_cast<double>(patches.count());
+  return asked > 0 ? std::clamp(static_cast<double>(patches.covered()) / asked, 0.0, 1.0) : 0;
+}
+
 Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
-                                  const Progress& progress) {
+                                  const Progress& progress, const TickRange& range) {
   TaskEvaluator evaluator(task);
   const auto ticks = static_cast<double>(std::max<std::uint64_t>(recording.head().ticks, 1));
   double seen = 0;
+  bool is_whole = recording.head().summary.has_value();
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
-        for (const TickRecord& tick : part.ticks)
+        for (const TickRecord& tick : part.ticks) {
+          if (tick.tick >= range.last) is_whole = true;
+          if (tick.tick < range.first || tick.tick > range.last) continue;
           if (auto known = evaluator.see(tick); !known) return known;
+        }
         seen += static_cast<double>(part.ticks.size());
         progress.report("scoring", seen / ticks);
         return {};
       },
       progress);
   if (!read) return read.error();
-  return evaluator.score(!recording.head().summary.has_value());
+  if (evaluator.ticks() == 0 && recording.head().ticks > 0)
+    return Error{ErrorKind::kBadInput, "it has no tick of those that are to be scored", "",
+                 "leave out --from-tick and --to-tick, or give those of a run that palpate explore told"};
+  return evaluator.score(!is_whole);
 }
 
 int runs_in_a_row(const std::vector<bool>& in_band) {

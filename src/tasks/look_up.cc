@@ -165,15 +165,67 @@ void SurfacePatches::cover(const Eigen::Vector3d& contact_mm) {
   }
 }
 
+std::vector<SurfacePatches::Patch> SurfacePatches::all() const {
+  std::vector<Patch> patches(covered_.size());
+  constexpr std::uint64_t kPart = (1u << 21) - 1;
+  for (const auto& [key, place] : at_) {
+    const auto part = [key = key](int shift) {
+      return static_cast<double>(key >> shift & kPart) - kBoundary;
+    };
+    patches[place] = {(Eigen::Vector3d(part(0), part(21), part(42)).array() + 0.5) * kEdge_mm,
+                      covered_[place]};
+  }
+  return patches;
+}
+
 bool RegionInScene::bounds(const Eigen::Vector3d& place_mm) const {
   if (centre_mm && !((place_mm - *centre_mm).norm() <= radius_mm)) return false;
   return std::all_of(planes.begin(), planes.end(),
                      [&](const Plane& plane) { return (place_mm - plane.point_mm).dot(plane.normal) >= 0; });
 }
 
+RegionView view_of(const RegionInScene& region, const Model& model) {
+  RegionView view;
+  if (region.has_label.empty()) {
+    view.middle_mm = region.centre_mm.value_or(Eigen::Vector3d::Zero());
+    view.radius_mm = region.radius_mm;
+    return view;
+  }
+  const Bricks<LabelId>& labels = *model.labels;
+  const Eigen::Matrix3d axes = labels.geometry().direction * labels.geometry().spacing_mm.asDiagonal();
+  const auto is_free = [&](LabelId label) {
+    const Tissue* const tissue = label == 0 ? nullptr : model.tissue_of(label);
+    return tissue == nullptr || !tissue->felt;
+  };
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), outward = Eigen::Vector3d::Zero();
+  double count = 0, faces = 0;
+  for_each_voxel(labels, region.has_label, [&](int i, int j, int k, const Eigen::Vector3d& place) {
+    if (!region.bounds(place)) return;
+    sum += place;
+    ++count;
+    for (const auto& face : kFaces) {
+      const LabelId beside = labels.anywhere(i + face[0], j + face[1], k + face[2]);
+      if (region.has(beside) || !is_free(beside)) continue;
+      const Eigen::Vector3d out = axes * Eigen::Vector3d(face[0], face[1], face[2]);
+      // by its area, which is the volume of a voxel over its height
+      outward += out / out.squaredNorm();
+      faces += 1 / out.norm();
+    }
+  });
+  if (count == 0) return view;
+  view.middle_mm = sum / count;
+  for_each_voxel(labels, region.has_label, [&](int, int, int, const Eigen::Vector3d& place) {
+    if (region.bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
+  });
+  // of a closed surface all ways cancel
+  constexpr double kLeastShare = 0.05;
+  if (outward.norm() > kLeastShare * faces) view.outward = outward.normalized();
+  return view;
+}
+
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
   const Lookup lookup{task, model};
-  TaskInScene found{task, {}, {}, {}, {}, {}};
+  TaskInScene found{task, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
     const TaskRegion& asked = task.regions[n];
@@ -216,12 +268,13 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
   if (auto added = add(task.protections, found.protections); !added) return added.error();
   if (auto added = add(task.metrics, found.metrics); !added) return added.error();
   if (task.answer) {
-    const auto labels = lookup.labels(task.answer->structures, task.answer->line);
+    auto labels = lookup.labels(task.answer->structures, task.answer->line);
     if (!labels) return labels.error();
     found.answer_mm = centroid(*model.labels, *labels);
     if (!found.answer_mm)
       return Error{ErrorKind::kBadInput, "what is to be found has no voxel", task.where(task.answer->line),
                    "name another structure"};
+    found.answer_labels = *std::move(labels);
   }
   return found;
 }

@@ -80,6 +80,40 @@ TEST(LookUp, SaysWhatTheSceneLacks) {
               HasSubstr("nothing of"));
 }
 
+TEST(RegionView, LooksWhereTheRegionIsFree) {
+  Model model = slab();
+  model.tissues = {Tissue{}};
+  model.tissue_of_label = {-1, 0, 0};
+  const auto view = [&](const std::string& region) {
+    const auto found = with_region(region);
+    PALPATE_CHECK(found.ok());
+    return view_of(found->regions[0], model);
+  };
+  // the slab's sides cancel, its lower face is not in the half
+  const RegionView upper = view("structures = [1]\nhalf = \"superior\"");
+  EXPECT_TRUE(upper.middle_mm.isApprox(Eigen::Vector3d(10, 5, 1.5), 1e-9)) << upper.middle_mm.transpose();
+  EXPECT_TRUE(upper.outward.isApprox(Eigen::Vector3d::UnitZ(), 1e-9)) << upper.outward.transpose();
+  EXPECT_NEAR(upper.radius_mm, Eigen::Vector3d(9.75, 4.75, 0.25).norm(), 1e-9);
+  // of all of it every way cancels
+  EXPECT_EQ(view("structures = [1, 2]").outward.norm(), 0);
+  RegionInScene ball;
+  ball.centre_mm = Eigen::Vector3d(1, 2, 3);
+  ball.radius_mm = 4;
+  EXPECT_EQ(view_of(ball, model).middle_mm, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(view_of(ball, model).radius_mm, 4);
+}
+
+TEST(SurfacePatches, AreToldInTheOrderInWhichTheyWereAdded) {
+  SurfacePatches patches;
+  for (const double x : {-7.5, 3.2, 0.1}) patches.add({x, -0.5, 2.5});
+  patches.cover({3.4, -0.5, 2.5});
+  const auto all = patches.all();
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[0].middle_mm, Eigen::Vector3d(-7.5, -0.5, 2.5));
+  EXPECT_EQ(all[1].middle_mm, Eigen::Vector3d(3.5, -0.5, 2.5));
+  EXPECT_EQ((std::array{all[0].covered, all[1].covered, all[2].covered}), (std::array{false, true, false}));
+}
+
 // the oracle: every patch whose cube comes within half a millimetre of any contact
 TEST(SurfacePatches, CoversWhatIsNear) {
   std::mt19937_64 random(test::test_seed());

@@ -91,6 +91,15 @@ export class Camera {
     this.right = normalize(this.directionToWorld(PRESETS[preset].right));
     this.up = normalize(reject(this.directionToWorld(PRESETS[preset].up), this.right));
   }
+  /** Looks against a direction of the patient, unit, with superior up where that can be. */
+  lookAlong(outward: Vec3): void {
+    const backward = this.directionToWorld(outward);
+    if (dot(backward, backward) < 0.5) return;
+    const candidates = ([[0, 0, 1], [0, -1, 0]] as Vec3[]).map((up) => reject(this.directionToWorld(up), backward));
+    const up = candidates.find((one) => dot(one, one) > 0.02)!;
+    this.up = normalize(up);
+    this.right = normalize(cross(this.up, backward));
+  }
   /** The camera goes round the focus as if the object were dragged by so many pixels. */
   orbit(dx: number, dy: number): void {
     const turned = this.dragged(-dx, -dy);

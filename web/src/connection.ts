@@ -2,6 +2,7 @@
 
 import type { Sweep } from "./cuts.js";
 import type { State } from "./scene.js";
+import type { Debriefing, TaskRun } from "./training.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { words } from "./words.js";
@@ -9,7 +10,7 @@ import { words } from "./words.js";
 /** "ended": it is not tried, or not again, before open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 export interface Refusal { what: string; where?: string; how?: string }
-export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo"; [value: string]: unknown }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task"; [value: string]: unknown }
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
@@ -41,6 +42,10 @@ export interface Listener {
   onCut(first: number, sweeps: Sweep[]): void;
   /** How tissue around a device has yielded; on another connection all is told anew. */
   onYield(told: Yield): void;
+  /** How far a run of a task is. */
+  onTask(run: TaskRun): void;
+  /** One that is over. */
+  onDebriefing(debriefing: Debriefing): void;
 }
 
 export class Connection {
@@ -70,7 +75,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
-      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true };
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
     };
     socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
@@ -179,6 +184,12 @@ export class Connection {
         break;
       case "cut":
         this.listener.onCut(message.first as number, message.sweeps as Sweep[]);
+        break;
+      case "task":
+        this.listener.onTask(message as TaskRun);
+        break;
+      case "debriefing":
+        this.listener.onDebriefing(message as Debriefing);
         break;
       case "asked":
         this.listener.onAsked();

@@ -23,6 +23,7 @@ export interface Actions {
   screenshot(): void;
   record(): void;
   togglePlaying(): void;
+  beginOrEnd(): void;
 }
 
 /** Of a tick, in the order in which they are told. */
@@ -184,6 +185,7 @@ export class Controls {
       "5": () => this.actions.layout("inside"), "6": () => this.actions.layout("scope"),
       "?": () => this.help(byId("help-box").hidden),
       f: () => this.toggleFollow(), s: this.actions.screenshot, o: this.actions.record, d: nextTheme, p: () => this.togglePause(),
+      b: () => event.repeat || this.actions.beginOrEnd(),
       // one stroke a press, however long it is
       u: () => event.repeat || byId(event.shiftKey ? "redo-stroke" : "undo-stroke").click(),
     };
@@ -491,7 +493,7 @@ export class Controls {
     const place = session.volumes.structureAt(p);
     const device = session.pose?.devices[0];
     if (!pointed && device) write(byId("structure"), session.contactOf(device).words);
-    else write(byId("structure"), place === null ? "" : readable(session.scene.structures[place]!.name));
+    else write(byId("structure"), place === null ? "" : readable(session.nameAt(place)));
   }
 }
 

@@ -11,6 +11,7 @@ import type { Measure } from "./measure.js";
 import { Measures } from "./measures_panel.js";
 import type { Picture } from "./picture.js";
 import { PointerDevice } from "./pointer.js";
+import { conceal, revealed, type Concealed } from "./quiz.js";
 import { Requests } from "./requests.js";
 import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Scene, type State } from "./scene.js";
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
@@ -21,6 +22,7 @@ import { keep, recall } from "./kept.js";
 import { applyLanguage } from "./language.js";
 import { applyTheme } from "./theme.js";
 import { Timeline } from "./timeline.js";
+import { Training } from "./training.js";
 import { openToTests } from "./test_hook.js";
 import { Gone, isMemoryShort, Lasting, versionTrouble } from "./trouble.js";
 import { addVolumeControls } from "./volume_controls.js";
@@ -59,6 +61,7 @@ class Page {
   readonly pointer: PointerDevice;
   readonly requests: Requests;
   readonly timeline: Timeline;
+  readonly training: Training;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
@@ -81,6 +84,8 @@ class Page {
   private isYielding = false; // where the volume is drawn, what came before is not there yet
   private readonly cuts = new Cuts();
   private cutting: Promise<void> = Promise.resolve();
+  private hidden = ""; // labels of what a quiz hides
+  private concealed: Concealed | null = null;
   private isMending = false;
   private hopeless = 0; // timer
   private isHopeless = false; // it has run out
@@ -100,6 +105,8 @@ class Page {
         this.cuts.tell(first, sweeps);
         this.cut();
       },
+      onTask: (run) => this.training.tell(run),
+      onDebriefing: (debriefing) => this.training.debrief(debriefing),
       onYield: (told) => {
         this.yields.tell(told);
         this.areYieldsDue = true;
@@ -127,8 +134,10 @@ class Page {
       screenshot: () => void this.capture.screenshot().then((blob) => download(blob, `${fileStem()}.png`)).catch(complain),
       record: () => this.record(),
       togglePlaying: () => this.timeline.toggle(),
+      beginOrEnd: () => this.training.beginOrEnd(),
     });
     this.timeline = new Timeline(session, this.connection, this.requests);
+    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind));
     const orient = this.addHeads();
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
@@ -235,6 +244,25 @@ class Page {
     }).catch(complain);
   }
 
+  /** Names of structures, and what is to be found, are hidden, or come back: null. */
+  private quiz(toFind: number[] | null): void {
+    const { session } = this;
+    const hidden = JSON.stringify(toFind);
+    if (hidden === this.hidden || !session.volumes || !session.scene) return;
+    this.hidden = hidden;
+    session.hidesNames = toFind !== null;
+    document.body.classList.toggle("quiz", toFind !== null);
+    // one after the other with what a burr takes away
+    this.cutting = this.cutting.then(async () => {
+      const { volumes, scene } = session;
+      if (!volumes || !scene || hidden !== this.hidden) return;
+      if (this.concealed) await this.updateBox(this.concealed.lo, this.concealed.size, revealed(volumes, this.concealed));
+      this.concealed = toFind && toFind.length > 0 ? conceal(scene, volumes, toFind) : null;
+      if (this.concealed) await this.updateBox(this.concealed.lo, this.concealed.size, this.concealed.now);
+    }).catch(complain);
+    session.touchLooks();
+  }
+
   /** Tissue yields as nodes say, of which none is displaced yet; null: it does not. It is seen so; what is felt and read out are the voxels as they are. */
   displace(nodes: Nodes | null): void {
     void this.displaceBy(nodes && new Displacement(nodes));
@@ -290,6 +318,7 @@ class Page {
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
         this.timeline.show(scene.recording);
+        this.training.show(scene);
         if (this.session.state) this.onState(this.session.state);
         break;
       } catch (error) {
@@ -328,6 +357,8 @@ class Page {
     this.volume.sceneChanged();
     for (const section of this.sections) section.reset();
     // of another patient
+    this.concealed = null;
+    this.hidden = "";
     this.displace(null);
     this.areYieldsDue = true;
     this.measures.forget();
@@ -411,12 +442,14 @@ class Page {
     }
     this.controls.allow();
     this.timeline.allow();
+    this.training.allow();
     this.session.touch();
   }
   private onState(state: State): void {
     this.session.state = state;
     this.controls.showState(state);
     this.timeline.showState(state);
+    this.training.allow();
     // without a word where another viewer has it: then the tool says so when it is chosen
     if (!this.askedForHand && this.session.tool === "touch") {
       this.askedForHand = true;
@@ -561,6 +594,7 @@ class Page {
       this.figures_ms = now;
       this.controls.draw();
       this.timeline.draw();
+      this.training.draw();
       write(byId("record"), this.capture.isRecording ? words.recording(`${this.capture.seconds().toFixed(0)} s`) : words.record);
     }
   }

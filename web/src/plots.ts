@@ -5,7 +5,13 @@ import { themeColour } from "./theme.js";
 
 export interface Curve { colour: string; samples: number[] }
 
+/** Something that happened, over the curves. */
+export interface Mark { time: number; text: string; colour: string }
+
 export class Plot {
+  band: [number, number] | null = null; // values that are right
+  limit: number | null = null; // and the most that is
+  marks: Mark[] = [];
   private readonly context: CanvasRenderingContext2D;
   private readonly times: number[] = [];
   private readonly curves: Curve[];
@@ -60,6 +66,23 @@ export class Plot {
       c.fillStyle = themeColour("--muted");
       c.fillText(short(value), left - 4 * ratio, Math.min(h - 6 * ratio, Math.max(6 * ratio, y(value))));
     }
+    if (this.band) {
+      const [low, high] = this.band.map((value) => y(Math.min(value, top))) as [number, number];
+      c.save();
+      c.globalAlpha = 0.18;
+      c.fillStyle = style.getPropertyValue("--good");
+      c.fillRect(left, high, w - left, low - high);
+      c.restore();
+    }
+    if (this.limit !== null) {
+      c.strokeStyle = style.getPropertyValue("--limit");
+      c.setLineDash([5 * ratio, 3 * ratio]);
+      c.beginPath();
+      c.moveTo(left, y(this.limit));
+      c.lineTo(w, y(this.limit));
+      c.stroke();
+      c.setLineDash([]);
+    }
     const last = this.times.at(-1) ?? 0;
     const x = (time: number) => left + (1 - (last - time) / this.span_s) * (w - left);
     for (const { colour, samples } of this.curves) {
@@ -75,6 +98,12 @@ export class Plot {
         isDown = true;
       });
       c.stroke();
+    }
+    c.textAlign = "center";
+    c.textBaseline = "top";
+    for (const { time, text, colour } of this.marks) {
+      c.fillStyle = style.getPropertyValue(colour);
+      c.fillText(text, Math.min(w - 5 * ratio, Math.max(left + 4 * ratio, x(time))), ratio);
     }
   }
 }

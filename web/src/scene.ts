@@ -5,6 +5,7 @@ import { troubleOf, versionTrouble } from "./trouble.js";
 import { PROTOCOL } from "./wire.js";
 import { apply, compose, invert, type Affine, type Quaternion, type Vec3 } from "./geometry.js";
 import { inPieces, PIECE_VOXELS } from "./pieces.js";
+import type { Task } from "./training.js";
 import { words, type Words } from "./words.js";
 
 export type Rgb = [number, number, number];
@@ -64,6 +65,7 @@ export interface Scene {
   };
   rate_hz: number;
   recording: Recording | null; // that is looked at, where no session runs
+  tasks?: Task[]; // that may be begun
 }
 
 /**

@@ -162,7 +162,7 @@ export class ScopeView {
     const all = steps.flatMap((y) => steps.map((x) => [x, y] as const)).filter(([x, y]) => Math.hypot(x - 0.5, y - 0.5) < 0.48);
     const inside = all.map(([x, y]) => found.at(x, y)).filter((met) => met !== null && met.way_mm < NEAREST_MM + 0.05);
     if (inside.length < all.length / 2) return null;
-    return readable(this.session.scene!.structures[inside[inside.length >> 1]!.place]!.name);
+    return readable(this.session.nameAt(inside[inside.length >> 1]!.place));
   }
 
   /** Where it stands, and what is in the middle of its picture. */
@@ -173,7 +173,7 @@ export class ScopeView {
     const stands = scope.isFree ? words.movedFromTip
       : [camera.off_mm !== null ? words.offTouched(quantity(camera.off_mm, "mm")) : scope.back_mm > 0 ? words.behindTip(`${scope.back_mm} mm`) : words.atTheTip, `${scope.optics_deg}°`,
         ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : [])].join(", ");
-    return ahead ? `${stands} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.scene!.structures[ahead.place]!.name))}` : stands;
+    return ahead ? `${stands} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.nameAt(ahead.place)))}` : stands;
   }
 
   private drawOver(): void {

@@ -60,6 +60,7 @@ export class Session {
   obliqueNormal: Vec3 | null = null; // that the oblique one was called back with, while they rest
   pointed: (() => Vec3 | null) | null = null; // the point under the mouse, of the plane that is drawn when it is asked
   holding = false; // this page moves the tip just now
+  hidesNames = false; // of structures, as a quiz does
   trail: { p: Vec3; time: number }[] = [];
 
   lookVersion = 0; // another one: structures look otherwise
@@ -173,12 +174,17 @@ export class Session {
     const isFelt = touches && !(device.flags & WITHHELD && length(device.force) === 0);
     // a tip that is in something since before it could be held at its surface feels nothing, and is not free either
     const place = this.volumes?.structureAt(device.tip) ?? null;
-    const around = place === null ? null : this.scene!.structures[place]!.name;
+    const around = place === null ? null : this.nameAt(place);
     const name = touches ? this.structureName(device.label) ?? words.unnamed(String(device.label)) : around;
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
     return isFelt ? { label: device.label, words: readable(name) } : { label: 0, words: words.notFelt(readable(name)) };
   }
+  /** Of the structure at a place of the scene's list. */
+  nameAt(place: number): string {
+    return this.hidesNames ? words.someStructure : this.scene!.structures[place]!.name;
+  }
   structureName(label: number): string | null {
+    if (this.hidesNames) return words.someStructure;
     return this.scene?.structures.find((structure) => structure.label === label)?.name ?? null;
   }
 }

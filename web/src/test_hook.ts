@@ -77,6 +77,8 @@ export function openToTests(page: Page): void {
         return Math.max(...near.flatMap((dx) => near.map((dy) => data[4 * (x + dx + width * (y + dy)) + 3] ?? 0)));
       });
     },
+    /** Of tasks: what the panel shows, how far a run is, and the last one that is over. */
+    get training() { return { view: page.training.view, task: page.training.task?.name ?? null, run: page.training.run, debriefing: page.training.debriefing }; },
     /** Points of the rulers and angles that are made, in the patient. */
     get measures() { return page.measures.all.map(({ points }) => points); },
     /** Where the scope stands: of the patient. */

@@ -6,7 +6,7 @@ import type { History } from "./history.js";
 import { add, dot, length, orientationLetters, scale, sub, multiply, normalizeQuaternion, spread, type Plane, type Quaternion, type Vec3 } from "./geometry.js";
 import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "./in_volume.js";
 import { LivePicture } from "./live_picture.js";
-import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Projection } from "./overlay.js";
+import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Frame, type Projection } from "./overlay.js";
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import { memory_GB } from "./screen.js";
@@ -40,6 +40,8 @@ export class VolumeView {
   /** Planes whose outline is drawn in the volume. */
   planes: () => { plane: Plane; colour: string }[] = () => [];
   showsPlanes = false;
+  /** What else is drawn over the volume, under the tool. */
+  drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
   private readonly live: LivePicture<Camera>;
   private ground: Ground | null = null;
   private readonly grounds = new Map<number, { key: string; ground: ReturnType<Ground["below"]> }>();
@@ -104,6 +106,25 @@ export class VolumeView {
   }
   look(preset: Preset): void {
     this.moveCamera(() => this.camera.look(preset));
+  }
+  /**
+   * Looks at a place from outside, so that what lies so near to it fills a good part of the picture.
+   * @param outward  unit; [0, 0, 0]: from where it is
+   * @param isNoted  it can be undone
+   */
+  lookAt(place: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
+    const { camera, session } = this;
+    if (!session.volumes) return;
+    const move = () => {
+      if (session.pose) camera.setRotation(session.pose.rotation);
+      camera.lookAlong(outward);
+      camera.focus = camera.toWorld(place);
+      this.across_mm = Math.min(0.7 * session.volumes!.size, Math.max(5 * radius_mm, 60));
+    };
+    if (isNoted) return this.moveCamera(move);
+    move();
+    this.isOpen = true;
+    session.touch();
   }
   /** @param gesture  what is done by one thing in one gesture is one step to be undone */
   private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
@@ -243,6 +264,7 @@ export class VolumeView {
     const frame = this.picture.frame();
     const projection = this.projection();
     frame.context.clearRect(0, 0, frame.width, frame.height);
+    this.drawMarks(frame, projection);
     const device = session.pose?.devices[0];
     if (device) {
       for (const { plane, colour } of this.showsPlanes ? this.planes() : []) drawPlane(frame, projection, boxSection(plane, session.volumes!), colour);

@@ -6,11 +6,12 @@ import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/troubl
 
 /** A connection whose sockets and timers are the test's. */
 function connection() {
-  const sockets: { readyState: number; onclose(event: { code: number }): void; onmessage(event: { data: unknown }): void }[] = [];
+  const sockets: { readyState: number; onopen(): void; onclose(event: { code: number }): void; onmessage(event: { data: unknown }): void }[] = [];
   const timers: { f(): void; ms: number }[] = [];
-  const sent: { type: string; id?: number }[] = [];
+  const sent: { type: string; id?: number; task?: boolean }[] = [];
   const isAnswered = { goodbye: true };
   class Socket {
+    onopen = () => {};
     onclose = (_: { code: number }) => {};
     static OPEN = 1;
     onmessage = (_: { data: unknown }) => {};
@@ -29,13 +30,14 @@ function connection() {
   });
   const links: Link[] = [];
   const yields: Yield[] = [];
+  const tasks: number[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onProblem: () => void told.problems++,
+    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();
-  return { made, sockets, timers, sent, links, told, yields, isAnswered };
+  return { made, sockets, timers, sent, links, told, yields, tasks, isAnswered };
 }
 const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
@@ -187,4 +189,13 @@ test("tissue that yields is told, and what is no such message ends the connectio
   assert.equal(told.problems, 1);
   assert.equal(links.at(-1), "lost");
   assert.equal(yields.length, 1);
+});
+
+test("runs of tasks are asked for, and told in their order", () => {
+  const { sockets, sent, tasks } = connection();
+  sockets[0]!.onopen();
+  assert.equal(sent[0]!.task, true);
+  sockets[0]!.onmessage(WELCOME);
+  for (const message of [{ type: "task", run: 3 }, { type: "debriefing", run: 3 }, { type: "task", run: 4 }]) sockets[0]!.onmessage({ data: JSON.stringify(message) });
+  assert.deepEqual(tasks, [3, -3, 4]);
 });

@@ -159,6 +159,7 @@ const scene = (role) => ({
   limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
   rate_hz: 1000,
   recording: null,
+  tasks: [],
 });
 const state = {
   method: "proxy", law: "elastic", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,

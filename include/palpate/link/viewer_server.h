@@ -12,6 +12,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/device/telemetry.h"
+#include "palpate/link/viewed_training.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 
@@ -103,6 +104,7 @@ struct ViewedScene {
   std::array<double, 2> stiffness_N_per_mm{}, friction{};
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< that is looked at, where no session runs
+  std::vector<ViewedTask> tasks;             ///< that may be begun
 };
 
 /// How the loop has kept time in the last second, and what it missed since it began.
@@ -265,6 +267,14 @@ class ViewerHost {
   virtual void move_pointer(const std::array<double, 3>& tip_patient_mm) = 0;
   /// Error kUsage where a session runs.
   virtual Result<void> play(const PlayRequest& request) = 0;
+  /// How far a run of one of the scene's tasks is.
+  virtual ViewedTraining training() const { return {}; }
+  /// Of the last run, when it is over and was kept; null: there is none.
+  virtual std::shared_ptr<const ViewedDebriefing> debriefing() const { return nullptr; }
+  /// A run begins, or ends.
+  virtual Result<void> train(const TaskRequest& /*request*/) {
+    return Error{ErrorKind::kUsage, "there are no tasks here", "", ""};
+  }
 };
 
 /// The lines of a token file with a new token for control and one for looking on, each with 130 bits of the

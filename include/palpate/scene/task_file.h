@@ -123,6 +123,7 @@ struct TaskFile {
   std::string title, briefing;
   std::string data_set;  ///< that it is made for; empty: any scene that has its structures
   bool ordered = false;  ///< steps count in their order only
+  bool quiz = false;     ///< structures have no names while it is done
   TaskEnd end = TaskEnd::kSteps;
   std::optional<double> time_limit_s;
   int in_a_row = 3;  ///< runs with every counted metric in its band that make a pass

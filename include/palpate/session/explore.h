@@ -12,6 +12,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo_loop.h"
+#include "palpate/session/training.h"
 
 /// A script on the real clock: the simulated hand feels a scene through the same loop as a person with a
 /// device would.
@@ -35,6 +36,7 @@ enum class ExploreRequest : std::uint8_t {
   kMotor,       ///< of the burrs: on; asked for again: off
   kUndoStroke,  ///< what was cut last is put back
   kRedoStroke,  ///< what was put back last is taken away again
+  kTask,        ///< a run of a task begins; asked for again: it ends
 };
 
 /// A viewer wants to change something while a physical device may push: "viewer 3 wants to turn the object by
@@ -76,6 +78,8 @@ struct ExploreOptions {
   /// Whoever makes these requests sees ExploreStatus::question and answers it. Without, viewers change
   /// nothing while a physical device may push.
   bool asks_here = false;
+  /// Tasks that are done in it; none: nothing is evaluated.
+  TrainingOptions training;
   /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
   /// recorded. What it returns is destroyed when the session ends, before the host. Its error is explore()'s.
   /// Empty: nobody looks on.
@@ -120,6 +124,9 @@ struct ExploreStatus {
   bool rearmed_in_page = false;  ///< and not by kRearm: a viewer's pointer moves the tip, and nothing pushes
   std::optional<ConsentQuestion> question;  ///< to be answered by kAgree or kDecline
   std::optional<Error> refusal;             ///< of a request since the last status
+  std::string task;                         ///< name of the task of which a run is under way; empty: none is
+  double task_s = 0;                        ///< for how long
+  std::vector<FinishedRun> finished;        ///< runs that are over since the last status
 };
 
 struct ExploreResult {
@@ -134,8 +141,9 @@ struct ExploreResult {
   double limit_N = 0;                ///< the highest that held
   std::vector<std::string> trouble;  ///< what is known not to be reached, and steps that failed, in words
   std::optional<Error> recording_failure;
-  bool stopped_by_user = false;  ///< by progress.stopped()
-  bool device_lost = false;      ///< the driver gave up, which ended the session
+  std::vector<FinishedRun> runs;  ///< of tasks
+  bool stopped_by_user = false;   ///< by progress.stopped()
+  bool device_lost = false;       ///< the driver gave up, which ended the session
 };
 
 /// Lets a scripted hand, a viewer's pointer or whoever holds a device feel a scene in real time, until the
@@ -145,8 +153,8 @@ struct ExploreResult {
 /// @param script     of the simulated hand; without one there is none
 /// @param recording  a file to write; empty: none
 /// @param status     called on this thread when the loop runs, and then ten times a second; may be empty
-/// Errors: those of set-up (a script's device, hand or structures, settings of the loop), of creating the
-/// recording, of opening the supervisor's log; the viewers', the supervisor's.
+/// Errors: those of set-up (a script's device, hand or structures, a task's structures, settings of the
+/// loop), of creating the recording, of opening the supervisor's log; the viewers', the supervisor's.
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress = {},
                               const std::function<void(const ExploreStatus&)>& status = {});

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -56,8 +57,7 @@ struct TaskScore {
   bool ended = false;             ///< by its steps or its time, before the recording did
   bool cut_short = false;         ///< the recording was
   double missing_s = 0;           ///< in gaps of more than one tick's number
-  /// Every counted metric lies in its band, the run was not cut short, and no more than a hundredth is
-  /// missing.
+  /// Every counted metric lies in its band, the run was not cut short, and no tick is missing.
   bool in_band = false;
   std::uint64_t hash = 0;  ///< of the task, the ticks' state hashes and every value, bit for bit
 };
@@ -73,6 +73,30 @@ class TaskEvaluator {
   /// @param cut_short  the recording was
   TaskScore score(bool cut_short) const;
   const TaskInScene& task() const { return task_; }
+
+  // ---- how far it is
+  std::uint64_t ticks() const { return ticks_; }
+  /// Since the first tick.
+  double time_s() const { return begun_ ? time_s_ - begun_s_ : 0; }
+  double missing_s() const { return missing_s_; }
+  const std::vector<bool>& done() const { return done_; }
+  /// 0 ... 1: of a step's time without a break, or of what it asks to be covered; 1 once it was done.
+  double share_of_step(std::size_t step) const;
+  /// In the last tick, N: on a [[force]], on a [[protected]], on all that was touched.
+  double force_N(std::size_t force) const { return forces_[force].last_N; }
+  double protected_N(std::size_t protection) const { return protections_[protection].last_N; }
+  double touch_N() const { return force_on({}); }
+  /// Of the last tick that had a place, patient, mm.
+  std::optional<Eigen::Vector3d> tip_mm() const { return tip_known_ ? std::optional(tip_mm_) : std::nullopt; }
+  const std::vector<TaskEvent>& events() const { return events_; }
+  std::uint64_t more_events() const { return more_events_; }
+  /// The place that the trainee told, patient, mm, and the surface's outward normal there.
+  struct Answer {
+    Eigen::Vector3d place_mm, normal;
+  };
+  std::optional<Answer> answer() const {
+    return answered_ ? std::optional(Answer{answer_mm_, answer_normal_}) : std::nullopt;
+  }
 
  private:
   struct Contact {
@@ -120,10 +144,16 @@ class TaskEvaluator {
   bool resting_ = false, answered_ = false;
 };
 
-/// A whole recording by a task. Errors: those of reading it, of look_up() and of TaskEvaluator::see(), with
-/// the recording's name left to the caller.
+/// Of a recording the ticks of these numbers and between them: a run that was begun and ended while it was
+/// made.
+struct TickRange {
+  std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
+};
+
+/// A recording by a task. Errors: those of reading it, of look_up() and of TaskEvaluator::see(), with the
+/// recording's name left to the caller; kBadInput where it has no tick of the range.
 Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
-                                  const Progress& progress = {});
+                                  const Progress& progress = {}, const TickRange& range = {});
 
 /// Of runs in their order, how many at the end have every counted metric in its band, one after the other.
 int runs_in_a_row(const std::vector<bool>& in_band);

@@ -26,6 +26,12 @@ class SurfacePatches {
   std::size_t covered() const { return covered_count_; }
   /// Those with a part within kWithin_mm of a contact count as covered from now on.
   void cover(const Eigen::Vector3d& contact_mm);
+  struct Patch {
+    Eigen::Vector3d middle_mm;
+    bool covered = false;
+  };
+  /// In the order in which they were added.
+  std::vector<Patch> all() const;
 
  private:
   std::unordered_map<std::uint64_t, std::uint32_t> at_;  // by cube
@@ -54,7 +60,18 @@ struct TaskInScene {
   std::vector<std::vector<bool>> forces, protections;  ///< by LabelId, as file.forces and file.protections
   std::vector<std::vector<bool>> metrics;              ///< likewise; empty: all
   std::optional<Eigen::Vector3d> answer_mm;            ///< centroid of what is to be found
+  std::vector<bool> answer_labels;                     ///< by LabelId: what is to be found
 };
+
+/// Where a region is to be looked at, patient.
+struct RegionView {
+  Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();
+  double radius_mm = 0;  ///< all of it lies so near to its middle
+  /// Outwards of its surface where that is not covered by something felt, on average, unit; zero: no way is
+  /// better than others.
+  Eigen::Vector3d outward = Eigen::Vector3d::Zero();
+};
+RegionView view_of(const RegionInScene& region, const Model& model);
 
 /// Errors: kBadInput with the line of a structure that the scene does not have, or of a region without a
 /// place; kInterrupted.

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/recording/recording.h"
+#include "palpate/scene/task_file.h"
+#include "palpate/tasks/evaluator.h"
+
+/// Tasks that are done in a live session.
+///
+///     servo ── ticks, ring ──► recorder's thread ──► file
+///                                     └──► evaluator ── how far it is ──► viewers
+///                                              └─ over ─► a thread of its own: records, debriefing
+///
+/// The evaluator reads what the recorder reads, tick by tick in order, on the same thread: a run's figures
+/// are those of its recording, bit for bit. A tick that the ring had no room for is missing in both, and such
+/// a run does not pass.
+namespace palpate {
+
+/// A task that may be begun, by the name by which viewers ask for it.
+struct OfferedTask {
+  std::string name;
+  TaskFile file;
+};
+
+enum class RunEnd : std::uint8_t {
+  kTask,     ///< its steps were done, or its time was up
+  kAsked,    ///< by a viewer or a key
+  kSession,  ///< the session was over
+  kTrouble,  ///< the clock went back, or there was no memory: it does not pass
+};
+
+/// A run that is over.
+struct TaskRun {
+  std::string task;          ///< OfferedTask::name
+  std::uint32_t number = 0;  ///< in this session, from 1
+  RunEnd end = RunEnd::kTask;
+  TaskScore score;
+  TickRange ticks;             ///< its first and its last, which `palpate task score` is to be told
+  std::uint64_t run_hash = 0;  ///< over these, as RecordingSummary::run_hash over all
+  RecordingHeader header;      ///< of the session
+};
+
+/// What is known of a learner's runs of a task, this one included.
+struct RunHistory {
+  int runs = 0, in_a_row = 0;
+  /// Of the task's metrics, in the runs before this one; kNotKnown where there is none.
+  std::vector<double> best;
+  std::optional<std::int64_t> kept;  ///< number in the records
+  std::optional<Error> not_kept;
+};
+
+struct FinishedRun {
+  TaskRun run;
+  RunHistory history;
+};
+
+/// The history of the last of some runs of one task.
+RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs);
+
+struct TrainingOptions {
+  std::vector<OfferedTask> tasks;
+  bool have_to_fit = false;  ///< a task that the scene has no structures for is an error; else it is left out
+  bool begins_at_once = false;  ///< the first task begins with the first tick
+  bool keeps = false;           ///< viewers are told that runs are kept in records
+  /// Keeps a run that is over, and tells what there is of those before it. On a thread of its own, one run
+  /// after the other; may take long. Empty: nothing is kept, and the session's own runs are its history.
+  std::function<RunHistory(const TaskFile& task, const TaskRun& run)> over;
+};
+
+}  // namespace palpate

@@ -1,0 +1,175 @@
+#include "link/task_json.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "palpate/base/printable.h"
+
+namespace palpate::link {
+namespace {
+
+using TaskJson = nlohmann::ordered_json;
+
+// what is not known or not finite is null
+std::string line_of(const TaskJson& json) {
+  return json.dump(-1, ' ', false, TaskJson::error_handler_t::replace);
+}
+
+template <class Value>
+TaskJson or_null(const std::optional<Value>& value) {
+  return value ? TaskJson(*value) : TaskJson();
+}
+
+// a thousandth of a second, a millimetre or a newton is more than a picture shows
+double thousandths(double value) {
+  return std::round(1000 * value) / 1000;
+}
+
+TaskJson place_json(const std::array<double, 3>& place) {
+  return {thousandths(place[0]), thousandths(place[1]), thousandths(place[2])};
+}
+
+TaskJson events_json(const std::vector<ViewedTaskEvent>& events) {
+  TaskJson list = TaskJson::array();
+  for (const ViewedTaskEvent& event : events)
+    list.push_back(
+        {{"kind", event.kind}, {"part", event.part}, {"time_s", event.time_s}, {"force_N", event.force_N}});
+  return list;
+}
+
+const char* phase_text(ViewedTraining::Phase phase) {
+  switch (phase) {
+    case ViewedTraining::Phase::kNone:
+      return "none";
+    case ViewedTraining::Phase::kRunning:
+      return "running";
+    case ViewedTraining::Phase::kKeeping:
+      return "keeping";
+    case ViewedTraining::Phase::kOver:
+      return "over";
+  }
+  return "none";
+}
+
+TaskJson steps_json(const std::vector<bool>& done) {
+  TaskJson list = TaskJson::array();
+  for (const bool one : done) list.push_back(one);
+  return list;
+}
+
+}  // namespace
+
+TaskJson task_json(const ViewedTask& task) {
+  TaskJson json;
+  json["name"] = printable_name(task.name);
+  json["title"] = printable_name(task.title);
+  json["briefing"] = printable(task.briefing);
+  json["quiz"] = task.quiz;
+  json["ordered"] = task.ordered;
+  json["ends_with_steps"] = task.ends_with_steps;
+  json["time_limit_s"] = or_null(task.time_limit_s);
+  json["answer_s"] = or_null(task.answer_s);
+  json["to_find"] = task.to_find;
+  json["in_a_row"] = task.in_a_row;
+  json["regions"] = TaskJson::array();
+  for (const ViewedTask::Region& region : task.regions)
+    json["regions"].push_back({{"name", printable_name(region.name)},
+                               {"middle_mm", region.middle_mm},
+                               {"radius_mm", region.radius_mm},
+                               {"outward", region.outward}});
+  json["steps"] = TaskJson::array();
+  for (const ViewedTask::Step& step : task.steps)
+    json["steps"].push_back({{"name", printable_name(step.name)},
+                             {"kind", step.kind},
+                             {"region", step.region},
+                             {"force_N", step.force_N},
+                             {"seconds", step.seconds},
+                             {"coverage", step.coverage}});
+  json["forces"] = TaskJson::array();
+  for (const ViewedTask::Force& force : task.forces)
+    json["forces"].push_back(
+        {{"labels", force.labels}, {"band_N", or_null(force.band_N)}, {"limit_N", or_null(force.limit_N)}});
+  json["protected"] = TaskJson::array();
+  for (const ViewedTask::Protected& part : task.protections)
+    json["protected"].push_back({{"labels", part.labels}, {"limit_N", part.limit_N}});
+  json["metrics"] = TaskJson::array();
+  for (const ViewedTask::Metric& metric : task.metrics)
+    json["metrics"].push_back(
+        {{"name", metric.name},
+         {"unit", metric.unit},
+         {"labels", metric.labels},
+         {"more_is_better", metric.more_is_better},
+         {"at_least", or_null(metric.at_least)},
+         {"at_most", or_null(metric.at_most)},
+         {"basis", metric.basis.empty() ? TaskJson() : TaskJson(printable_name(metric.basis))}});
+  return json;
+}
+
+std::string training_json(const ViewedTraining& training) {
+  TaskJson json;
+  json["type"] = "task";
+  json["phase"] = phase_text(training.phase);
+  json["run"] = training.run;
+  json["task"] = training.run == 0 ? TaskJson() : TaskJson(printable_name(training.task));
+  json["time_s"] = thousandths(training.time_s);
+  json["done"] = steps_json(training.done);
+  json["share"] = TaskJson::array();
+  for (const double share : training.share) json["share"].push_back(thousandths(share));
+  json["forces_N"] = TaskJson::array();
+  for (const double force_N : training.forces_N) json["forces_N"].push_back(thousandths(force_N));
+  json["protected_N"] = TaskJson::array();
+  for (const double force_N : training.protected_N) json["protected_N"].push_back(thousandths(force_N));
+  json["touch_N"] = thousandths(training.touch_N);
+  json["missing_s"] = training.missing_s;
+  json["events"] = events_json(training.events);
+  json["events_before"] = training.events_before;
+  json["keeps"] = training.keeps;
+  return line_of(json);
+}
+
+std::string debriefing_json(const ViewedDebriefing& told) {
+  TaskJson json;
+  json["type"] = "debriefing";
+  json["run"] = told.run;
+  json["task"] = printable_name(told.task);
+  json["end"] = told.end;
+  json["in_band"] = told.in_band;
+  json["time_s"] = told.time_s;
+  json["missing_s"] = told.missing_s;
+  json["ticks"] = told.ticks;
+  json["first_tick"] = told.first_tick;
+  json["last_tick"] = told.last_tick;
+  json["metrics"] = TaskJson::array();
+  for (const ViewedDebriefing::Metric& metric : told.metrics)
+    json["metrics"].push_back({{"value", metric.value}, {"in_band", metric.in_band}, {"best", metric.best}});
+  json["done"] = steps_json(told.done);
+  json["events"] = events_json(told.events);
+  json["more_events"] = told.more_events;
+  json["samples"] = TaskJson::array();
+  for (const ViewedDebriefing::Sample& sample : told.samples) {
+    TaskJson row = {thousandths(sample.time_s)};
+    for (const double mm : sample.tip_mm) row.push_back(thousandths(mm));
+    row.push_back(thousandths(sample.touch_N));
+    for (std::size_t n = 0; n < told.forces; ++n) row.push_back(thousandths(sample.forces_N[n]));
+    json["samples"].push_back(std::move(row));
+  }
+  json["patches"] = TaskJson::array();
+  for (const ViewedDebriefing::Patch& patch : told.patches) {
+    TaskJson row = place_json(patch.middle_mm);
+    row.push_back(patch.covered ? 1 : 0);
+    json["patches"].push_back(std::move(row));
+  }
+  json["patches_left_out"] = told.patches_left_out;
+  json["answer_mm"] = told.answer_mm ? place_json(*told.answer_mm) : TaskJson();
+  json["to_find_mm"] = told.to_find_mm ? place_json(*told.to_find_mm) : TaskJson();
+  json["runs"] = told.runs;
+  json["in_a_row"] = told.in_a_row;
+  json["kept"] = or_null(told.kept);
+  json["not_kept"] = told.not_kept ? TaskJson{{"what", printable_name(told.not_kept->what)},
+                                              {"where", ""},
+                                              {"how", printable(told.not_kept->remedy)}}
+                                   : TaskJson();
+  return line_of(json);
+}
+
+}  // namespace palpate::link

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "palpate/link/viewed_training.h"
+
+/// What viewers are told of tasks (docs/viewer-protocol.md).
+namespace palpate::link {
+
+nlohmann::ordered_json task_json(const ViewedTask& task);
+/// How far a run is.
+std::string training_json(const ViewedTraining& training);
+/// Of samples and patches thousandths, of figures every digit.
+std::string debriefing_json(const ViewedDebriefing& debriefing);
+
+}  // namespace palpate::link

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <array>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "palpate/link/viewed_training.h"
+#include "palpate/session/training.h"
+
+namespace palpate {
+
+/// The way of a tip and its force in a run: at most so many samples, evenly in time, each with the greatest
+/// force since the one before.
+class RunTrace {
+ public:
+  static constexpr std::size_t kMost = 1200;
+
+  explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMostForces)) {}
+  void see(const TaskEvaluator& run);
+  const std::vector<ViewedDebriefing::Sample>& samples() const { return samples_; }
+
+ private:
+  void thin_out();
+
+  std::size_t forces_;
+  double period_s_ = 0.02, next_s_ = 0;
+  ViewedDebriefing::Sample coming_;
+  std::vector<ViewedDebriefing::Sample> samples_;
+};
+
+/// A live session's tasks (palpate/session/training.h). Any thread; see() the recorder's alone.
+class Training {
+ public:
+  /// Looks the tasks up. Errors: those of look_up(), where they have to fit; kInterrupted.
+  /// @param model  with its surfaces
+  static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,
+                                                 const Progress& progress);
+  ~Training() { end(); }
+  Training(const Training&) = delete;
+  Training& operator=(const Training&) = delete;
+
+  const std::vector<ViewedTask>& tasks() const { return viewed_; }
+  /// Before the first tick.
+  void begin_session(const RecordingHeader& header);
+  /// Throws nothing.
+  void see(const TickRecord& tick) noexcept;
+  /// What is under way ends, and all that is over has been kept. Nothing is seen any more.
+  void end();
+
+  /// Errors: kBadInput for a name that no task has, kUsage where a run is under way or the last one is being
+  /// kept.
+  Result<void> begin(const std::string& task);
+  /// Error kUsage where none is under way.
+  Result<void> end_run();
+  /// Ends the run that is under way, else begins the task that was done last, or the first.
+  Result<void> begin_or_end();
+
+  ViewedTraining state() const;
+  std::shared_ptr<const ViewedDebriefing> debriefing() const;
+  /// Those that are over and kept, in their order, without the first so many.
+  std::vector<FinishedRun> finished(std::size_t but = 0) const;
+
+ private:
+  struct Live {
+    std::size_t task;
+    std::uint32_t number;
+    TaskEvaluator evaluator;
+    RunTrace trace;
+    TickRange ticks{0, 0};
+    std::uint64_t run_hash;
+  };
+
+  Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
+  void over(RunEnd end);
+  void keep();
+  ViewedDebriefing debrief(const Live& live, const FinishedRun& finished) const;
+
+  TrainingOptions options_;
+  std::vector<TaskInScene> in_scene_;
+  std::vector<ViewedTask> viewed_;
+
+  mutable std::mutex mutex_;  // of what follows
+  std::condition_variable changed_;
+  RecordingHeader header_;
+  std::unique_ptr<Live> live_;
+  struct Over {
+    std::unique_ptr<Live> live;
+    TaskRun run;
+  };
+  std::deque<Over> over_;  // to be kept
+  bool keeping_ = false, ending_ = false;
+  std::uint32_t runs_ = 0;
+  std::size_t last_task_ = 0;
+  ViewedTraining state_;  // of a run that is not under way
+  std::shared_ptr<const ViewedDebriefing> debriefing_;
+  std::vector<FinishedRun> finished_;
+  std::thread keeper_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,412 @@
+#include "session/training.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "base/test_folder.h"
+#include "base/test_wait.h"
+#include "loading/test_loading.h"
+#include "palpate/session/explore.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::loaded_ball;
+using Phase = ViewedTraining::Phase;
+
+constexpr const char* kBallTask = R"(title = "Press the ball"
+briefing = "With 0.4 N and more."
+quiz = true
+end = "END"
+[[region]]
+name = "ball"
+structures = ["ball"]
+[[step]]
+name = "press"
+region = "ball"
+force = [0.2, 20]
+seconds = 0.2
+[[step]]
+name = "stroke"
+region = "ball"
+kind = "cover"
+coverage = 0.0005
+[[force]]
+structures = ["ball"]
+band = [0.2, 1.2]
+limit = 0.5
+[[protected]]
+structures = ["ball"]
+limit = 0.3
+[answer]
+structures = ["ball"]
+seconds = 0.3
+[[metric]]
+name = "peak_force"
+at_most = 20
+[[metric]]
+name = "path_length"
+[[metric]]
+name = "smoothness"
+[[metric]]
+name = "coverage"
+[[metric]]
+name = "force_in_band"
+[[metric]]
+name = "excess_impulse"
+[[metric]]
+name = "answer_error"
+[[metric]]
+name = "steps_done"
+)";
+
+TaskFile ball_task(const std::string& end) {
+  std::string text = kBallTask;
+  text.replace(text.find("END"), 3, end);
+  auto task = parse_task(text, "ball.toml");
+  PALPATE_CHECK(task.ok());
+  return *std::move(task);
+}
+
+constexpr const char* kTouchAndStroke =
+    "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\nsettle = 0.1\n[[step]]\nhold = "
+    "0.6\n"
+    "[[step]]\nslide = 3.0\ndirection = \"left\"\n[[step]]\nleave = true\nspeed = 200.0\n";
+
+void expect_same(const TaskScore& live, const TaskScore& scored) {
+  EXPECT_EQ(live.hash, scored.hash);
+  EXPECT_EQ(live.ticks, scored.ticks);
+  EXPECT_EQ(live.events, scored.events);
+  EXPECT_EQ(live.done, scored.done);
+  EXPECT_EQ(live.in_band, scored.in_band);
+  EXPECT_EQ(live.ended, scored.ended);
+  ASSERT_EQ(live.metrics.size(), scored.metrics.size());
+  for (std::size_t n = 0; n < live.metrics.size(); ++n) {
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(live.metrics[n].value),
+              std::bit_cast<std::uint64_t>(scored.metrics[n].value))
+        << n;
+    EXPECT_EQ(live.metrics[n].in_band, scored.metrics[n].in_band);
+  }
+}
+
+/// A real session of the ball; what it told and what its recording is scored as.
+class LiveTask : public ::testing::Test {
+ protected:
+  ExploreResult run(const TrainingOptions& training, const std::function<void(ViewerHost&)>& viewer = {}) {
+    auto script = parse_script(kTouchAndStroke, "test script");
+    PALPATE_CHECK(script.ok());
+    ExploreOptions options;
+    options.training = training;
+    options.loop.ring_s = 30;  // room for all of it
+    std::atomic<bool> over{false};
+    std::thread watching;
+    if (viewer)
+      options.viewers = [&](ViewerHost& host) -> Result<std::shared_ptr<void>> {
+        watching = std::thread([&] { viewer(host); });
+        return std::shared_ptr<void>(nullptr, [&](void*) {
+          if (watching.joinable()) watching.join();
+        });
+      };
+    auto result = explore(loaded_, *script, options, file_, Progress());
+    if (watching.joinable()) watching.join();
+    PALPATE_CHECK(result.ok());
+    EXPECT_EQ(result->health.dropped, 0u);
+    return *std::move(result);
+  }
+  TaskScore scored(const TaskFile& task, const TickRange& range) {
+    constexpr std::array kProxyAlone = {ForceMethod::kProxy};
+    const auto model = ready_for(loaded_.model, kProxyAlone);
+    PALPATE_CHECK(model.ok());
+    const auto in_scene = look_up(task, **model);
+    const auto recording = RecordingSource::open(file_);
+    PALPATE_CHECK(in_scene.ok() && recording.ok());
+    const auto score = score_recording(*in_scene, *recording, {}, range);
+    PALPATE_CHECK(score.ok());
+    return *score;
+  }
+
+  test::TemporaryFolder folder_;
+  std::filesystem::path file_ = folder_ / "run.h5";
+  LoadedScene loaded_ = loaded_ball();
+};
+
+TEST_F(LiveTask, IsTheScoreOfItsRecordingBitForBit) {
+  for (const std::string end : {"steps", "recording"}) {
+    SCOPED_TRACE(end);
+    const TaskFile task = ball_task(end);
+    TrainingOptions training;
+    training.tasks = {{"ball", task}};
+    training.begins_at_once = training.have_to_fit = true;
+    const ExploreResult result = run(training);
+    ASSERT_EQ(result.runs.size(), 1u);
+    const TaskRun& live = result.runs[0].run;
+    EXPECT_EQ(live.end, end == "steps" ? RunEnd::kTask : RunEnd::kSession);
+    EXPECT_EQ(live.task, "ball");
+    EXPECT_GT(live.score.events.size(), 2u) << "the limit, what is protected, steps";
+    EXPECT_TRUE(live.score.in_band);
+    EXPECT_FALSE(std::isnan(live.score.metrics[3].value)) << "coverage";
+    expect_same(live.score, scored(task, {}));
+    expect_same(live.score, scored(task, live.ticks));
+    // of a run that ended with its recording the hashes are one
+    if (end == "recording") {
+      EXPECT_FALSE(std::isnan(live.score.metrics[6].value)) << "the answer";
+      EXPECT_EQ(live.run_hash, result.summary.run_hash);
+    }
+  }
+}
+
+TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
+  const TaskFile task = ball_task("recording");
+  TrainingOptions training;
+  training.tasks = {{"other", task}, {"ball", task}};
+  std::vector<std::string> refusals;
+  const auto refusal = [&](const Result<void>& asked) {
+    refusals.push_back(asked ? "" : asked.error().message());
+  };
+  const ExploreResult result = run(training, [&](ViewerHost& host) {
+    EXPECT_EQ(host.scene().tasks.size(), 2u);
+    EXPECT_EQ(host.training().phase, Phase::kNone);
+    const auto wait_for = [&](auto&& is) { return testing::soon([&] { return is(host.training()); }); };
+    const auto begin = [&](const std::string& name) {
+      return testing::soon([&] { return host.train({name, false}).ok(); });
+    };
+    ASSERT_TRUE(begin("ball"));
+    refusal(host.train({"ball", false}));
+    refusal(host.train({"nothing", false}));
+    ASSERT_TRUE(wait_for([](const ViewedTraining& now) { return now.forces_N.at(0) > 0.3; }));
+    ASSERT_TRUE(host.train({{}, true}).ok());
+    refusal(host.train({{}, true}));
+    ASSERT_TRUE(wait_for([](const ViewedTraining& now) { return now.phase == Phase::kOver; }));
+    const auto debriefing = host.debriefing();
+    ASSERT_NE(debriefing, nullptr);
+    EXPECT_EQ(debriefing->run, 1u);
+    EXPECT_EQ(debriefing->end, "asked");
+    EXPECT_EQ(debriefing->task, "ball");
+    EXPECT_FALSE(debriefing->samples.empty());
+    EXPECT_FALSE(debriefing->patches.empty());
+    EXPECT_EQ(debriefing->forces, 1u);
+    EXPECT_TRUE(debriefing->to_find_mm);
+    ASSERT_TRUE(begin("other"));
+    EXPECT_EQ(host.debriefing(), nullptr) << "it is another run's";
+  });
+  ASSERT_EQ(result.runs.size(), 2u);
+  EXPECT_THAT(refusals, ElementsAre(HasSubstr("under way"), HasSubstr("no task of that name"),
+                                    HasSubstr("no run is under way")));
+  for (const FinishedRun& finished : result.runs) {
+    EXPECT_GT(finished.run.score.ticks, 0u);
+    expect_same(finished.run.score, scored(task, finished.run.ticks));
+  }
+  EXPECT_EQ(result.runs[0].run.end, RunEnd::kAsked);
+  EXPECT_EQ(result.runs[1].run.end, RunEnd::kSession);
+  EXPECT_LT(result.runs[0].run.ticks.last, result.runs[1].run.ticks.first);
+}
+
+TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {
+  TaskFile other = ball_task("steps");
+  other.regions[0].structures = {std::string("heart")};
+  const auto model = loaded_.model;
+  TrainingOptions training;
+  training.tasks = {{"heart", other}, {"ball", ball_task("steps")}};
+  const auto left_out = Training::start(training, *model, {});
+  ASSERT_TRUE(left_out.ok());
+  ASSERT_EQ((*left_out)->tasks().size(), 1u);
+  EXPECT_EQ((*left_out)->tasks()[0].name, "ball");
+  training.have_to_fit = true;
+  const auto refused = Training::start(training, *model, {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message(), HasSubstr("heart"));
+}
+
+/// Ticks made by hand.
+class HandMade : public ::testing::Test {
+ protected:
+  std::unique_ptr<Training> training(TrainingOptions options = {}, const std::string& end = "recording") {
+    options.tasks = {{"ball", ball_task(end)}};
+    auto started = Training::start(options, *loaded_ball().model, {});
+    PALPATE_CHECK(started.ok());
+    (*started)->begin_session({});
+    return *std::move(started);
+  }
+  static TickRecord tick(std::uint64_t n, double force_N) {
+    TickRecord tick;
+    tick.tick = n;
+    tick.time_s = static_cast<double>(n) / 1000;
+    tick.device[0].tip_patient_mm = {static_cast<double>(n) / 100, 0, 0};
+    tick.device[0].normal_patient = {0, 0, 1};
+    tick.device[0].contact_label[0] = force_N > 0 ? testing::kBone : LabelId{0};
+    tick.device[0].contact_N[0] = force_N;
+    return tick;
+  }
+  static void wait_until_kept(const Training& training) {
+    ASSERT_TRUE(testing::soon([&] { return training.state().phase == Phase::kOver; }));
+  }
+};
+
+TEST_F(HandMade, IsToldAsItGoes) {
+  const auto training = this->training();
+  EXPECT_EQ(training->state().run, 0u);
+  training->see(tick(0, 0));
+  ASSERT_TRUE(training->begin("ball").ok());
+  for (std::uint64_t n = 100; n < 200; ++n) training->see(tick(n, 0.4));
+  ViewedTraining now = training->state();
+  EXPECT_EQ(now.phase, Phase::kRunning);
+  EXPECT_EQ(now.task, "ball");
+  EXPECT_NEAR(now.time_s, 0.099, 1e-9);
+  EXPECT_THAT(now.forces_N, ElementsAre(0.4));
+  EXPECT_THAT(now.protected_N, ElementsAre(0.4));
+  EXPECT_EQ(now.touch_N, 0.4);
+  EXPECT_NEAR(now.share[0], 0.099 / 0.2, 1e-9);
+  ASSERT_EQ(now.events.size(), 1u) << "what is protected was touched";
+  EXPECT_STREQ(now.events[0].kind, "protected");
+  for (std::uint64_t n = 200; n < 400; ++n) training->see(tick(n, n % 2 ? 0.6 : 0.4));
+  now = training->state();
+  EXPECT_TRUE(now.done[0]);
+  EXPECT_EQ(now.events.size(), ViewedTraining::kMostEvents) << "the last ones";
+  EXPECT_GT(now.events_before, 80u);
+  EXPECT_EQ(now.missing_s, 0);
+}
+
+TEST_F(HandMade, ADroppedTickIsToldAndSuchARunDoesNotPass) {
+  for (const bool drops : {false, true}) {
+    const auto training = this->training();
+    ASSERT_TRUE(training->begin("ball").ok());
+    for (std::uint64_t n = 0; n < 500; ++n)
+      if (!(drops && n == 300)) training->see(tick(n, 0.4));
+    EXPECT_NEAR(training->state().missing_s, drops ? 0.002 : 0, 1e-9);
+    ASSERT_TRUE(training->end_run().ok());
+    wait_until_kept(*training);
+    EXPECT_EQ(training->finished()[0].run.score.in_band, !drops);
+    EXPECT_EQ(training->debriefing()->in_band, !drops);
+    EXPECT_NEAR(training->debriefing()->missing_s, drops ? 0.002 : 0, 1e-9);
+  }
+}
+
+TEST_F(HandMade, AClockThatGoesBackEndsIt) {
+  const auto training = this->training();
+  ASSERT_TRUE(training->begin("ball").ok());
+  for (const std::uint64_t n : {5u, 6u, 3u, 7u}) training->see(tick(n, 0.4));
+  wait_until_kept(*training);
+  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kTrouble);
+  EXPECT_FALSE(training->finished()[0].run.score.in_band);
+  EXPECT_EQ(training->finished()[0].run.ticks.last, 6u);
+}
+
+TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
+  const auto training = this->training();
+  ASSERT_TRUE(training->begin("ball").ok());
+  // 40 s at 1 kHz, a peak of one tick each second
+  for (std::uint64_t n = 0; n < 40000; ++n) training->see(tick(n, n % 1000 == 500 ? 0.9 : 0.3));
+  ASSERT_TRUE(training->end_run().ok());
+  wait_until_kept(*training);
+  const auto debriefing = training->debriefing();
+  const auto& samples = debriefing->samples;
+  EXPECT_LE(samples.size(), RunTrace::kMost);
+  EXPECT_GE(samples.size(), RunTrace::kMost / 2);
+  int peaks = 0;
+  for (std::size_t n = 0; n < samples.size(); ++n) {
+    peaks += samples[n].touch_N == 0.9;
+    EXPECT_EQ(samples[n].forces_N[0], samples[n].touch_N);
+    EXPECT_NEAR(samples[n].tip_mm[0], 10 * samples[n].time_s, 1e-6);
+    if (n > 0) {
+      EXPECT_GT(samples[n].time_s, samples[n - 1].time_s);
+    }
+  }
+  EXPECT_EQ(peaks, 40);
+}
+
+TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
+  TrainingOptions options;
+  std::vector<std::uint32_t> kept;
+  std::atomic<bool> may_go{true};
+  options.keeps = true;
+  options.over = [&](const TaskFile& task, const TaskRun& run) {
+    while (!may_go.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    kept.push_back(run.number);
+    RunHistory history;
+    // of the second run nothing is known
+    if (run.number == 2) {
+      history.not_kept = Error{ErrorKind::kUnavailable, "the disk is full", "", ""};
+      return history;
+    }
+    history.runs = 7;
+    history.kept = 41;
+    history.best.assign(task.metrics.size(), 0.5);
+    return history;
+  };
+  const auto training = this->training(options);
+  std::uint64_t n = 0;
+  const auto do_run = [&](double force_N) {
+    ASSERT_TRUE(training->begin("ball").ok());
+    for (const std::uint64_t end = n + 400; n < end; ++n) training->see(tick(n, force_N));
+    ASSERT_TRUE(training->end_run().ok());
+  };
+  may_go = false;
+  do_run(0.4);
+  EXPECT_EQ(training->state().phase, Phase::kKeeping);
+  EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being kept"));
+  may_go = true;
+  wait_until_kept(*training);
+  EXPECT_EQ(training->debriefing()->runs, 7);
+  EXPECT_EQ(training->debriefing()->kept, 41);
+  EXPECT_EQ(training->debriefing()->metrics[0].best, 0.5);
+  do_run(0.3);
+  wait_until_kept(*training);
+  EXPECT_EQ(training->debriefing()->runs, 2);
+  EXPECT_EQ(training->debriefing()->in_a_row, 2);
+  EXPECT_EQ(training->debriefing()->metrics[0].best, 0.4) << "the peak of the run before";
+  EXPECT_EQ(training->debriefing()->metrics[0].value, 0.3);
+  EXPECT_TRUE(training->debriefing()->not_kept);
+  // one that no tick has seen is none
+  ASSERT_TRUE(training->begin("ball").ok());
+  ASSERT_TRUE(training->end_run().ok());
+  wait_until_kept(*training);
+  EXPECT_FALSE(training->debriefing()->in_band);
+  training->end();
+  EXPECT_EQ(kept, (std::vector<std::uint32_t>{1, 2}));
+  EXPECT_FALSE(training->begin("ball").ok());
+}
+
+TEST_F(HandMade, AKeyBeginsAndEnds) {
+  const auto training = this->training();
+  ASSERT_TRUE(training->begin_or_end().ok());
+  training->see(tick(1, 0.4));
+  EXPECT_EQ(training->state().phase, Phase::kRunning);
+  ASSERT_TRUE(training->begin_or_end().ok());
+  wait_until_kept(*training);
+  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kAsked);
+}
+
+TEST(ViewedTask, SaysWhatIsToBeDoneAndWhere) {
+  TrainingOptions options;
+  options.tasks = {{"ball", ball_task("steps")}};
+  const auto training = Training::start(options, *loaded_ball().model, {});
+  ASSERT_TRUE(training.ok());
+  const ViewedTask& task = (*training)->tasks()[0];
+  EXPECT_EQ(task.title, "Press the ball");
+  EXPECT_TRUE(task.quiz);
+  EXPECT_TRUE(task.ends_with_steps);
+  ASSERT_EQ(task.steps.size(), 2u);
+  EXPECT_EQ(task.steps[1].kind, "cover");
+  EXPECT_THAT(task.forces[0].labels, ElementsAre(testing::kBone));
+  EXPECT_THAT(task.to_find, ElementsAre(testing::kBone));
+  EXPECT_EQ(task.answer_s, 0.3);
+  ASSERT_EQ(task.regions.size(), 1u);
+  // all around the ball is free: no way to look at it is better than others
+  EXPECT_EQ(task.regions[0].outward, (std::array<double, 3>{0, 0, 0}));
+  EXPECT_GT(task.regions[0].radius_mm, 5);
+  EXPECT_EQ(task.metrics[0].name, "peak_force");
+  EXPECT_EQ(task.metrics[0].unit, "N");
+  EXPECT_EQ(task.metrics[0].at_most, 20);
+  EXPECT_EQ(task.metrics[0].basis, "");
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,416 @@
+"""Does tasks in the viewer page in headless Chromium, as a trainee would: by mouse, by keys alone and by finger.
+
+usage: training_test.py PALPATE [TEST ...]
+
+Exit code 77 (a skip) where there is no browser, except in CI, where that is a failure.
+"""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+sys.dont_write_bytecode = True  # nothing is left in the source tree
+import browser  # noqa: E402
+import viewer_test  # noqa: E402
+
+TASK = """title = "Press the kneecap"
+briefing = "Press gently."
+end = "recording"
+in_a_row = 1
+[[region]]
+name = "kneecap"
+structures = ["patella"]
+[[step]]
+name = "press"
+region = "kneecap"
+force = [0.15, 20]
+seconds = 0.3
+[[step]]
+name = "stroke"
+region = "kneecap"
+kind = "cover"
+coverage = 0.0005
+[[force]]
+structures = ["patella"]
+band = [0.15, 1.0]
+limit = 1.2
+[[protected]]
+structures = ["tibia"]
+[[metric]]
+name = "steps_done"
+at_least = 1
+[[metric]]
+name = "peak_force"
+at_most = 20
+basis = "test"
+[[metric]]
+name = "path_length"
+[[metric]]
+name = "coverage"
+[[metric]]
+name = "smoothness"
+"""
+TRAINING = "palpateViewer.training"
+TAB, ENTER = "\ue004", "\ue007"
+
+
+class Trainee(viewer_test.Viewer):
+    """A session with a task, recorded, whose runs are kept; what the page said of each is what `palpate` says afterwards."""
+
+    scene_name, extra = "knee-phantom:spacing=1.2", ()
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory(prefix="palpate-training-")
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.serve_in(cls.folder.name)
+        cls.open_browser(own=True)
+
+    @classmethod
+    def serve_in(cls, folder):
+        program = viewer_test.PROGRAM
+        viewer_test.command = lambda port, source, tokens: [
+            program, "explore", cls.scene_name, "--port", str(port), "--device", "pointer", "--seconds", "600", "--rate", "1000",
+            *(["--token-file", tokens] if tokens else [])]
+        cls.file = os.path.join(folder, "press.toml")
+        with open(cls.file, "w", encoding="utf-8") as out:
+            out.write(TASK)
+        cls.recording, cls.records = os.path.join(folder, "run.h5"), os.path.join(folder, "records.db")
+        cls.server = viewer_test.Server("pointer", extra=cls.options()).__enter__()
+        cls.addClassCleanup(lambda: cls.server.__exit__())
+
+    @classmethod
+    def options(cls):
+        return ["--task", cls.file, "--learner", "L042", "--records", cls.records, "-o", cls.recording]
+
+    def setUp(self):
+        super().setUp()
+        self.page.wait("palpateViewer.state.pointer && document.getElementById('training').hidden === false")
+
+    barriers = viewer_test.WithRamp.barriers
+
+    def text(self, selector):
+        return self.page.run("return document.querySelector(arguments[0]).innerText", selector)
+
+    def view(self):
+        return self.page.run(f"return {TRAINING}.view")
+
+    def middle_of(self, name):
+        """A place in a structure, patient, mm."""
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        label = next(s["label"] for s in scene["structures"] if s["name"] == name)
+        voxel = viewer_test.numpy.argwhere(labels == label).mean(0)
+        return (patient_from_voxel[:3, :3] @ voxel + patient_from_voxel[:3, 3]).tolist()
+
+    def deep_into(self, name):
+        """Where in the section a press meets a structure a little below its surface: it is brought into the plane first."""
+        script = """palpateViewer.draw();
+            const canvas = document.querySelector('#picture-oblique canvas');
+            const places = palpateViewer.scene.structures.findIndex((s) => s.name === arguments[0]);
+            let best = null;
+            for (let y = 6; y < canvas.height - 6; y += 2) for (let x = 6; x < canvas.width - 30; x += 2) {
+              const is = (dx, dy) => palpateViewer.structureAt(palpateViewer.patientAt('oblique', x + dx, y + dy));
+              const mm = Math.hypot(...palpateViewer.patientAt('oblique', 1, 0).map((v, i) => v - palpateViewer.patientAt('oblique', 0, 0)[i]));
+              const deep = 1.4 / mm;
+              if (is(0, 0) === places && is(0, -2 * deep) === null && is(0, -5 * deep) === null) return [x, y, canvas.clientWidth / canvas.width];
+            }
+            return null"""
+        found = self.page.run(script, name)
+        self.assertIsNotNone(found, "the section shows nothing of " + name)
+        left, top, _, _ = self.box("#picture-oblique .stack")
+        return round(left + found[0] * found[2]), round(top + found[1] * found[2])
+
+    def bring_section_to(self, name):
+        """The tip is left at the structure's surface, through which the section then goes."""
+        self.page.run("document.querySelector('[data-look=anterior]').click(); palpateViewer.draw()")
+        middle = self.middle_of(name)
+        left, top, width, height = self.box("#picture-volume .stack")
+        x, y = self.page.run("return palpateViewer.project(arguments[0])", middle)
+        x, y = round(left + width / 2 + x), round(top + height / 2 + y)
+        self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0}, {"type": "pause", "duration": 900}, {"type": "pointerUp", "button": 0})
+        self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
+        # the section glides after it
+        self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
+
+    def expect_debriefed(self, number):
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+        told = self.page.run(f"return {TRAINING}.debriefing")
+        self.assertEqual(told["kept"], number)
+        self.assertTrue(told["in_band"], told)
+        self.assertIn("Every counted figure in its band", self.text("#verdict"))
+        rows = self.page.run("return [...document.querySelectorAll('#figures tbody tr')].map((row) => [...row.cells].map((cell) => cell.innerText))")
+        self.assertEqual(len(rows), 5)
+        self.assertEqual(rows[0][0], "Steps done")
+        self.assertIn("100 %", rows[0][1])
+        self.assertIn("not validated", rows[0][2])
+        self.assertIn("does not count", rows[2][2])
+        self.assertGreater(len(told["samples"]), 20)
+        self.assertTrue(any(patch[3] for patch in told["patches"]) and not all(patch[3] for patch in told["patches"]))
+        return told
+
+    def score(self, told):
+        """As palpate has it of the recording."""
+        scored = subprocess.run([viewer_test.PROGRAM, "-q", "task", "score", self.recording, "--task", self.file, "--json", "--from-tick", str(told["first_tick"]),
+                                 "--to-tick", str(told["last_tick"])], stdout=subprocess.PIPE, check=False)
+        return json.loads(scored.stdout)["runs"][0]
+
+    def kept(self):
+        listed = subprocess.run([viewer_test.PROGRAM, "-q", "records", "list", "--records", self.records, "--json"], stdout=subprocess.PIPE, check=True)
+        return [json.loads(line) for line in listed.stdout.splitlines()]
+
+
+class WholeTask(Trainee):
+    def test_a_whole_task_by_mouse_by_keys_and_by_finger(self):
+        # before it begins
+        self.assertEqual(self.view(), "briefing")
+        self.assertEqual(self.text("#task-title"), "Press the kneecap")
+        for words in ("Do not touch: tibia", "0.150 N to 1.00 N", "Passed by 1 runs in a row"):
+            self.assertIn(words, self.text("#training"))
+        self.assertIn("Runs are kept in the learner's records", self.text("#task-note"))
+        for is_dark in (True, False):
+            self.page.dark(is_dark)
+            self.assertEqual(self.barriers(), [])
+        self.page.dark(True)
+
+        # by mouse
+        self.bring_section_to("patella")
+        x, y = self.deep_into("patella")
+        self.page.click("#task-begin")
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
+        self.assertEqual(self.barriers(), [])
+        self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0})
+        self.page.wait(f"{TRAINING}.run.forces_N[0] > 0.15")
+        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
+        self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
+        said = self.text("#task-forces")
+        self.assertIn("patella", said)
+        self.assertRegex(said, r"[0-9.]+ N · (in the band|too much|above the limit)")
+        self.page.pointer({"type": "pointerUp", "button": 0})
+        self.page.click("#task-end")
+        by_mouse = self.expect_debriefed(1)
+        self.assertEqual(self.page.run("return document.activeElement.id"), "task-title")
+        for is_dark in (True, False):
+            self.page.dark(is_dark)
+            self.assertEqual(self.barriers(), [])
+        self.page.dark(True)
+
+        # by keys alone: to the button, into the section, to the tip and back
+        self.page.run("document.querySelector('#picture-oblique .stack').focus()")
+        self.page.press("b")
+        self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 2")
+        self.assertTrue(self.page.run("return document.activeElement === document.querySelector('#picture-oblique .stack')"), "the focus stays where it is")
+        # the tip lies at the surface, near where the mouse left it: down into it, a pixel or two at a time
+        keys = {"type": "key", "id": "keys"}
+        for _ in range(60):
+            self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyDown", "value": "\ue015"}, {"type": "pause", "duration": 30}]}]})
+            if self.page.run(f"return {TRAINING}.run.forces_N[0] > 0.25"):
+                break
+            self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyUp", "value": "\ue015"}]}]})
+        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
+        self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyUp", "value": "\ue015"}]}]})
+        # the button is found by the tab key
+        self.page.run("document.getElementById('language').focus()")
+        for _ in range(60):
+            if self.page.run("return document.activeElement.id") == "task-end":
+                break
+            self.page.press(TAB)
+        self.page.press(ENTER)
+        by_keys = self.expect_debriefed(2)
+        self.assertEqual(by_keys["metrics"][1]["best"], by_mouse["metrics"][1]["value"])
+
+        # by finger
+        self.touch("Start", self.middle_of_element("#task-again"))
+        self.touch("End")
+        self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 3")
+        self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
+        self.touch("Start", self.deep_into("patella"))
+        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
+        self.touch("End")
+        self.touch("Start", self.middle_of_element("#task-end"))
+        self.touch("End")
+        by_finger = self.expect_debriefed(3)
+        self.assertEqual([by_finger["runs"], by_finger["in_a_row"]], [3, 3])
+
+        # in the other language, and on a telephone
+        self.page.run("const l = document.getElementById('language'); l.value = 'de'; l.dispatchEvent(new Event('change'))")
+        for words in ("Noch einmal", "Jeder gezählte Wert in seinem Bereich", "Größte Kraft", "nicht validiert", "Erledigt: press"):
+            self.assertIn(words, self.text("#training"))
+        self.page.resize(390, 844)
+        self.page.wait("innerWidth <= 390")
+        self.assertEqual(self.barriers(), [])
+        self.page.resize(*viewer_test.SIZE)
+        self.page.click("#task-other")
+        self.page.wait(f"{TRAINING}.view === 'briefing'")
+        self.assertIn("Nicht berühren: tibia", self.text("#training"))
+
+        # what the page said is what palpate says of the recording, bit for bit
+        self.page.post("/url", {"url": "about:blank"})
+        self.server.__exit__()
+        for told in (by_mouse, by_keys, by_finger):
+            scored = self.score(told)
+            self.assertEqual([metric["value"] for metric in scored["metrics"]], [metric["value"] for metric in told["metrics"]])
+            self.assertEqual(scored["ticks"], told["ticks"])
+            self.assertEqual([(event["kind"], event["force_N"]) for event in scored["events"]][:500], [(event["kind"], event["force_N"]) for event in told["events"]])
+        self.assertEqual([run["learner"] for run in self.kept()], ["L042"] * 3)
+        # scored once more it is the same run
+        again = [viewer_test.PROGRAM, "-q", "task", "score", self.recording, "--task", self.file, "--record", "L042", "--records", self.records,
+                 "--from-tick", str(by_keys["first_tick"]), "--to-tick", str(by_keys["last_tick"])]
+        subprocess.run(again, stdout=subprocess.DEVNULL, check=True)
+        self.assertEqual(len(self.kept()), 3)
+
+    def middle_of_element(self, selector):
+        self.page.run("document.querySelector(arguments[0]).scrollIntoView({ block: 'center' })", selector)
+        left, top, width, height = self.box(selector)
+        return round(left + width / 2), round(top + height / 2)
+
+    def touch(self, kind, *points):
+        self.page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)])
+
+
+class Warned(Trainee):
+    """Without records; a viewer beside."""
+
+    @classmethod
+    def options(cls):
+        return ["--task", cls.file]
+
+    def test_what_is_protected_and_too_much_force_are_told_in_words(self):
+        self.assertIn("no learner was named", self.text("#task-note"))
+        self.page.run("window.spoken = []; new MutationObserver(() => window.spoken.push([performance.now(), document.getElementById('spoken').textContent]))"
+                      ".observe(document.getElementById('spoken'), { childList: true })")
+        self.bring_section_to("tibia")
+        self.page.press("b")
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        x, y = self.deep_into("tibia")
+        self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0})
+        self.page.wait(f"{TRAINING}.run.protected_N[0] > 0.2")
+        self.page.wait("document.getElementById('task-warning').innerText.includes('tibia is protected')")
+        self.assertEqual(self.barriers(), [])
+        self.page.pointer({"type": "pointerUp", "button": 0})
+        self.page.wait("document.getElementById('task-warning').hidden")
+        self.page.wait("window.spoken.some(([, text]) => text.includes('tibia, which is protected, touched'))")
+        times = self.page.run("return window.spoken.map(([time]) => time)")
+        self.assertTrue(all(b - a > 990 for a, b in zip(times, times[1:])), times)
+        # somebody else takes the hand: whoever has it ends the run
+        self.let_another_viewer_lead()
+        self.page.wait("document.getElementById('task-end').disabled && document.getElementById('task-note').innerText.includes('Whoever moves the tip')")
+        answer = self.run_async("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
+            socket.onopen = () => {
+              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
+              socket.send(JSON.stringify({ type: "task", id: 7, end: true }));
+            };
+            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).id === 7 && done(JSON.parse(data));""")
+        self.assertEqual(answer["type"], "refused")
+
+
+class Quiz(Trainee):
+    """The nodule of the block, which nobody is to see."""
+
+    scene_name = "palpation-block:seed=3,diameter=9,depth=4,stiffness=15"
+
+    @classmethod
+    def options(cls):
+        return ["--task", "find-the-nodule"]
+
+    def everything_said(self):
+        return self.page.run("""const said = (of) => [...of.querySelectorAll('*')].filter((one) => one.checkVisibility()).flatMap((one) => [one.title, one.ariaLabel, one.placeholder, one.value])
+              .concat(of.innerText).join(' | ');
+            palpateViewer.draw();
+            return said(document.body)""")
+
+    def test_nothing_tells_where_it_is_before_it_is_answered(self):
+        scene = self.server.scene()
+        nodule = next(n for n, s in enumerate(scene["structures"]) if s["name"] == "nodule")
+        soft = next(n for n, s in enumerate(scene["structures"]) if s["name"] == "soft_tissue")
+        middle = self.middle_of("nodule")
+        at = "palpateViewer.structureAt(arguments[0])"
+        self.page.wait("document.body.classList.contains('quiz')")
+        self.page.wait(f"(() => palpateViewer.structureAt({json.dumps(middle)}) === {soft})()")
+        self.assertNotIn("nodule", self.everything_said().lower().replace("find the nodule", "").replace("a nodule lies somewhere", ""))
+        self.assertNotIn("soft tissue", self.everything_said())
+        self.assertEqual(self.barriers(), [])
+        self.page.click("#task-begin")
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        # rests on it: pressed in the volume, right over it
+        self.page.run("document.querySelector('[data-look=anterior]').click(); palpateViewer.draw()")
+        left, top, width, height = self.box("#picture-volume .stack")
+        x, y = self.page.run("return palpateViewer.project(arguments[0])", middle)
+        self.page.pointer({"type": "pointerMove", "x": round(left + width / 2 + x), "y": round(top + height / 2 + y)}, {"type": "pointerDown", "button": 0})
+        self.page.wait("palpateViewer.pose.devices[0].label > 0 || palpateViewer.training.run.time_s > 3")
+        for _ in range(3):
+            self.page.run("document.querySelector('#picture-volume .stack').dispatchEvent(new WheelEvent('wheel', { deltaY: 120, cancelable: true }))")
+        self.page.wait(f"{TRAINING}.run.touch_N > 0.2")
+        begun = self.page.run(f"return {TRAINING}.run.time_s")
+        self.page.wait(f"{TRAINING}.run.time_s > {begun} + 1.4")
+        self.assertNotIn("soft tissue", self.everything_said())
+        self.page.pointer({"type": "pointerUp", "button": 0})
+        self.page.click("#task-end")
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+        told = self.page.run(f"return {TRAINING}.debriefing")
+        self.assertIsNotNone(told["answer_mm"])
+        self.assertLess(math.dist(told["to_find_mm"], middle), 1)
+        self.assertLess(told["metrics"][0]["value"], 5)
+        # it is seen again, by its name
+        self.page.wait(f"(() => palpateViewer.structureAt({json.dumps(middle)}) === {nodule})()")
+        self.assertEqual(self.page.run("return " + at, middle), nodule)
+        self.assertIn("nodule", self.page.run("document.querySelectorAll('details').forEach((card) => (card.open = true)); return document.getElementById('structures').innerText"))
+        self.assertEqual(self.barriers(), [])
+        # once more: it is hidden again
+        self.page.click("#task-again")
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        self.page.wait(f"(() => palpateViewer.structureAt({json.dumps(middle)}) === {soft})()")
+        self.page.click("#task-end")
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+
+
+class Picker(Trainee):
+    """Without a task of its own the page offers those that are made for the scene."""
+
+    @classmethod
+    def options(cls):
+        return []
+
+    def test_a_task_is_chosen(self):
+        names = self.page.run("return [...document.getElementById('task').options].map((option) => option.value)")
+        self.assertLessEqual({"meniscus-probing", "diagnostic-round", "hold-steady", "trace-an-edge"}, set(names))
+        self.assertNotIn("find-the-nodule", names)
+        before = self.page.run("return palpateViewer.project([0, 0, 0])")
+        self.page.run("const task = document.getElementById('task'); task.value = 'trace-an-edge'; task.dispatchEvent(new Event('change'))")
+        self.page.wait("document.getElementById('task-title').innerText.includes('edge')")
+        self.assertNotEqual(self.page.run("return palpateViewer.project([0, 0, 0])"), before, "the picture looks at where it is done")
+        self.assertEqual(self.barriers(), [])
+        self.page.click("#task-begin")
+        self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.task === 'trace-an-edge'")
+        self.assertTrue(self.page.run("return document.getElementById('task').disabled"))
+        # another page of the same session sees the same run
+        self.open_page(keeps=True)
+        self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.task === 'trace-an-edge'")
+        self.page.click("#task-end")
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+        self.assertIn("Not every counted figure in its band", self.text("#verdict"))
+        self.open_page(keeps=True)
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    viewer_test.PROGRAM = os.path.abspath(sys.argv[1])
+    del sys.argv[1]
+    lack = browser.missing()
+    try:
+        import numpy
+        viewer_test.numpy = numpy
+    except ImportError:
+        lack = "python3-numpy is not installed"
+    if lack:
+        print("skipped: " + lack)
+        sys.exit(1 if os.environ.get("CI") == "true" else 77)
+    del Trainee
+    unittest.main(verbosity=2)

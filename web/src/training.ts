@@ -1,0 +1,438 @@
+// Tasks: what is to be done, how far it is, what came of it. palpate measures; the page shows what it tells.
+
+import { announce } from "./announce.js";
+import type { Connection, Refusal } from "./connection.js";
+import { byId, element, write } from "./dom.js";
+import { digits, quantity } from "./figures.js";
+import type { Vec3 } from "./geometry.js";
+import { onLanguage } from "./language.js";
+import { Plot } from "./plots.js";
+import { refusalText, type Requests } from "./requests.js";
+import type { Scene } from "./scene.js";
+import { readable, type Session } from "./session.js";
+import { drawPatches, drawPlace, drawRegion, drawWay } from "./training_marks.js";
+import type { VolumeView } from "./volume_view.js";
+import { says, words, type Message } from "./words.js";
+
+export interface TaskRegion { name: string; middle_mm: Vec3; radius_mm: number; outward: Vec3 }
+export interface TaskStep { name: string; kind: "touch" | "visit" | "cover"; region: number; force_N: [number, number | null]; seconds: number; coverage: number }
+export interface TaskForce { labels: number[]; band_N: [number, number | null] | null; limit_N: number | null }
+export interface TaskMetric { name: string; unit: string; labels: number[]; more_is_better: boolean; at_least: number | null; at_most: number | null; basis: string | null }
+export interface Task {
+  name: string; title: string; briefing: string;
+  quiz: boolean; ordered: boolean; ends_with_steps: boolean;
+  time_limit_s: number | null; answer_s: number | null; to_find: number[]; in_a_row: number;
+  regions: TaskRegion[]; steps: TaskStep[]; forces: TaskForce[]; protected: { labels: number[]; limit_N: number }[]; metrics: TaskMetric[];
+}
+export interface TaskEvent { kind: "step_done" | "over_limit" | "protected" | "ended"; part: number; time_s: number; force_N: number }
+/** How far a run is. */
+export interface TaskRun {
+  phase: "none" | "running" | "keeping" | "over";
+  run: number; task: string | null; time_s: number;
+  done: boolean[]; share: number[]; forces_N: number[]; protected_N: number[]; touch_N: number;
+  missing_s: number; events: TaskEvent[]; events_before: number; keeps: boolean;
+}
+/** Of a sample: time, the tip, the force on all that is touched, on the first of the task's forces. */
+export interface Debriefing {
+  run: number; task: string; end: "task" | "asked" | "session" | "trouble"; in_band: boolean;
+  time_s: number; missing_s: number; ticks: number; first_tick: number; last_tick: number;
+  metrics: { value: number | null; in_band: boolean; best: number | null }[];
+  done: boolean[]; events: TaskEvent[]; more_events: number;
+  samples: number[][]; patches: [number, number, number, number][]; patches_left_out: number;
+  answer_mm: Vec3 | null; to_find_mm: Vec3 | null;
+  runs: number; in_a_row: number; kept: number | null; not_kept: Refusal | null;
+}
+
+type View = "briefing" | "running" | "debriefing";
+/** A warning stays so long after what it is about. */
+const WARNING_MS = 1500;
+const MOST_EVENTS = 60;
+const TOUCHED_N = 0.05;
+
+/** What a quiz hides: nothing where null. */
+export type Hide = (toFind: number[] | null) => void;
+
+const seconds = (s: number): string => `${s.toFixed(1)} s`;
+
+export class Training {
+  view: View = "briefing";
+  run: TaskRun | null = null;
+  debriefing: Debriefing | null = null;
+  private tasks: Task[] = [];
+  private chosen = ""; // name of a task
+  private left = 0; // the run whose debriefing was left
+  private toldEvents = 0; // of the run, that were spoken
+  private toldRun = 0;
+  private warning = { text: "", until_ms: -Infinity };
+  private plots: Plot[] = [];
+  private listed = ""; // what the steps were made of
+  private looked = -1; // at this step's region
+  private shownRun = 0; // whose debriefing is written
+  private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
+
+  constructor(private readonly session: Session, private readonly connection: Connection, private readonly requests: Requests,
+              private readonly volume: VolumeView, private readonly hide: Hide) {
+    byId("task").addEventListener("change", (event) => this.choose((event.target as HTMLSelectElement).value));
+    byId("task-begin").addEventListener("click", () => this.begin());
+    byId("task-again").addEventListener("click", () => this.begin());
+    byId("task-end").addEventListener("click", () => void requests.once({ type: "task", end: true }));
+    byId("task-other").addEventListener("click", () => this.leave());
+    for (const id of ["show-way", "show-coverage"]) byId(id).addEventListener("change", () => session.touch());
+    volume.drawMarks = (frame, seen) => this.drawMarks(frame, seen);
+    onLanguage(() => this.speak());
+  }
+
+  /** Begins, ends or begins again, as the button that is there does. */
+  beginOrEnd(): void {
+    if (byId("training").hidden) return;
+    (["task-begin", "task-end", "task-again"] as const).map((id) => byId<HTMLButtonElement>(id)).find((button) => !button.hidden && !button.disabled)?.click();
+  }
+
+  get task(): Task | null {
+    return this.tasks.find(({ name }) => name === this.chosen) ?? null;
+  }
+
+  show(scene: Scene): void {
+    const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
+    if (isNew) {
+      this.tasks = scene.tasks ?? [];
+      this.chosen = this.tasks[0]?.name ?? "";
+      this.looked = -1;
+      this.listed = "";
+    }
+    byId("training").hidden = this.tasks.length === 0;
+    byId<HTMLSelectElement>("task").replaceChildren(...this.tasks.map(({ name, title }) => new Option(title, name, false, name === this.chosen)));
+    byId("task-line").hidden = this.tasks.length < 2;
+    this.update();
+    // the one that this session is for
+    if (isNew && this.tasks.length === 1) this.lookAtStep(0, false);
+  }
+  tell(run: TaskRun): void {
+    const before = this.run;
+    this.run = run;
+    if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
+      this.debriefing = null;
+      this.toldRun = run.run;
+      // one that is under way already is not told from its beginning
+      this.toldEvents = before ? 0 : run.events_before + run.events.length;
+      this.warning = { text: "", until_ms: -Infinity };
+      if (before) announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
+    }
+    if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.left !== run.run)) this.chosen = run.task;
+    this.tellEvents();
+    this.update();
+  }
+  debrief(debriefing: Debriefing): void {
+    this.debriefing = debriefing;
+    this.update();
+    announce(byId("verdict").textContent ?? "");
+  }
+
+  private choose(name: string): void {
+    this.chosen = name;
+    this.listed = "";
+    this.looked = -1;
+    this.update();
+    this.lookAtStep(0);
+  }
+  private begin(): void {
+    if (this.task) void this.requests.once({ type: "task", begin: this.task.name });
+  }
+  /** From the debriefing to the briefing. */
+  private leave(): void {
+    this.left = this.run?.run ?? 0;
+    this.update();
+    byId("task-title").focus();
+  }
+
+  // ---- words
+
+  private namesOf(labels: number[]): string {
+    if (this.session.hidesNames) return words.someStructure;
+    const names = labels.map((label) => readable(this.session.structureName(label) ?? words.unnamed(String(label))));
+    return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
+  }
+  private stepText(step: TaskStep): string {
+    const { force_N: [least, most], kind, coverage } = step;
+    const time = `${step.seconds} s`;
+    if (kind === "cover") return words.stepCover(`${Math.round(100 * coverage)} %`);
+    if (kind === "visit") return words.stepVisit(time);
+    return most === null ? words.stepTouchLeast(quantity(least, "N"), time) : words.stepTouch(quantity(least, "N"), quantity(most, "N"), time);
+  }
+  private rules(task: Task): string[] {
+    const band = ([least, most]: [number, number | null]) => (most === null ? words.atLeast(quantity(least, "N")) : words.fromTo(quantity(least, "N"), quantity(most, "N")));
+    return [
+      ...task.forces.flatMap(({ labels, band_N, limit_N }) => [...(band_N ? [words.ruleBand(this.namesOf(labels), band(band_N))] : []),
+        ...(limit_N === null ? [] : [words.ruleLimit(this.namesOf(labels), quantity(limit_N, "N"))])]),
+      ...task.protected.map(({ labels }) => words.ruleProtected(this.namesOf(labels))),
+      ...(task.answer_s === null ? [] : [words.ruleAnswer(`${task.answer_s} s`)]),
+      ...(task.time_limit_s === null ? [] : [words.ruleTime(`${task.time_limit_s} s`)]),
+      task.ends_with_steps ? words.ruleEndsItself : words.ruleEndsByYou,
+      words.ruleRow(String(task.in_a_row)),
+    ];
+  }
+  private eventText(task: Task, { kind, part, force_N }: TaskEvent): string {
+    if (kind === "step_done") return words.stepIsDone(task.steps[part]?.name ?? "");
+    if (kind === "over_limit") return words.wasOver(quantity(force_N, "N"), this.namesOf(task.forces[part]?.labels ?? []), quantity(task.forces[part]?.limit_N ?? 0, "N"));
+    if (kind === "protected") return words.wasProtected(this.namesOf(task.protected[part]?.labels ?? []), quantity(force_N, "N"));
+    return words.taskOver;
+  }
+  private metricName({ name, labels }: TaskMetric): string {
+    const said = (words.metrics as Record<string, string>)[name] ?? name;
+    return labels.length > 0 ? words.ofStructures(said, this.namesOf(labels)) : said;
+  }
+  private metricValue({ name, unit }: TaskMetric, value: number | null): string {
+    if (value === null) return words.noFigure;
+    if (unit !== "1") return `${digits(value)} ${unit}`;
+    return name === "smoothness" || name === "economy" ? digits(value) : `${Math.round(1000 * value) / 10} %`;
+  }
+  private bandText(metric: TaskMetric): string {
+    const { at_least, at_most } = metric;
+    const said = (value: number) => this.metricValue(metric, value);
+    if (at_least !== null && at_most !== null) return words.fromTo(said(at_least), said(at_most));
+    return at_least !== null ? words.atLeast(said(at_least)) : at_most !== null ? words.atMost(said(at_most)) : words.doesNotCount;
+  }
+
+  /** What was told last is spoken, each once. */
+  private tellEvents(): void {
+    const { run, task } = this;
+    if (!run || !task || run.run !== this.toldRun) return;
+    const all = run.events_before + run.events.length;
+    const fresh = Math.min(run.events.length, all - this.toldEvents);
+    if (fresh > 0) for (const event of run.events.slice(-fresh)) announce(this.eventText(task, event));
+    this.toldEvents = all;
+  }
+
+  private speak(): void {
+    this.listed = "";
+    this.shownRun = 0;
+    this.update();
+  }
+
+  // ---- what is seen
+
+  /** Enables what this viewer may do now. */
+  allow(): void {
+    const { connection, session } = this;
+    const isAllowed = connection.link === "connected" && connection.role === "control";
+    const isOthers = session.state?.pointer_by === "viewer";
+    for (const id of ["task-begin", "task-end", "task-again"]) byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || (id !== "task-end" && this.run?.phase === "keeping");
+    const note = connection.role === "view" && connection.link === "connected" ? words.taskWatch : isOthers ? words.taskOthers : this.run?.keeps ? words.taskKept : words.taskNotKept;
+    write(byId("task-note"), note);
+  }
+
+  private update(): void {
+    const { run, task } = this;
+    if (!task) return void this.hide(null);
+    const before = this.view;
+    const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
+    const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task.name;
+    this.view = isRunning ? "running" : isOver ? "debriefing" : "briefing";
+    const hadFocus = byId("training").contains(document.activeElement);
+    this.hide(task.quiz && this.view !== "debriefing" ? task.to_find : null);
+
+    const { view } = this;
+    byId<HTMLSelectElement>("task").disabled = view === "running";
+    byId<HTMLSelectElement>("task").value = task.name;
+    write(byId("task-title"), task.title);
+    write(byId("task-briefing"), task.briefing);
+    for (const [id, where] of [["task-briefing", "briefing"], ["task-rules", "briefing"], ["task-begin", "briefing"], ["task-time", "running"], ["task-forces", "running"],
+      ["task-end", "running"], ["debriefing", "debriefing"], ["task-again", "debriefing"], ["task-other", "debriefing"]] as const) byId(id).hidden = view !== where;
+    this.listSteps(task);
+    this.showSteps(task);
+    if (view === "running") this.showRun(task, run!);
+    if (view === "debriefing") this.showDebriefing(task, this.debriefing!);
+    this.showWarning(view === "running" ? this.warningOf(task, run!) : []);
+    this.allow();
+    if (before !== view) {
+      this.session.touch();
+      // whoever pressed a button that is gone goes on where it was
+      if (hadFocus) byId(view === "running" ? "task-end" : "task-title").focus();
+    }
+  }
+
+  private listSteps(task: Task): void {
+    const made = [task.name, this.session.hidesNames, words.now].join();
+    if (made === this.listed) return;
+    this.listed = made;
+    byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
+    byId("task-steps").replaceChildren(...task.steps.map((step, n) => {
+      const where = says(element("button", { type: "button", className: "where" }), { text: "where", label: "whereIs" }, step.name);
+      where.addEventListener("click", () => this.lookAtStep(n));
+      return element("li", {}, element("span", { className: "mark", ariaHidden: "true" }), element("span", { className: "step" },
+        element("span", { className: "name" }, step.name), element("span", { className: "state" }), element("span", { className: "quiet" }, this.stepText(step)),
+        says(element("meter", { min: 0, max: 1, value: 0, hidden: true }), { label: "howFar" }, step.name)), where);
+    }));
+    const bars = task.forces.map((force) => this.barOf(force));
+    byId("task-forces").replaceChildren(...bars.map(({ row }) => row));
+    this.bars = bars;
+  }
+  /** A force against its band and its limit. */
+  private barOf({ labels, band_N, limit_N }: TaskForce): { said: HTMLElement; bar: HTMLElement; value: HTMLElement; row: HTMLElement } {
+    const top = 1.25 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, 1.2 * (band_N?.[0] ?? 0), 0.4);
+    const percent = (force: number) => Math.min(100, (100 * force) / top);
+    const value = element("span", { className: "value" });
+    const bar = says(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
+    for (const [name, now] of [["role", "meter"], ["aria-valuemin", "0"], ["aria-valuemax", digits(top)], ["aria-valuenow", "0"]] as const) bar.setAttribute(name, now);
+    bar.dataset.top = String(top);
+    if (band_N) {
+      const zone = element("span", { className: "zone" });
+      zone.style.left = `${percent(band_N[0])}%`;
+      zone.style.right = `${100 - percent(band_N[1] ?? top)}%`;
+      bar.prepend(zone);
+    }
+    if (limit_N !== null) {
+      const limit = element("span", { className: "limit" });
+      limit.style.left = `${percent(limit_N)}%`;
+      bar.append(limit);
+    }
+    const said = element("span", { className: "said" });
+    return { said, bar, value, row: element("div", {}, element("div", { className: "of" }, element("span", {}, this.namesOf(labels)), said), bar) };
+  }
+
+  /** The one that is to be done next, or that is being done. */
+  private currentStep(task: Task): number {
+    const { run } = this;
+    if (!run || run.task !== task.name) return 0;
+    const open = task.steps.map((_, n) => n).filter((n) => !run.done[n]);
+    if (task.ordered) return open[0] ?? -1;
+    return open.reduce((best, n) => ((run.share[n] ?? 0) > (run.share[best] ?? 0) ? n : best), open[0] ?? -1);
+  }
+  private showSteps(task: Task): void {
+    const { run, view } = this;
+    const done = view === "running" && run ? run.done : view === "debriefing" ? this.debriefing!.done : [];
+    const current = view === "running" ? this.currentStep(task) : -1;
+    [...byId("task-steps").children].forEach((child, n) => {
+      const item = child as HTMLElement;
+      const state = done[n] ? "done" : n === current ? "current" : "open";
+      if (item.dataset.state !== state) {
+        item.dataset.state = state;
+        if (state === "current") item.setAttribute("aria-current", "step");
+        else item.removeAttribute("aria-current");
+        write(item.querySelector(".mark")!, done[n] ? "✓" : n === current ? "▶" : "○");
+      }
+      write(item.querySelector(".state")!, done[n] ? words.done : n === current ? words.now : view === "debriefing" ? words.notDone : "");
+      const meter = item.querySelector("meter")!;
+      meter.hidden = state !== "current";
+      meter.value = run?.share[n] ?? 0;
+    });
+    if (view === "running" && current >= 0 && current !== this.looked && this.looked >= 0) {
+      this.looked = current;
+      byId("task-steps").children[current]?.scrollIntoView({ block: "nearest" });
+    }
+  }
+
+  private showRun(task: Task, run: TaskRun): void {
+    const left = task.time_limit_s === null ? "" : ` · ${words.timeLeft(seconds(Math.max(0, task.time_limit_s - run.time_s)))}`;
+    write(byId("task-time"), run.phase === "keeping" ? words.beingKept : `${words.underWay(seconds(run.time_s))}${left}`);
+    task.forces.forEach(({ band_N, limit_N }, n) => {
+      const { said, bar, value } = this.bars[n]!;
+      const force = run.forces_N[n] ?? 0;
+      const where = limit_N !== null && force > limit_N ? "limit" : force < TOUCHED_N ? "none" : !band_N ? "some" : force < band_N[0] ? "under" : band_N[1] !== null && force > band_N[1] ? "over" : "in";
+      bar.dataset.where = where;
+      bar.setAttribute("aria-valuenow", digits(force));
+      value.style.width = `${Math.min(100, (100 * force) / Number(bar.dataset.top))}%`;
+      write(said, `${quantity(force, "N")} · ${words.inBand[where]}`);
+      bar.setAttribute("aria-valuetext", said.textContent ?? "");
+    });
+  }
+  private warningOf(task: Task, run: TaskRun): string[] {
+    const over = task.forces.flatMap(({ labels, limit_N }, n) => (limit_N !== null && (run.forces_N[n] ?? 0) > limit_N ? [words.isOver(this.namesOf(labels), quantity(limit_N, "N"))] : []));
+    const touched = task.protected.flatMap(({ labels, limit_N }, n) => ((run.protected_N[n] ?? 0) > limit_N ? [words.isProtected(this.namesOf(labels))] : []));
+    return [...over, ...touched, ...(run.missing_s > 0 ? [words.ticksMissing(seconds(run.missing_s))] : [])];
+  }
+  private showWarning(warnings: string[]): void {
+    const now = performance.now();
+    if (warnings.length > 0) this.warning = { text: warnings.map((one) => `⚠ ${one}`).join(" "), until_ms: now + WARNING_MS };
+    const isShown = this.view === "running" && now < this.warning.until_ms;
+    byId("task-warning").hidden = !isShown;
+    write(byId("task-warning"), isShown ? this.warning.text : "");
+  }
+
+  private showDebriefing(task: Task, told: Debriefing): void {
+    if (this.shownRun === told.run) return;
+    this.shownRun = told.run;
+    byId("verdict").dataset.inBand = String(told.in_band);
+    const row = words.inARow(String(told.in_a_row), String(task.in_a_row));
+    write(byId("verdict"), `${told.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`} · ${told.in_a_row >= task.in_a_row ? words.passed : row}`);
+    write(byId("verdict-more"), [words.tookAndEnded(seconds(told.time_s), words.endedBy[told.end]), ...(told.missing_s > 0 ? [words.ticksMissing(seconds(told.missing_s))] : []),
+      told.kept !== null ? words.keptAs(String(told.kept)) : told.not_kept ? words.notKept(refusalText(told.not_kept)) : words.keptNowhere, words.runsSoFar(String(told.runs)),
+      words.ticksOfRun(String(told.first_tick), String(told.last_tick))].join(" "));
+
+    const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
+    byId("figures").replaceChildren(says(element("caption"), { text: "figuresAbout" }),
+      element("thead", {}, element("tr", {}, ...heads.map((head) => says(element("th", { scope: "col" }), { text: head })))),
+      element("tbody", {}, ...task.metrics.map((metric, n) => {
+        const { value, in_band, best } = told.metrics[n]!;
+        const counts = metric.at_least !== null || metric.at_most !== null;
+        const verdict = !counts ? [] : [element("span", { className: "verdict", textContent: in_band ? `✓ ${words.metricIn}` : `✗ ${words.metricOut}` })];
+        const row = element("tr", {}, element("th", { scope: "row" }, this.metricName(metric)), element("td", {}, element("span", {}, this.metricValue(metric, value)), ...verdict),
+          element("td", {}, element("span", {}, this.bandText(metric)), ...(counts ? [element("span", { className: "quiet" }, metric.basis ?? words.notValidated)] : [])),
+          element("td", {}, best === null ? "–" : this.metricValue(metric, best)));
+        if (counts) row.dataset.inBand = String(in_band);
+        return row;
+      })));
+    this.plotRun(task, told);
+
+    const events = told.events.slice(0, MOST_EVENTS);
+    const left = told.events.length - events.length + told.more_events;
+    byId("run-events").replaceChildren(...events.map((event) => element("li", {}, element("span", { className: "mono" }, seconds(event.time_s)), ` ${this.mark(event)} `, this.eventText(task, event))),
+      ...(left > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(left)))] : []));
+    byId("show-coverage-line").hidden = told.patches.length === 0;
+    this.session.touch();
+  }
+  private mark({ kind }: TaskEvent): string {
+    return { step_done: "✓", over_limit: "▲", protected: "■", ended: "●" }[kind];
+  }
+  /** The force over time on each of the task's forces, or on all that was touched. */
+  private plotRun(task: Task, told: Debriefing): void {
+    const shown = task.forces.length > 0 ? task.forces.slice(0, 4).map((force, n) => ({ name: this.namesOf(force.labels), column: 5 + n, part: n, ...force }))
+      : [{ name: words.allTouched, column: 4, part: -1, labels: [], band_N: null, limit_N: null }];
+    const figures = shown.map(({ name }) => {
+      const canvas = says(element("canvas"), { label: "runPlotAbout" }, name);
+      canvas.setAttribute("role", "img");
+      return { canvas, figure: element("figure", {}, element("figcaption", {}, element("span", {}, words.runPlot(name))), canvas) };
+    });
+    byId("run-plots").replaceChildren(...figures.map(({ figure }) => figure));
+    this.plots = shown.map(({ column, part, band_N, limit_N }, n) => {
+      const plot = new Plot(figures[n]!.canvas, ["--force"], Math.max(told.time_s, 0.1), 1.2 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, band_N?.[0] ?? 0, 0.5));
+      plot.band = band_N && [band_N[0], band_N[1] ?? Infinity];
+      plot.limit = limit_N;
+      plot.marks = told.events.filter((event) => event.kind === "step_done" || (event.kind === "over_limit" && event.part === part) || event.kind === "protected")
+        .slice(0, 200).map((event) => ({ time: event.time_s, text: this.mark(event), colour: event.kind === "step_done" ? "--good" : "--alert-text" }));
+      for (const sample of told.samples) plot.push(sample[0]!, [sample[column] ?? 0]);
+      return plot;
+    });
+  }
+
+  /** Figures that do not change; ten times a second, for the theme and the size may. */
+  draw(): void {
+    if (this.view === "debriefing") for (const plot of this.plots) plot.draw();
+    if (this.view === "running" && performance.now() > this.warning.until_ms) this.showWarning([]);
+  }
+
+  // ---- in the volume
+
+  /** Looks at where a step is done. @param isAsked  by somebody, who may want to undo it */
+  lookAtStep(n: number, isAsked = true): void {
+    const region = this.task?.regions[this.task.steps[n]?.region ?? -1];
+    this.looked = n;
+    if (region) this.volume.lookAt(region.middle_mm, region.radius_mm, region.outward, isAsked);
+    this.session.touch();
+  }
+  private drawMarks(...[frame, seen]: Parameters<VolumeView["drawMarks"]>): void {
+    const { task, view, debriefing } = this;
+    if (!task) return;
+    if (view !== "debriefing") {
+      const step = task.steps[view === "running" ? this.currentStep(task) : this.looked];
+      const region = step && task.regions[step.region];
+      if (region) drawRegion(frame, seen, region, step.name);
+      return;
+    }
+    if (!debriefing) return;
+    if (byId<HTMLInputElement>("show-coverage").checked) drawPatches(frame, seen, debriefing);
+    if (byId<HTMLInputElement>("show-way").checked) drawWay(frame, seen, debriefing, task.forces);
+    if (debriefing.to_find_mm) drawPlace(frame, seen, debriefing.to_find_mm, words.wasHere, true);
+    if (debriefing.answer_mm) drawPlace(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
+  }
+}

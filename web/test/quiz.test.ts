@@ -1,0 +1,56 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { Camera } from "../src/camera.js";
+import { cross, dot, type Affine, type Vec3 } from "../src/geometry.js";
+import { conceal, revealed } from "../src/quiz.js";
+import { Volumes, type Scene } from "../src/scene.js";
+
+const UNIT: Affine = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
+const scene = { structures: [{ label: 4, name: "soft", tissue: 0 }, { label: 9, name: "nodule", tissue: 1 }, { label: 5, name: "plate", tissue: 2 }] } as unknown as Scene;
+
+/** A nodule of 3 voxels each way in soft tissue, with a corner in a plate. */
+function block(): Volumes {
+  const dims: Vec3 = [9, 8, 7];
+  const structure = new Uint8Array(9 * 8 * 7);
+  for (let k = 0, n = 0; k < 7; k++) for (let j = 0; j < 8; j++) for (let i = 0; i < 9; i++, n++) {
+    const isNodule = [i - 4, j - 4, k - 3].every((d) => Math.abs(d) <= 1);
+    structure[n] = i === 0 ? 0 : isNodule ? 2 : i > 5 ? 3 : 1;
+  }
+  return new Volumes("0", 1, dims, UNIT, null, structure, 1, 0);
+}
+
+test("what is to be found is drawn as what touches it most, and comes back", () => {
+  const volumes = block();
+  const whole = volumes.structure.slice();
+  const concealed = conceal(scene, volumes, [9])!;
+  assert.deepEqual([concealed.lo, concealed.size], [[3, 3, 2], [3, 3, 3]]);
+  volumes.write(concealed.lo, concealed.size, concealed.now);
+  assert.ok(!volumes.structure.includes(2));
+  assert.equal(volumes.structureAt([4, 4, 3]), 0, "soft tissue");
+  // what was cut away meanwhile does not come back
+  volumes.write([4, 4, 3], [1, 1, 1], new Uint8Array([0]));
+  volumes.write(concealed.lo, concealed.size, revealed(volumes, concealed));
+  whole[4 + 9 * (4 + 8 * 3)] = 0;
+  assert.deepEqual(volumes.structure, whole);
+});
+
+test("a quiz without an answer, or whose answer has no voxel, conceals none", () => {
+  assert.equal(conceal(scene, block(), []), null);
+  assert.equal(conceal(scene, block(), [77]), null);
+});
+
+test("a place is looked at from outside, with superior up where that can be", () => {
+  for (const outward of [[0, -1, 0], [0.6, 0, 0.8], [0, 0, 1], [0, 0, -1]] as Vec3[]) {
+    const camera = new Camera();
+    camera.place([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]);
+    camera.lookAlong(outward);
+    const { backward, up, right } = camera.inPatient();
+    assert.ok(dot(backward, outward) > 1 - 1e-12);
+    assert.ok(dot(cross(right, up), backward) > 1 - 1e-12);
+    if (Math.abs(outward[2]) < 0.9) assert.ok(up[2] > 0.5);
+  }
+  const camera = new Camera();
+  const { right, up } = camera;
+  camera.lookAlong([0, 0, 0]);
+  assert.deepEqual([camera.right, camera.up], [right, up]);
+});
