@@ -4,14 +4,23 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "palpate/base/file.h"
+#include "palpate/base/output.h"
 #include "palpate/phantoms/phantoms.h"
+#include "palpate/rendering/volume_picture.h"
+#include "palpate/report/data_page.h"
+#include "palpate_version.h"
+#include "palpation.h"
 #include "verb.h"
 
 namespace palpate::app {
 namespace {
 
+constexpr int kPicture_px = 320;
+
 struct DataOptions {
   bool json = false;
+  std::filesystem::path page;
   std::string name;
   FetchOptions fetch;
 };
@@ -71,7 +80,46 @@ void print_json() {
   std::cout << sets.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
 }
 
-int list(const DataOptions& options) {
+Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& console) {
+  const auto loaded = load_target(name, console);
+  if (!loaded) return loaded.error();
+  const Model& model = *loaded->model;
+  if (model.labels == nullptr || model.segments.empty()) return std::vector<std::uint8_t>();
+  const auto looks = structure_looks(model);
+  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, console.progress());
+  if (!renderer) return renderer.error();
+  VolumePictureRequest request;
+  request.pixels = kPicture_px;
+  return encode_png(volume_picture(*renderer, model, looks, request));
+}
+
+/// A picture of each that is here or can be made; one that cannot be drawn does not stop the others.
+int write_data_page(const DataOptions& options, Console& console) {
+  const auto claimed = claim_output(options.page, {});
+  if (!claimed) return console.fail(claimed.error());
+  DataPage page;
+  page.program = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
+  for (const auto& entry : catalog()) {
+    const auto data = locate(entry.name);
+    DataPage::Set set{entry.name, entry.summary, entry.licence, state(entry, data), "", {}};
+    if (data || entry.source == DataSource::kGenerated) {
+      auto picture = picture_of(entry.name, console);
+      if (!picture && picture.error().kind == ErrorKind::kInterrupted) return console.fail(picture.error());
+      if (picture)
+        set.picture_png = *std::move(picture);
+      else
+        set.fault = picture.error().message();
+    }
+    page.sets.push_back(std::move(set));
+  }
+  const auto written = write_file(options.page, data_html(page));
+  if (!written) return console.fail(written.error());
+  console.note("page: " + options.page.string());
+  return kExitOk;
+}
+
+int list(const DataOptions& options, Console& console) {
+  if (!options.page.empty()) return write_data_page(options, console);
   options.json ? print_json() : print_table();
   return kExitOk;
 }
@@ -106,8 +154,13 @@ int fetch_set(const DataOptions& options, Console& console) {
 
 void add_list(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
   CLI::App* verb = data.add_subcommand("list", "List the data sets, their licences and where they are");
-  verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
-  verb->callback([options, &run] { run = [options](Console&) { return list(*options); }; });
+  CLI::Option* json = verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
+  verb->add_option("--page", options->page,
+                   "Write a page with a picture of each instead (HTML); takes a minute")
+      ->type_name("FILE")
+      ->excludes(json);
+  verb->footer("Examples:\n  palpate data list\n  palpate data list --page data.html");
+  verb->callback([options, &run] { run = [options](Console& c) { return list(*options, c); }; });
 }
 
 void add_fetch(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {

@@ -3,37 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/base/check.h"
-#include "report/assets.h"
 #include "report/html.h"
+#include "report/page_head.h"
 
 namespace palpate::report {
 namespace {
-
-const EmbeddedFile& cohort_asset(std::string_view name) {
-  const EmbeddedFile* file = find_file(page_assets(), name);
-  PALPATE_CHECK(file != nullptr);
-  return *file;
-}
-
-std::string cohort_head_html() {
-  std::string html =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; base-uri 'none'; "
-      "form-action 'none'; img-src data:; style-src " +
-      csp_hash(cohort_asset("page.css").sha256) + " " + csp_hash(cohort_asset("cohort.css").sha256) +
-      "; script-src " + csp_hash(cohort_asset("cohort.js").sha256) + "\">\n";
-  html +=
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"referrer\" "
-      "content=\"no-referrer\">\n"
-      "<link rel=\"icon\" href=\"data:,\">\n<title>Cohort</title>\n";
-  html.append("<style>")
-      .append(cohort_asset("page.css").text)
-      .append("</style>\n<style>")
-      .append(cohort_asset("cohort.css").text);
-  return html + "</style>\n</head>\n";
-}
 
 std::string cohort_tile(const std::string& term, const std::string& value, const std::string& kind = "") {
   return "<div class=\"tile" + kind + "\"><dt>" + term + "</dt><dd>" + value + "</dd></div>\n";
@@ -108,7 +82,7 @@ std::string cohort_html(const CohortPage& page) {
     return std::to_string(std::ranges::count(page.rows, state, &CohortPage::Row::state));
   };
   std::string html =
-      cohort_head_html() +
+      page_head_html("Cohort", {"page.css", "cohort.css"}, {"cohort.js"}) +
       "<body>\n<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
       "use</strong><span class=\"badge\">Simulated hand</span></div>\n<main class=\"cohort\">\n"
       "<header><p class=\"kicker\">Cohort</p><h1>" +
@@ -136,7 +110,7 @@ std::string cohort_html(const CohortPage& page) {
       "thinnest place is that of a structure's middle, where it does not end "
       "(docs/cohort.md).</p></section>\n"
       "</main>\n";
-  html.append("<script>").append(cohort_asset("cohort.js").text);
+  html.append("<script>").append(page_asset("cohort.js").text);
   return html + "</script>\n</body>\n</html>\n";
 }
 

@@ -1,5 +1,6 @@
 """Pictures of the volume: from every side, cut, of some structures alone, all around, and what is said when there is none."""
 
+import json
 import struct
 import zlib
 
@@ -127,6 +128,20 @@ class Render(cli.KneeTest):
                 self.assertEqual(done.returncode, cli.USAGE, done.stderr)
                 self.assertIn(words, done.stderr)
                 self.assertFalse(output.exists())
+
+    def test_a_page_shows_every_data_set(self):
+        page = self.folder / "data.html"
+        self.succeed("data", "list", "--page", page)
+        text = page.read_text(encoding="utf-8")
+        listed = json.loads(cli.run("data", "list", "--json").stdout)
+        for entry in listed:
+            self.assertIn(f"<h2>{entry['name']}</h2>", text)
+        drawn = sum(entry["here"] or entry["source"] == "generated" for entry in listed)
+        self.assertGreaterEqual(drawn, 7)
+        self.assertEqual(text.count("data:image/png;base64,"), drawn)
+        self.assertEqual(text.count("no picture"), len(listed) - drawn)
+        done = cli.run("data", "list", "--page", page, "--json")
+        self.assertEqual(done.returncode, cli.USAGE)
 
     def test_outputs_that_cannot_be_written(self):
         self.check_outputs_that_cannot_be_written("render", ".png", ".svg")
