@@ -96,7 +96,8 @@ export class Training {
     const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
     if (isNew) {
       this.tasks = scene.tasks ?? [];
-      this.chosen = this.tasks[0]?.name ?? "";
+      // what a run is of, which may have been told before
+      if (!this.tasks.some(({ name }) => name === this.chosen)) this.chosen = this.tasks[0]?.name ?? "";
       this.looked = -1;
       this.listed = "";
     }
