@@ -390,7 +390,7 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
   if (training.keeps)
     training.over = [file = options.records, learner = options.learner](const TaskFile& task,
                                                                         const TaskRun& run) {
-      auto kept = keep_run(file, learner, task, {{}, run.header, run.score, run.run_hash});
+      auto kept = keep_run(file, learner, task, {{}, *run.header, run.score, run.run_hash});
       if (kept) return *std::move(kept);
       RunHistory none;
       none.not_kept = kept.error();

@@ -272,15 +272,16 @@ Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::strin
   const auto listed = records.list({learner, task.title, 0}, [&](const RunRecord& run) -> Result<void> {
     if (run.task_hash != record.task_hash || run.id > *id) return {};
     in_band.push_back(run.in_band);
-    if (run.id < *id) earlier.push_back(run.id);
+    if (run.id < *id && run.in_band) earlier.push_back(run.id);
     return {};
   });
-  if (!listed) return listed.error();
+  // it is kept, whatever becomes of looking at the others
+  if (!listed) return history;
   history.runs = static_cast<int>(in_band.size());
   history.in_a_row = runs_in_a_row(in_band);
   for (std::size_t n = earlier.size() - std::min(earlier.size(), kMostRuns); n < earlier.size(); ++n) {
     const auto run = records.run(earlier[n]);
-    if (!run) return run.error();
+    if (!run) break;
     for (std::size_t m = 0; m < std::min(run->metrics.size(), history.best.size()); ++m) {
       const std::optional<double> value = run->metrics[m].value;
       if (!value) continue;

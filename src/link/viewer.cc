@@ -136,7 +136,6 @@ void Viewer::take(const Request& request) {
   if (room) say(std::move(answer));
   deaf_ = deaf_ && !room;
   hub_.look_at_state();
-  if (std::holds_alternative<TaskRequest>(request.what)) hub_.look_at_training(Clock::now());
 }
 
 void Viewer::greet(const Hello& hello) {

@@ -208,8 +208,9 @@ class DataSet {
 
   // one by one: to count all chunks of a long run takes several times as long as reading a range of it
   void require_chunks(const RowRange& range) const {
-    const hsize_t end = std::min<hsize_t>(range.first + range.count, dims_[0]);
-    for (hsize_t row = range.first / chunk_[0] * chunk_[0]; row < end; row += chunk_[0])
+    const hsize_t first = std::min<hsize_t>(range.first, dims_[0]),
+                  end = first + std::min<hsize_t>(range.count, dims_[0] - first);
+    for (hsize_t row = first / chunk_[0] * chunk_[0]; row < end; row += chunk_[0])
       for (hsize_t column = 0; column < dims_[1]; column += chunk_[1]) {
         const hsize_t offset[2] = {row, column};
         hsize_t bytes = 0;

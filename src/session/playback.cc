@@ -279,6 +279,7 @@ class Playback final : public ViewerHost {
       const std::uint32_t version = shown_.model_version;
       sweeps = edits_.cuts.by(version, 0, edits_.cuts.count(version));
     }
+    if (sweeps.empty()) return model_->labels;
     const std::lock_guard lock(cut_mutex_);
     return cut_.by(*model_, std::move(sweeps));
   }

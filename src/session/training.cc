@@ -108,12 +108,13 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
 
 RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs) {
   RunHistory history;
-  history.runs = static_cast<int>(runs.size());
   history.best.assign(task.metrics.size(), kNotKnown);
   std::vector<bool> in_band;
   for (std::size_t n = 0; n < runs.size(); ++n) {
+    // one without a tick is none, and is kept nowhere
+    if (runs[n].score.ticks == 0) continue;
     in_band.push_back(runs[n].score.in_band);
-    if (n + 1 == runs.size()) break;
+    if (n + 1 == runs.size() || !runs[n].score.in_band) continue;
     for (const MetricValue& value : runs[n].score.metrics) {
       double& best = history.best[value.part];
       const bool more = info_of(value.metric).more_is_better;
@@ -121,6 +122,7 @@ RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs) {
       if (std::isnan(best) || (more ? value.value > best : value.value < best)) best = value.value;
     }
   }
+  history.runs = static_cast<int>(in_band.size());
   history.in_a_row = runs_in_a_row(in_band);
   return history;
 }
@@ -136,6 +138,13 @@ void RunTrace::see(const TaskEvaluator& run) {
   samples_.push_back(std::exchange(coming_, {}));
   next_s_ = now_s + period_s_;
   if (samples_.size() == kMost) thin_out();
+}
+
+void RunTrace::finish(const TaskEvaluator& run) {
+  if (run.ticks() == 0 || (!samples_.empty() && samples_.back().time_s >= run.time_s())) return;
+  coming_.time_s = run.time_s();
+  if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
+  samples_.push_back(std::exchange(coming_, {}));
 }
 
 // half as many, each for twice the time: of two samples the later place and the greater force
@@ -192,7 +201,7 @@ Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options
 void Training::begin_session(const RecordingHeader& header) {
   {
     const std::lock_guard lock(mutex_);
-    header_ = header;
+    header_ = std::make_shared<const RecordingHeader>(header);
   }
   if (options_.begins_at_once && !options_.tasks.empty()) (void)begin(options_.tasks.front().name);
 }
@@ -216,6 +225,9 @@ Result<void> Training::begin(const std::string& name) {
   if (ending_) return cannot_train("the session is over", "", "");
   if (live_) return cannot_train("a run is under way", "begin", "end it first");
   if (keeping_) return cannot_train("the last run is still being kept", "begin", "ask again in a moment");
+  if (runs_ == kMostRunsOfSession)
+    return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
+                        "start another one");
   live->number = ++runs_;
   last_task_ = place;
   debriefing_ = nullptr;
@@ -268,6 +280,7 @@ void Training::see(const TickRecord& tick) noexcept {
 
 // with the lock
 void Training::over(RunEnd end) {
+  live_->trace.finish(live_->evaluator);
   Over over{nullptr, {}};
   TaskRun& run = over.run;
   run.task = options_.tasks[live_->task].name;
@@ -321,14 +334,25 @@ void Training::keep() {
       finished.history = history_of(task, runs);
       // one without a tick is none
       if (options_.over && over.run.score.ticks > 0) {
-        RunHistory history = options_.over(task, over.run);
+        const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
+        finished.history.kept = history.kept;
         finished.history.not_kept = history.not_kept;
       }
-      told = std::make_shared<const ViewedDebriefing>(debrief(*over.live, finished));
     } catch (const std::exception& why) {
       finished.history.not_kept =
           Error{ErrorKind::kUnavailable, std::string("the run could not be kept: ") + why.what(), "", ""};
+    }
+    try {
+      finished.history.best.resize(task.metrics.size(), kNotKnown);
+      told = std::make_shared<const ViewedDebriefing>(debrief(*over.live, finished));
+      std::vector<TaskEvent>& events = finished.run.score.events;
+      if (events.size() > kMostEventsKept) {
+        finished.run.score.more_events += events.size() - kMostEventsKept;
+        events.resize(kMostEventsKept);
+      }
+    } catch (const std::exception&) {
+      // no memory for what would be shown of it
     }
     lock.lock();
     finished_.push_back(std::move(finished));

@@ -19,10 +19,12 @@ namespace palpate {
 /// force since the one before.
 class RunTrace {
  public:
-  static constexpr std::size_t kMost = 1200;
+  static constexpr std::size_t kMost = 1200;  ///< and the last one
 
   explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMostForces)) {}
   void see(const TaskEvaluator& run);
+  /// The last sample is of the last tick.
+  void finish(const TaskEvaluator& run);
   const std::vector<ViewedDebriefing::Sample>& samples() const { return samples_; }
 
  private:
@@ -87,7 +89,7 @@ class Training {
 
   mutable std::mutex mutex_;  // of what follows
   std::condition_variable changed_;
-  RecordingHeader header_;
+  std::shared_ptr<const RecordingHeader> header_;
   std::unique_ptr<Live> live_;
   struct Over {
     std::unique_ptr<Live> live;

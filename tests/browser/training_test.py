@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
@@ -61,7 +62,7 @@ TAB, ENTER = "\ue004", "\ue007"
 class Trainee(viewer_test.Viewer):
     """A session with a task, recorded, whose runs are kept; what the page said of each is what `palpate` says afterwards."""
 
-    scene_name, extra = "knee-phantom:spacing=1.2", ()
+    scene_name = "knee-phantom:spacing=1.2"
 
     @classmethod
     def setUpClass(cls):
@@ -137,6 +138,25 @@ class Trainee(viewer_test.Viewer):
         # the section glides after it
         self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
 
+    def press_into(self, name, press, release, felt):
+        """Presses until it is felt: the section glides, and where it shows the structure may be elsewhere when the press comes. It stays pressed."""
+        for _ in range(8):
+            self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
+            press(self.deep_into(name))
+            for _ in range(20):
+                if self.page.run("return " + felt):
+                    return
+                time.sleep(0.1)
+            release()
+            time.sleep(0.3)
+        self.fail("never felt: " + felt)
+
+    def mouse_down(self, at):
+        self.page.pointer({"type": "pointerMove", "x": at[0], "y": at[1]}, {"type": "pointerDown", "button": 0})
+
+    def mouse_up(self, _=None):
+        self.page.pointer({"type": "pointerUp", "button": 0})
+
     def expect_debriefed(self, number):
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
         told = self.page.run(f"return {TRAINING}.debriefing")
@@ -179,13 +199,11 @@ class WholeTask(Trainee):
 
         # by mouse
         self.bring_section_to("patella")
-        x, y = self.deep_into("patella")
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
         self.assertEqual(self.barriers(), [])
-        self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0})
-        self.page.wait(f"{TRAINING}.run.forces_N[0] > 0.15")
+        self.press_into("patella", self.mouse_down, self.mouse_up, f"{TRAINING}.run.forces_N[0] > 0.3")
         self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
         self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
         said = self.text("#task-forces")
@@ -228,8 +246,7 @@ class WholeTask(Trainee):
         self.touch("Start", self.middle_of_element("#task-again"))
         self.touch("End")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 3")
-        self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
-        self.touch("Start", self.deep_into("patella"))
+        self.press_into("patella", lambda at: self.touch("Start", at), lambda: self.touch("End"), f"{TRAINING}.run.forces_N[0] > 0.3")
         self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
         self.touch("End")
         self.touch("Start", self.middle_of_element("#task-end"))
@@ -287,9 +304,7 @@ class Warned(Trainee):
         self.bring_section_to("tibia")
         self.page.press("b")
         self.page.wait(f"{TRAINING}.view === 'running'")
-        x, y = self.deep_into("tibia")
-        self.page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0})
-        self.page.wait(f"{TRAINING}.run.protected_N[0] > 0.2")
+        self.press_into("tibia", self.mouse_down, self.mouse_up, f"{TRAINING}.run.protected_N[0] > 0.2")
         self.page.wait("document.getElementById('task-warning').innerText.includes('tibia is protected')")
         self.assertEqual(self.barriers(), [])
         self.page.pointer({"type": "pointerUp", "button": 0})

@@ -258,6 +258,8 @@ class Page {
       if (!volumes || !scene || hidden !== this.hidden) return;
       if (this.concealed) await this.updateBox(this.concealed.lo, this.concealed.size, revealed(volumes, this.concealed));
       this.concealed = toFind && toFind.length > 0 ? conceal(scene, volumes, toFind) : null;
+      session.alike = this.concealed;
+      session.touchLooks();
       if (this.concealed) await this.updateBox(this.concealed.lo, this.concealed.size, this.concealed.now);
     }).catch(complain);
     session.touchLooks();
@@ -437,6 +439,7 @@ class Page {
       this.cuts.beginAnew();
       this.yields.forget();
       this.areYieldsDue = true;
+      this.training.beginAnew();
       this.cut();
       void this.load();
     }

@@ -70,12 +70,12 @@ export class Plot {
       const [low, high] = this.band.map((value) => y(Math.min(value, top))) as [number, number];
       c.save();
       c.globalAlpha = 0.18;
-      c.fillStyle = style.getPropertyValue("--good");
+      c.fillStyle = themeColour("--good");
       c.fillRect(left, high, w - left, low - high);
       c.restore();
     }
     if (this.limit !== null) {
-      c.strokeStyle = style.getPropertyValue("--limit");
+      c.strokeStyle = themeColour("--limit");
       c.setLineDash([5 * ratio, 3 * ratio]);
       c.beginPath();
       c.moveTo(left, y(this.limit));
@@ -102,7 +102,7 @@ export class Plot {
     c.textAlign = "center";
     c.textBaseline = "top";
     for (const { time, text, colour } of this.marks) {
-      c.fillStyle = style.getPropertyValue(colour);
+      c.fillStyle = themeColour(colour);
       c.fillText(text, Math.min(w - 5 * ratio, Math.max(left + 4 * ratio, x(time))), ratio);
     }
   }

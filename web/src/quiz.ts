@@ -3,8 +3,8 @@
 import type { Vec3 } from "./geometry.js";
 import { MOST_STRUCTURES, type Scene, type Volumes } from "./scene.js";
 
-/** Voxels that are shown as something else. */
-export interface Concealed { lo: Vec3; size: Vec3; before: Uint8Array; now: Uint8Array }
+/** Voxels that are shown as something else. `values` of voxels look like `as`, also where palpate draws the volume, which knows them all. */
+export interface Concealed { lo: Vec3; size: Vec3; before: Uint8Array; now: Uint8Array; values: number[]; as: number }
 
 /** The box around all voxels of some structures, by their places in the scene's list; null: they have none. */
 function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } | null {
@@ -38,7 +38,8 @@ export function conceal(scene: Scene, volumes: Volumes, labels: number[]): Conce
     for (const other of around) if (other !== false && !isWanted[structure[other]!]) faces[structure[other]!]! += 1;
   }
   const around = faces.indexOf(Math.max(...faces));
-  return { lo, size, before, now: before.map((value) => (isWanted[value] ? around : value)) };
+  const values = isWanted.flatMap((is, value) => (is ? [value] : []));
+  return { lo, size, before, now: before.map((value) => (isWanted[value] ? around : value)), values, as: around };
 }
 
 /** What of them is to be shown again: not what has changed meanwhile. */

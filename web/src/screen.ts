@@ -9,17 +9,22 @@ export function memory_GB(): number {
   return (navigator as { deviceMemory?: number }).deviceMemory ?? 8;
 }
 
-/** Whole pixels of an element's inside, as they were when it was laid out last: to ask for them would lay out the page between two frames. 0 where it is not shown. */
+/** Whole pixels of an element's inside, as it was laid out last: to ask for that would lay out the page between two frames. 0 where it is not shown. */
 export class ObservedSize {
-  width = 0;
-  height = 0;
-  ratio = 1; // canvas pixels of one of the page
+  private inside: [number, number] = [0, 0]; // of the page's
 
   constructor(element: Element) {
-    new ResizeObserver(() => {
-      this.ratio = pixelRatio();
-      [this.width, this.height] = [Math.round(element.clientWidth * this.ratio), Math.round(element.clientHeight * this.ratio)];
-    }).observe(element);
+    new ResizeObserver(() => (this.inside = [element.clientWidth, element.clientHeight])).observe(element);
+  }
+  /** Canvas pixels of one of the page: of the screen that it is on now. */
+  get ratio(): number {
+    return pixelRatio();
+  }
+  get width(): number {
+    return Math.round(this.inside[0] * this.ratio);
+  }
+  get height(): number {
+    return Math.round(this.inside[1] * this.ratio);
   }
   /** Gives a canvas these pixels. @returns whether it had others */
   fit(canvas: HTMLCanvasElement): boolean {

@@ -60,6 +60,8 @@ export class Session {
   obliqueNormal: Vec3 | null = null; // that the oblique one was called back with, while they rest
   pointed: (() => Vec3 | null) | null = null; // the point under the mouse, of the plane that is drawn when it is asked
   holding = false; // this page moves the tip just now
+  /** Structures, by the values of voxels, that look as another one does. */
+  alike: { values: number[]; as: number } | null = null;
   hidesNames = false; // of structures, as a quiz does
   trail: { p: Vec3; time: number }[] = [];
 
@@ -167,6 +169,7 @@ export class Session {
     const rgba = new Uint8Array(1024);
     this.looks.slice(0, 255).forEach((look, place) =>
       rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4));
+    for (const value of this.alike?.values ?? []) rgba.copyWithin(4 * value, 4 * this.alike!.as, 4 * this.alike!.as + 4);
     return rgba;
   }
   contactOf(device: DevicePose): Contact {

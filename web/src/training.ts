@@ -68,6 +68,7 @@ export class Training {
   private listed = ""; // what the steps were made of
   private looked = -1; // at this step's region
   private shownRun = 0; // whose debriefing is written
+  private spokenRun = 0; // whose verdict was spoken
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
 
   constructor(private readonly session: Session, private readonly connection: Connection, private readonly requests: Requests,
@@ -96,7 +97,8 @@ export class Training {
     const isNew = JSON.stringify(scene.tasks ?? []) !== JSON.stringify(this.tasks);
     if (isNew) {
       this.tasks = scene.tasks ?? [];
-      this.chosen = this.tasks[0]?.name ?? "";
+      // what a run is of, which may have been told before
+      if (!this.tasks.some(({ name }) => name === this.chosen)) this.chosen = this.tasks[0]?.name ?? "";
       this.looked = -1;
       this.listed = "";
     }
@@ -125,11 +127,18 @@ export class Training {
   debrief(debriefing: Debriefing): void {
     this.debriefing = debriefing;
     this.update();
-    announce(byId("verdict").textContent ?? "");
+  }
+  /** Another connection, behind which another session may stand, whose runs are counted from 1 again. */
+  beginAnew(): void {
+    this.run = this.debriefing = null;
+    this.shownRun = this.spokenRun = this.left = this.toldRun = this.toldEvents = 0;
+    this.plots = [];
+    this.update();
   }
 
   private choose(name: string): void {
     this.chosen = name;
+    this.left = this.run?.run ?? 0;
     this.listed = "";
     this.looked = -1;
     this.update();
@@ -216,7 +225,7 @@ export class Training {
     const { connection, session } = this;
     const isAllowed = connection.link === "connected" && connection.role === "control";
     const isOthers = session.state?.pointer_by === "viewer";
-    for (const id of ["task-begin", "task-end", "task-again"]) byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || (id !== "task-end" && this.run?.phase === "keeping");
+    for (const id of ["task-begin", "task-end", "task-again"]) byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
     const note = connection.role === "view" && connection.link === "connected" ? words.taskWatch : isOthers ? words.taskOthers : this.run?.keeps ? words.taskKept : words.taskNotKept;
     write(byId("task-note"), note);
   }
@@ -273,7 +282,7 @@ export class Training {
     const percent = (force: number) => Math.min(100, (100 * force) / top);
     const value = element("span", { className: "value" });
     const bar = says(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
-    for (const [name, now] of [["role", "meter"], ["aria-valuemin", "0"], ["aria-valuemax", digits(top)], ["aria-valuenow", "0"]] as const) bar.setAttribute(name, now);
+    for (const [name, now] of [["role", "meter"], ["aria-valuemin", "0"], ["aria-valuemax", top.toFixed(2)], ["aria-valuenow", "0"]] as const) bar.setAttribute(name, now);
     bar.dataset.top = String(top);
     if (band_N) {
       const zone = element("span", { className: "zone" });
@@ -330,7 +339,7 @@ export class Training {
       const force = run.forces_N[n] ?? 0;
       const where = limit_N !== null && force > limit_N ? "limit" : force < TOUCHED_N ? "none" : !band_N ? "some" : force < band_N[0] ? "under" : band_N[1] !== null && force > band_N[1] ? "over" : "in";
       bar.dataset.where = where;
-      bar.setAttribute("aria-valuenow", digits(force));
+      bar.setAttribute("aria-valuenow", Math.min(force, Number(bar.dataset.top)).toFixed(2));
       value.style.width = `${Math.min(100, (100 * force) / Number(bar.dataset.top))}%`;
       write(said, `${quantity(force, "N")} · ${words.inBand[where]}`);
       bar.setAttribute("aria-valuetext", said.textContent ?? "");
@@ -352,6 +361,7 @@ export class Training {
   private showDebriefing(task: Task, told: Debriefing): void {
     if (this.shownRun === told.run) return;
     this.shownRun = told.run;
+    const isNews = this.toldRun === told.run && this.spokenRun !== told.run;
     byId("verdict").dataset.inBand = String(told.in_band);
     const row = words.inARow(String(told.in_a_row), String(task.in_a_row));
     write(byId("verdict"), `${told.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`} · ${told.in_a_row >= task.in_a_row ? words.passed : row}`);
@@ -359,6 +369,9 @@ export class Training {
       told.kept !== null ? words.keptAs(String(told.kept)) : told.not_kept ? words.notKept(refusalText(told.not_kept)) : words.keptNowhere, words.runsSoFar(String(told.runs)),
       words.ticksOfRun(String(told.first_tick), String(told.last_tick))].join(" "));
 
+    // of a run that was seen under way
+    if (isNews) announce(byId("verdict").textContent ?? "");
+    this.spokenRun = told.run;
     const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
     byId("figures").replaceChildren(says(element("caption"), { text: "figuresAbout" }),
       element("thead", {}, element("tr", {}, ...heads.map((head) => says(element("th", { scope: "col" }), { text: head })))),

@@ -52,6 +52,7 @@ export function drawWay(frame: Frame, seen: InVolume, { samples }: Debriefing, f
 
 export function drawPatches(frame: Frame, seen: InVolume, { patches }: Debriefing): void {
   const { context, ratio } = frame;
+  const open = new Path2D();
   for (const [x, y, z, isCovered] of patches) {
     const p: Vec3 = [x, y, z];
     if (seen.hides(p, SLACK_MM)) continue;
@@ -61,13 +62,14 @@ export function drawPatches(frame: Frame, seen: InVolume, { patches }: Debriefin
       context.fillStyle = COVERED;
       context.fillRect(px - side / 2, py - side / 2, side, side);
     } else {
-      context.strokeStyle = OPEN;
-      context.lineWidth = ratio;
-      context.beginPath();
-      context.arc(px, py, Math.min(side / 3, 3 * ratio), 0, 2 * Math.PI);
-      context.stroke();
+      const radius = Math.min(side / 3, 3 * ratio);
+      open.moveTo(px + radius, py);
+      open.arc(px, py, radius, 0, 2 * Math.PI);
     }
   }
+  context.strokeStyle = OPEN;
+  context.lineWidth = ratio;
+  context.stroke(open);
 }
 
 /** A cross with a name: where something was told to be, or is. */

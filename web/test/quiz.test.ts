@@ -24,6 +24,7 @@ test("what is to be found is drawn as what touches it most, and comes back", () 
   const whole = volumes.structure.slice();
   const concealed = conceal(scene, volumes, [9])!;
   assert.deepEqual([concealed.lo, concealed.size], [[3, 3, 2], [3, 3, 3]]);
+  assert.deepEqual([concealed.values, concealed.as], [[2], 1], "also of its colour");
   volumes.write(concealed.lo, concealed.size, concealed.now);
   assert.ok(!volumes.structure.includes(2));
   assert.equal(volumes.structureAt([4, 4, 3]), 0, "soft tissue");

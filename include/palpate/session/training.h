@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,13 +43,17 @@ struct TaskRun {
   TaskScore score;
   TickRange ticks;             ///< its first and its last, which `palpate task score` is to be told
   std::uint64_t run_hash = 0;  ///< over these, as RecordingSummary::run_hash over all
-  RecordingHeader header;      ///< of the session
+  std::shared_ptr<const RecordingHeader> header;  ///< of the session
 };
+/// A session has so many runs at most, and so many events are kept of one that is over.
+inline constexpr std::uint32_t kMostRunsOfSession = 1000;
+inline constexpr std::size_t kMostEventsKept = 500;
 
 /// What is known of a learner's runs of a task, this one included.
 struct RunHistory {
   int runs = 0, in_a_row = 0;
-  /// Of the task's metrics, in the runs before this one; kNotKnown where there is none.
+  /// Of the task's metrics, in the runs before this one that were in band: one that was broken off has a
+  /// short way and little force. kNotKnown where there is none.
   std::vector<double> best;
   std::optional<std::int64_t> kept;  ///< number in the records
   std::optional<Error> not_kept;

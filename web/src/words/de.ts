@@ -263,7 +263,7 @@ export const de: Words = {
   inBand: { none: "nicht berührt", some: "berührt", under: "zu wenig", in: "im Bereich", over: "zu viel", limit: "über der Grenze" },
   isOver: (name, most) => `Zu viel Kraft auf ${name}: über ${most}.`,
   isProtected: (name) => `${name} ist geschützt: loslassen.`,
-  ticksMissing: (time) => `${time} wurden nicht gesehen, weil dieser Rechner zu langsam war: kein Bestehen.`,
+  ticksMissing: (time) => `Aus ${time} gingen Ticks verloren, weil dieser Rechner zu langsam war: kein Bestehen.`,
   stepIsDone: (step) => `Erledigt: ${step}`,
   wasOver: (force, name, most) => `${force} auf ${name}, über ${most}`,
   wasProtected: (name, force) => `${name}, geschützt, mit ${force} berührt`,

@@ -262,7 +262,7 @@ export const en = {
   inBand: { none: "not touched", some: "touched", under: "too little", in: "in the band", over: "too much", limit: "above the limit" },
   isOver: (name: string, most: string) => `Too much force on ${name}: above ${most}.`,
   isProtected: (name: string) => `${name} is protected: let go of it.`,
-  ticksMissing: (time: string) => `${time} were not seen, for this machine was too slow: the run does not pass.`,
+  ticksMissing: (time: string) => `Of ${time} ticks were lost, for this machine was too slow: the run does not pass.`,
   stepIsDone: (step: string) => `Done: ${step}`,
   wasOver: (force: string, name: string, most: string) => `${force} on ${name}, above ${most}`,
   wasProtected: (name: string, force: string) => `${name}, which is protected, touched with ${force}`,
