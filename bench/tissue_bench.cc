@@ -13,6 +13,7 @@
 #include "json_file.h"
 #include "palpate/haptics/proxy.h"
 #include "palpate/model/make_model.h"
+#include "palpate/servo/servo.h"
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/yield_solver.h"
 
@@ -186,6 +187,96 @@ Result<std::shared_ptr<const Model>> plane(TissueLaw law) {
   return prepared_for(made->model, {&proxy, 1});
 }
 
+// A corner of three blocks with a gap of air between them, each soft on something hard, or by layers the
+// same.
+Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
+  GridGeometry grid;
+  grid.dims = {40, 40, 40};
+  grid.spacing_mm = Eigen::Vector3d::Ones();
+  grid.origin = Point<Patient>(-19.5, -19.5, -19.5);
+  Volume<LabelId> labels(grid);
+  for (int k = 1; k < 39; ++k)
+    for (int j = 1; j < 39; ++j)
+      for (int i = 1; i < 39; ++i) {
+        // the deepest below x, y or z = 0 is whose it is
+        const int depth[3] = {19 - i, 19 - j, 19 - k};
+        int most = 0;
+        for (int axis = 1; axis < 3; ++axis)
+          if (depth[axis] > depth[most]) most = axis;
+        const int next = std::max(depth[(most + 1) % 3], depth[(most + 2) % 3]);
+        if (depth[most] < 0 || depth[most] - next < 2) continue;
+        labels.at(i, j, k) = static_cast<LabelId>(2 * most + (depth[most] < 4 ? 1 : 2));
+      }
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  parts.tissue_of_label = {-1};
+  Tissue soft, hard;
+  soft.stiffness_N_per_mm = 0.3;
+  soft.elastic = ElasticConstants{10, 0.45};
+  hard.stiffness_N_per_mm = 2;
+  parts.tissues = {soft, hard};
+  for (int n = 1; n <= 6; ++n) {
+    parts.segments.push_back({static_cast<LabelId>(n), "part", {}, 0, static_cast<LabelId>(n)});
+    parts.tissue_of_label.push_back(n % 2 == 1 ? 0 : 1);
+  }
+  parts.tissue_law = law;
+  Tool tool;
+  tool.radius_mm = 1.5;
+  tool.points_mm = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  parts.tools = {tool};
+  auto made = make_model(std::move(parts));
+  if (!made) return made.error();
+  const ForceMethod proxy = ForceMethod::kProxy;
+  return prepared_for(made->model, {&proxy, 1});
+}
+
+/// A tool of four spheres that is pressed into that corner, so deep that each leans on, or is near, three
+/// soft surfaces and three hard ones within: 24 pairs of a sphere and a surface.
+class CornerTip {
+ public:
+  explicit CornerTip(const Model& model) : model_(model) {
+    parameters_.method = ForceMethod::kProxy;
+    parameters_.max_force_N = parameters_.device[0].limits.peak_force_N = 10;
+    parameters_.yields.number = 1;
+    parameters_.yields.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
+    run(1000);
+  }
+  void run(int ticks) {
+    places_ = 0;
+    for (int n = 0; n < ticks; ++n, ++ticks_) {
+      const double in = std::max(-4.5, 8 - 0.02 * ticks_), x = 0.3 * std::sin(3e-3 * ticks_);
+      DeviceState device;
+      device.tip = model_.X_WorldPatient * Point<Patient>(in + x, in - x, in + 0.5 * x);
+      Wrench wrench;
+      tick(model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
+      for (int layer = 0; layer < kMostLayers; ++layer)
+        places_ += state_.hands[0].proxy.layer(layer).contacts;
+    }
+  }
+  /// In which it leant in the last run.
+  int places() const { return places_; }
+
+ private:
+  const Model& model_;
+  Parameters parameters_;
+  SessionState state_;
+  TickRecord record_;
+  int ticks_ = 0, places_ = 0;
+};
+
+nlohmann::json corners(int rounds) {
+  constexpr int kTicks = 4000;
+  const auto layers = corner(TissueLaw::kLayers), elastic = corner(TissueLaw::kElastic);
+  PALPATE_CHECK(layers.ok() && elastic.ok());
+  CornerTip spring(**layers), yielding(**elastic);
+  const auto times = medians_s({[&] { spring.run(kTicks); }, [&] { yielding.run(kTicks); }}, rounds);
+  const double places = static_cast<double>(yielding.places()) / kTicks;
+  std::printf("a tick of four spheres %8.2f us   with springs %.2f us   in a corner, in %.1f places\n",
+              1e6 * times[1] / kTicks, 1e6 * times[0] / kTicks, places);
+  return {
+      {"yielding_us", 1e6 * times[1] / kTicks}, {"spring_us", 1e6 * times[0] / kTicks}, {"places", places}};
+}
+
 nlohmann::json ticks(int rounds) {
   constexpr int kTicks = 20'000;
   const auto spring = plane(TissueLaw::kLayers), yielding = plane(TissueLaw::kElastic);
@@ -198,22 +289,38 @@ nlohmann::json ticks(int rounds) {
   finite.spot[0].stiffening_mm_per_N2 = 2;
   finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};
-  const auto slide = [&](const Model& model, const YieldFrame* yields) {
+  // four shafts that lie, in six places each
+  std::vector<ToolSphere> shafts;
+  for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
+  const auto slide = [&](const Model& model, const YieldFrame* yields, std::span<const ToolSphere> tool) {
     ProxyState state;
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);
-      const Point<Patient> tip(6 * std::sin(1e-3 * n), 6 * std::cos(1e-3 * n), 1 + down);
-      advance_proxy(model.surfaces, {&sphere, 1}, tip, state, {.yields = yields});
+      const Point<Patient> tip(6 * std::sin(1e-3 * n), 6 * std::cos(1e-3 * n), tool[0].radius_mm - 2 + down);
+      advance_proxy(model.surfaces, tool, tip, state, {.yields = yields});
     }
   };
-  const auto times = medians_s({[&] { slide(**spring, nullptr); }, [&] { slide(**yielding, &frame); },
-                                [&] { slide(**yielding, &finite); }},
-                               rounds);
+  const auto times =
+      medians_s({[&] {
+                   slide(**spring, nullptr, {&sphere, 1});
+                 },
+                 [&] {
+                   slide(**yielding, &frame, {&sphere, 1});
+                 },
+                 [&] {
+                   slide(**yielding, &finite, {&sphere, 1});
+                 },
+                 [&] { slide(**spring, nullptr, shafts); }, [&] { slide(**yielding, &frame, shafts); }},
+                rounds);
   std::printf("a sphere's contact     %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
               1e9 * times[0] / kTicks, 1e9 * (times[1] - times[0]) / kTicks);
   std::printf("  neo-Hookean          %8.1f ns                           %+.1f ns\n", 1e9 * times[2] / kTicks,
               1e9 * (times[2] - times[0]) / kTicks);
+  std::printf("  of 24 places         %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[4] / kTicks,
+              1e9 * times[3] / kTicks, 1e9 * (times[4] - times[3]) / kTicks);
   return {{"yielding_ns", 1e9 * times[1] / kTicks},
+          {"shafts_ns", 1e9 * times[4] / kTicks},
+          {"shafts_spring_ns", 1e9 * times[3] / kTicks},
           {"spring_ns", 1e9 * times[0] / kTicks},
           {"neo_hookean_ns", 1e9 * times[2] / kTicks}};
 }
@@ -233,5 +340,6 @@ int main(int count, char** arguments) {
   figures["frames"] = frames(options.rounds);
   figures["box"] = box(options.rounds);
   figures["tick"] = ticks(options.rounds);
+  figures["corner"] = corners(options.rounds);
   return write_json("tissue_bench", options.json, figures);
 }

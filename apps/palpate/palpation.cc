@@ -77,7 +77,7 @@ void print_removed(const std::vector<RemovedFigure>& removed) {
     std::printf("removed %.1f mm3 of %s\n", figure.volume_mm3, figure.structure.c_str());
 }
 
-void print_protected(const std::vector<ProtectedFigure>& spared) {
+void print_protected(const std::vector<ProtectedFigure>& spared, const std::string& cutter) {
   for (const ProtectedFigure& figure : spared) {
     const char* name = figure.structure.c_str();
     if (figure.removed_mm3 > 0)
@@ -85,7 +85,7 @@ void print_protected(const std::vector<ProtectedFigure>& spared) {
     else if (figure.nearest_mm)
       std::printf("nearest to %s: %.2f mm; nothing of it is gone\n", name, *figure.nearest_mm);
     else
-      std::printf("the burr did not come near %s\n", name);
+      std::printf("the %s did not come near %s\n", cutter.c_str(), name);
   }
 }
 

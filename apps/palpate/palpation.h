@@ -46,7 +46,8 @@ void print_touches(const std::vector<TouchFigure>& touches);
 std::string held_defined();
 /// On stdout, a line each: how much of a structure is gone.
 void print_removed(const std::vector<RemovedFigure>& removed);
-void print_protected(const std::vector<ProtectedFigure>& spared);
+/// @param cutter  cutter_name of the model
+void print_protected(const std::vector<ProtectedFigure>& spared, const std::string& cutter);
 /// A table on stdout: how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 

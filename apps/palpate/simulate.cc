@@ -57,11 +57,11 @@ Result<Outputs> outputs_of(const SimulateOptions& options) {
   return outputs;
 }
 
-void print(const SimulationResult& result) {
+void print(const SimulationResult& result, const Model& model) {
   print_touches(result.touches);
   print_holds(result.holds);
   print_removed(result.removed);
-  print_protected(result.spared);
+  print_protected(result.spared, cutter_name(model));
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
               static_cast<unsigned long long>(result.summary.clamped),
@@ -96,7 +96,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
     return console.fail(result.error());
   }
   for (const std::string& trouble : result->trouble) console.warn()(trouble);
-  print(*result);
+  print(*result, *loaded->model);
   if (!outputs->recording.empty()) console.note("recording: " + outputs->recording.string());
 
   if (!outputs->report.empty()) {

@@ -33,13 +33,24 @@ std::string burr_shape(const Tool& tool) {
   return tool.burr->end_radius_mm == tool.radius_mm ? "cylinder" : "cone";
 }
 
+std::string cutter_name(const Tool& tool) {
+  return !tool.burr ? "" : tool.burr->shaver ? "shaver" : "burr";
+}
+
+std::string cutter_name(const Model& model) {
+  bool burr = false, shaver = false;
+  for (const Tool& tool : model.tools)
+    if (tool.burr) (tool.burr->shaver ? shaver : burr) = true;
+  return burr && shaver ? "burr or shaver" : burr ? "burr" : shaver ? "shaver" : "";
+}
+
 std::string burr_in_words(const Tool& tool) {
   if (!tool.burr) return "";
   const BurrSettings& burr = *tool.burr;
   const bool is_row = burr.length_mm > 0;
   char text[160];
-  int end = std::snprintf(text, sizeof text, "burr: a %s of %g mm", burr_shape(tool).c_str(),
-                          2 * (is_row ? burr.end_radius_mm : tool.radius_mm));
+  int end = std::snprintf(text, sizeof text, "%s: a %s of %g mm", cutter_name(tool).c_str(),
+                          burr_shape(tool).c_str(), 2 * (is_row ? burr.end_radius_mm : tool.radius_mm));
   const auto add = [&](const char* format, double value) {
     end += std::snprintf(text + end, sizeof text - static_cast<std::size_t>(end), format, value);
   };

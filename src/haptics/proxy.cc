@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 
+#include "haptics/footprint.h"
 #include "haptics/near_surfaces.h"
 #include "haptics/tool_turn.h"
 #include "palpate/haptics/proxy_way.h"
@@ -646,7 +647,8 @@ class Springs {
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
     force.tangent_N_per_mm = stiffness;
     if (pressed.pull_mm > 0) {
-      const Yielded gives = press(pressed, state.position, stretched_mm.norm(), yield, relaxation);
+      const Footprint foot = footprint(pressed, contacts, spheres, stretched_mm);
+      const Yielded gives = press(pressed, foot, state.position, stretched_mm.norm(), yield, relaxation);
       const double part = pressed.pull_mm / all_mm;
       stiffness += part * gives.secant_N_per_mm;
       own_stiffness += part * gives.own_secant_N_per_mm;
@@ -715,35 +717,64 @@ class Springs {
     YieldForce felt;
     double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: whatever a hand holds with its device
   };
-  Yielded press(const Pressed& pressed, const Point<Patient>& position, double depth_mm, YieldState& yield,
-                RelaxationState& relaxation) {
+  // What a tool of several parts, or one that lies along tissue, presses with: it may lean in fewer places
+  // than it would press in. As deep as the spring says, wherever its deepest place is.
+  Footprint footprint(const Pressed& pressed, std::span<const ProxyContact> contacts,
+                      std::span<const ToolSphere> spheres, const Vector<Patient>& stretched_mm) const {
+    const double per_pull = 1 / pressed.pull_mm, depth_mm = stretched_mm.norm();
+    const Footprint one{depth_mm, pressed.radius_mm * per_pull, 0, 1, pressed.arm_mm * per_pull};
+    if ((spheres.size() == 1 && spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0)) return one;
+    std::array<int, kMostContacts> leant_on;
+    std::size_t count = 0;
+    for (const ProxyContact& contact : contacts) {
+      const auto known = std::span(leant_on).first(count);
+      if (std::ranges::find(known, contact.surface) == known.end()) leant_on[count++] = contact.surface;
+    }
+    std::array<PressPlace, kMostPressPlaces> places;
+    std::size_t found = press_places(surfaces_, std::span(leant_on).first(count), spheres, tip_, places);
+    double deepest_mm = 0;
+    for (const PressPlace& place : std::span(places).first(found))
+      deepest_mm = std::max(deepest_mm, place.depth_mm);
+    const auto shallow = std::remove_if(places.begin(), places.begin() + found, [&](PressPlace& place) {
+      place.depth_mm += depth_mm - deepest_mm;
+      return !(place.depth_mm > 0);
+    });
+    found = static_cast<std::size_t>(shallow - places.begin());
+    if (found <= 1) return one;
+    return footprint_of(std::span(places).first(found), stretched_mm * (1 / depth_mm));
+  }
+  Yielded press(const Pressed& pressed, const Footprint& foot, const Point<Patient>& position,
+                double stretched_mm, YieldState& yield, RelaxationState& relaxation) {
     const YieldFrame* const frame = options_.yields;
     const YieldSpot spot = frame != nullptr ? frame->spot[options_.device] : YieldSpot{};
-    const double per_pull = 1 / pressed.pull_mm, radius_mm = pressed.radius_mm * per_pull;
-    const Point<Patient> at = position + pressed.arm_mm * per_pull;
-    const YieldingTissue tissue = feel_yield(frame != nullptr ? frame->number : 0, spot, at,
-                                             pressed.modulus * per_pull, options_.dt_s, yield);
+    const double per_pull = 1 / pressed.pull_mm, radius_mm = foot.radius_mm, depth_mm = foot.depth_mm;
+    const Point<Patient> at = position + foot.arm_mm;
+    YieldingTissue tissue = feel_yield(frame != nullptr ? frame->number : 0, spot, at,
+                                       pressed.modulus * per_pull, options_.dt_s, yield);
+    tissue.beyond_mm_per_N += foot.closeness_per_mm / tissue.modulus_N_per_mm2;
     Yielded yielded;
     if (!(depth_mm > 0)) return yielded;
-    const double most = options_.most_stiffness_N_per_mm;
+    const double most = options_.most_stiffness_N_per_mm / foot.stiffer;
     yielded.felt = yield_force(tissue, depth_mm, radius_mm, most);
-    yielded.secant_N_per_mm = yielded.felt.force_N / depth_mm;
+    yielded.felt.tangent_N_per_mm *= foot.stiffer;
+    yielded.secant_N_per_mm = yielded.felt.force_N / stretched_mm;
     yielded.own_secant_N_per_mm = std::isfinite(most)
-                                      ? yield_force(tissue, depth_mm, radius_mm).force_N / depth_mm
+                                      ? yield_force(tissue, depth_mm, radius_mm).force_N / stretched_mm
                                       : yielded.secant_N_per_mm;
     if (options_.relaxation_times == nullptr) return yielded;
-    RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * radius_mm, kYieldFeel.blend_s};
+    RelaxingContact contact{spot.relaxed, at, kYieldFeel.dent_radii * pressed.radius_mm * per_pull,
+                            kYieldFeel.blend_s};
     if (!spot.is_known()) {
       contact.parts = {};
       contact.parts.add(pressed.relaxed, per_pull);
     }
-    relax(tissue, contact, depth_mm, radius_mm, relaxation, yielded);
+    relax(tissue, contact, depth_mm, radius_mm, most, relaxation, yielded);
     return yielded;
   }
   // what is left of an elastic force, and what it stores (docs/decisions/0040-relaxation.md)
   void relax(const YieldingTissue& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
-             RelaxationState& state, Yielded& yielded) {
-    const double elastic_N = yielded.felt.force_N, most = options_.most_stiffness_N_per_mm;
+             double most, RelaxationState& state, Yielded& yielded) {
+    const double elastic_N = yielded.felt.force_N;
     const double force_N =
         advance_relaxation(*options_.relaxation_times, elastic_N, &contact, options_.dt_s, state);
     relaxed_ = true;
@@ -955,19 +986,22 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 }
 
 // a layer's proxy for a tip that is inside
+// @param punctured  surfaces that the tool has gone through
 bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                const ToolPose& hand, ProxyLayer& state) {
+                const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
   // a surface is looked for as far as the fields know of one; from there, others may be nearer
   constexpr double kFar_mm = 1000;
   constexpr int kMostSteps = 64, kMostGatherings = 4;
   Point<Patient> born = hand.tip;
-  for (int look = 0; look < kMostGatherings && !is_free(surfaces, spheres, layer, {}, {}, born); ++look) {
-    NearSurfaces near(surfaces, spheres, layer, {}, born, kFar_mm);
+  const auto is_out = [&] { return is_free(surfaces, spheres, layer, punctured, {}, born); };
+  for (int look = 0; look < kMostGatherings && !is_out(); ++look) {
+    NearSurfaces near(surfaces, spheres, layer, punctured, born, kFar_mm);
     if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
   }
-  if (!is_free(surfaces, spheres, layer, {}, {}, born)) return false;
+  if (!is_out()) return false;
   state = {};
   state.coupled = true;
+  state.punctured = punctured;
   state.position = born;
   state.attitude = hand.attitude;
   return true;
@@ -1069,9 +1103,32 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
                          const ToolPose& hand, ProxyState& state) {
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
-    if (!give_birth(surfaces, spheres, n, hand, born.layer(n)) && n == 0) return false;
+    if (!give_birth(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
   state = born;
   return true;
+}
+
+void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state) {
+  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
+  SurfaceSet through;
+  for (std::size_t s = 0; s < before.size(); ++s)
+    for (int n = 0; n < kMostLayers && before[s].index >= 0; ++n)
+      through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(before[s].index)];
+  const bool was_coupled = state.coupled;
+  keep_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state);
+  state.within = {};
+  state.yield = {};
+  state.relaxation = {};
+  // nobody knew how the tip got in
+  if (!was_coupled) return;
+  state.punctured = {};
+  for (std::size_t s = 0; s < surfaces.size(); ++s)
+    if (through[s]) open(surfaces, static_cast<int>(s), state);
+  for (int n = state.coupled ? 1 : 0; n < layers_of(surfaces); ++n) {
+    const SurfaceSet punctured = state.layer(n).punctured;
+    give_birth(surfaces, spheres, n, hand, punctured, state.layer(n));
+  }
 }
 
 }  // namespace palpate

@@ -112,7 +112,8 @@ Json capsules_json(const ViewedTool& tool) {
 Json tool_json(const ViewedTool& tool) {
   return {{"name", shown(tool.name)},    {"radius_mm", tool.radius_mm},
           {"cuts", tool.cuts},           {"burr", tool.burr.empty() ? Json() : Json(tool.burr)},
-          {"points_mm", tool.points_mm}, {"capsules", capsules_json(tool)}};
+          {"points_mm", tool.points_mm}, {"capsules", capsules_json(tool)},
+          {"shaver", tool.shaver}};
 }
 
 Json error_json(const Error& error) {
@@ -201,6 +202,8 @@ std::string state_json(const ViewedState& state, int viewers, std::uint32_t hold
   json["type"] = "state";
   json["method"] = state.method;
   json["law"] = state.law;
+  json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
+  json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
   json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
   json["friction"] = state.friction;

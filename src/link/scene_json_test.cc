@@ -40,10 +40,10 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
                                           "burr": "cone", "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
-                                                        "radius_mm": 1.5, "end_radius_mm": 2.0}]})"));
+                                                        "radius_mm": 1.5, "end_radius_mm": 2.0}], "shaver": false})"));
   EXPECT_EQ(json["tools"][0], json["tool"]);
   EXPECT_EQ(json["tools"][1], Json::parse(R"({"name": "drill", "radius_mm": 2.0, "cuts": true, "burr": "ball",
-                                              "points_mm": [[0, 0, 0]], "capsules": []})"));
+                                              "points_mm": [[0, 0, 0]], "capsules": [], "shaver": true})"));
   EXPECT_EQ(json["tools"].size(), 2u) << "one for each device";
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
   EXPECT_EQ(json["laws"], Json::parse(R"(["elastic", "neo-hookean"])"));
@@ -99,7 +99,7 @@ TEST(SceneJson, StateAndAnswers) {
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
   EXPECT_EQ(Json::parse(state_json(cut, 2, 1, 1)), Json::parse(R"({
-    "type": "state", "method": "proxy", "law": "elastic", "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
+    "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
@@ -113,7 +113,12 @@ TEST(SceneJson, StateAndAnswers) {
   ViewedState state = host.state();
   state.method_awaited = "trilinear";
   state.method_failure = Error{ErrorKind::kUnavailable, "no memory", "b-spline", "choose another"};
+  state.law_awaited = "layers";
+  state.law_failure = Error{ErrorKind::kBadInput, "was cut", "elastic", "begin with it"};
   const Json json = Json::parse(state_json(state, 2, 1, 1));
+  EXPECT_EQ(json["law_awaited"], "layers");
+  EXPECT_EQ(json["law_failed"],
+            Json::parse(R"({"what": "was cut", "where": "elastic", "how": "begin with it"})"));
   EXPECT_EQ(json["method_awaited"], "trilinear");
   EXPECT_EQ(json["method_failed"],
             Json::parse(R"({"what": "no memory", "where": "b-spline", "how": "choose another"})"));

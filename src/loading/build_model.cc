@@ -414,4 +414,8 @@ Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> mode
   return prepared_for(std::move(model), methods, KeptPreparing(), progress);
 }
 
+std::unique_ptr<const Preparing> kept_preparing() {
+  return std::make_unique<KeptPreparing>();
+}
+
 }  // namespace palpate

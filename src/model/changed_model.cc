@@ -1,7 +1,9 @@
 #include "palpate/model/changed_model.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/haptics/tissue_values.h"
 #include "palpate/model/ramp_structures.h"
@@ -45,13 +47,16 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
   next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.uncut_hash) : next.uncut_hash;
 }
 
-Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change) {
-  auto under = under_law(felt, law_of(change));
+Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
+                                              const Preparing& preparing, const Progress& progress) {
+  // whatever a file says
+  const double coarsened = change.stiffness_N_per_mm;
+  if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMostTissueCoarsened))
+    return Error{ErrorKind::kBadInput,
+                 "no machine asks for cells " + std::to_string(coarsened) + " times as long", "", ""};
+  auto under = under_law(felt, law_of(change), preparing, progress);
   if (!under) return under.error();
-  auto next = std::make_shared<Model>(**under);
-  next->version = change.version;
-  hash_after(felt, change, *next);
-  return std::shared_ptr<const Model>(std::move(next));
+  return going_by(felt, **under, change);
 }
 
 }  // namespace
@@ -151,27 +156,61 @@ ModelChange change_of_stroke(const Model& felt, StrokeAction action) {
   return {felt.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
 }
 
-ModelChange change_of_law(const Model& felt, TissueLaw law) {
-  return {felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
+ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened) {
+  ModelChange change{felt.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
+  change.stiffness_N_per_mm = coarsened;
+  return change;
 }
 
-Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law) {
+bool has_other_surfaces(const Model& felt, TissueLaw law) {
+  return is_elastic(law) != is_elastic(felt.tissue_law);
+}
+
+Result<void> check_law(const Model& felt, TissueLaw law) {
   const bool is_soft = std::ranges::any_of(
       felt.tissues, [](const Tissue& tissue) { return tissue.felt && tissue.elastic.has_value(); });
   if (!is_soft)
     return Error{ErrorKind::kBadInput, "no tissue that is felt has a Young's modulus", "",
                  "give one `youngs_modulus`, or a preset that has one"};
-  if (is_elastic(law) != is_elastic(felt.tissue_law))
-    return Error{ErrorKind::kBadInput,
-                 "tissue that yields has other surfaces than tissue that is felt by layers", "",
-                 "write the law into the scene's [yielding], and open it again"};
+  if (has_other_surfaces(felt, law)) {
+    const bool yields = is_elastic(law);
+    if (!felt.has(ForceMethod::kProxy))
+      return Error{ErrorKind::kBadInput,
+                   "tissue yields to the proxy alone, and no surfaces are prepared for it", "",
+                   "write the law into the scene's [yielding], and method = \"proxy\" into [force]"};
+    if (felt.carving != nullptr)
+      return Error{ErrorKind::kBadInput,
+                   std::string("something was cut away, and tissue that ") +
+                       (yields ? "yields" : "is felt by layers") +
+                       " has other surfaces, which are made of what is whole",
+                   "", "begin with that law, or change to it before anything is cut"};
+  }
   if (is_moving(law) && felt.carving != nullptr && !felt.carving->tells_parts())
     return Error{ErrorKind::kBadInput,
                  "what was cut away from tissue that did not move was not counted in parts of voxels", "",
                  "begin with the law by which it moves, or change to it before anything is cut"};
+  return {};
+}
+
+Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law, const Preparing& preparing,
+                                               const Progress& progress) {
+  if (auto fine = check_law(felt, law); !fine) return fine.error();
   auto next = std::make_shared<Model>(felt);
   next->tissue_law = law;
-  return std::shared_ptr<const Model>(std::move(next));
+  if (!has_other_surfaces(felt, law)) return std::shared_ptr<const Model>(std::move(next));
+  auto times = relaxation_times_of(felt.tissues, law);
+  if (!times) return times.error();
+  next->relaxation_times = *times;
+  return with_surfaces(std::move(next), preparing, progress);
+}
+
+std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, const ModelChange& change) {
+  auto next = std::make_shared<Model>(under);
+  next->version = change.version;
+  // of a change of law (change_of_law)
+  if (const double coarsened = change.stiffness_N_per_mm; coarsened != 0) next->tissue_coarsened = coarsened;
+  hash_after(felt, change, *next);
+  return next;
 }
 
 std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change) {
@@ -185,7 +224,8 @@ void follow(const ModelChange& change, RemovedVolume& removed) {
 }
 
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
-                                   std::span<const Cut> cuts, const Progress& progress) {
+                                   std::span<const Cut> cuts, const Progress& progress,
+                                   const Preparing& preparing) {
   if (change.tissue == ModelChange::kCut) {
     if (!now.felt->has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model is prepared without", "",
@@ -199,7 +239,7 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
     return ModelVersions{carving->taken_from(*now.felt), now.made};
   }
   if (change.is_of_law()) {
-    auto felt = next_law(*now.felt, change);
+    auto felt = next_law(*now.felt, change, preparing, progress);
     if (!felt) return felt.error();
     return ModelVersions{*std::move(felt), now.made};
   }

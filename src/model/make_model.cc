@@ -6,6 +6,7 @@
 #include <utility>
 #include <variant>
 
+#include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/model/ramp_structures.h"
 #include "palpate/tissue/elastic_grid.h"
@@ -115,9 +116,10 @@ Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeo
   const bool is_cone = tool.burr->length_mm > 0 && tool.burr->end_radius_mm != tool.radius_mm;
   const bool is_tip = is_cone && !tip_fits;
   char what[200];
-  std::snprintf(
-      what, sizeof what, "a burr of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
-      2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm), is_tip ? " at its tip" : "", voxel_mm);
+  std::snprintf(what, sizeof what,
+                "a %s of %g mm%s is too small for voxels of %.3g mm: it takes two of them across",
+                cutter_name(tool).c_str(), 2 * (tip_fits ? tool.burr->end_radius_mm : tool.radius_mm),
+                is_tip ? " at its tip" : "", voxel_mm);
   return Error{ErrorKind::kBadInput, what, "",
                std::string("set a larger `") + (is_tip ? "tip_diameter" : "diameter") + "` under [" +
                    (number == 0 ? "tool" : "second_tool") + "], or give labels with finer voxels"};
@@ -160,25 +162,6 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
   return {};
 }
 
-// of the tissues that yield
-Result<RelaxationTimes> relaxation_times_of(const ModelParts& parts) {
-  RelaxationTimes times;
-  if (!is_elastic(parts.tissue_law)) return times;
-  for (const Tissue& tissue : parts.tissues) {
-    if (auto fine = check_relaxation(tissue.relaxation); !fine) {
-      Error error = fine.error();
-      error.what = "tissue \"" + tissue.name + "\" has " + error.what;
-      return error;
-    }
-    if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
-      return Error{
-          ErrorKind::kBadInput,
-          "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) + " different times", "",
-          "let some of them have the same `relaxation` times"};
-  }
-  return times;
-}
-
 // what a label's place in the field is when the stiffest tissue's is 1
 void set_levels(Model& model) {
   // where nothing is felt none counts
@@ -213,13 +196,31 @@ Result<std::shared_ptr<const Field>> ramp_field(const Model& model, bool eight_b
 
 }  // namespace
 
+Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law) {
+  RelaxationTimes times;
+  if (!is_elastic(law)) return times;
+  for (const Tissue& tissue : tissues) {
+    if (auto fine = check_relaxation(tissue.relaxation); !fine) {
+      Error error = fine.error();
+      error.what = "tissue \"" + tissue.name + "\" has " + error.what;
+      return error;
+    }
+    if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
+      return Error{
+          ErrorKind::kBadInput,
+          "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) + " different times", "",
+          "let some of them have the same `relaxation` times"};
+  }
+  return times;
+}
+
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const Progress& progress) {
   const GridGeometry& grid = parts.labels->geometry();
   PALPATE_CHECK(!parts.tools.empty());
   for (std::size_t number = 0; number < parts.tools.size(); ++number)
     if (auto fine = check_burr_size(parts.tools[number], number, grid); !fine) return fine.error();
   if (auto fine = check_elastic(parts); !fine) return fine.error();
-  const auto times = relaxation_times_of(parts);
+  const auto times = relaxation_times_of(parts.tissues, parts.tissue_law);
   if (!times) return times.error();
 
   auto model = std::make_shared<Model>();

@@ -189,6 +189,18 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   return bytes;
 }
 
+// one group after the other; the labels of what is made together are merged in bricks of their own
+SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vector<LabelId>>& groups,
+                          double labels) {
+  SurfaceBytes all;
+  for (const std::vector<LabelId>& group : groups) {
+    const SurfaceBytes bytes = surface_bytes(estimate, group);
+    all.makes = std::max(all.makes, labels + all.stays + bytes.makes);
+    all.stays += bytes.stays;
+  }
+  return all;
+}
+
 }  // namespace
 
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing,
@@ -233,18 +245,24 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   if (proxy) {
     const auto groups = surfaces_needed(model, preparing, progress);
     if (!groups) return groups.error();
-    for (const std::vector<LabelId>& group : *groups) {
-      const SurfaceBytes bytes = surface_bytes(estimate, group);
-      // the labels of what is made together are merged in bricks of their own
-      peak = std::max(peak, field + labels + surfaces + bytes.makes);
-      surfaces += bytes.stays;
-    }
+    const SurfaceBytes bytes = bytes_of_all(estimate, *groups, labels);
+    peak = std::max(peak, field + bytes.makes);
+    surfaces = bytes.stays;
   }
   forecast.labels = parts.labels->bytes();
   forecast.field = static_cast<std::uint64_t>(field);
   forecast.surfaces = static_cast<std::uint64_t>(surfaces);
   forecast.peak = static_cast<std::uint64_t>(with_heap(std::max(peak, field + surfaces)));
   return forecast;
+}
+
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& preparing,
+                                         const Progress& progress) {
+  const auto groups = surfaces_needed(model, preparing, progress);
+  if (!groups) return groups.error();
+  const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
+  const SurfaceBytes bytes = bytes_of_all(estimate, *groups, static_cast<double>(model.labels->bytes()));
+  return static_cast<std::uint64_t>(with_heap(std::max(bytes.makes, bytes.stays)));
 }
 
 }  // namespace palpate

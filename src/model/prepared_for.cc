@@ -240,6 +240,8 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
   return structures;
 }
 
+}  // namespace
+
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Preparing& preparing, const Progress& progress) {
   const std::vector<LabelId> felt = felt_structures(*model);
@@ -259,8 +261,6 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
   more->label_of_surface = felt;
   return std::shared_ptr<const Model>(std::move(more));
 }
-
-}  // namespace
 
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
                                                           const Progress& progress) {

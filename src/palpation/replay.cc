@@ -178,7 +178,16 @@ class Replayer {
 // the version that a tick felt, by the changes that lead to it
 Result<void> Replayer::advance_to(const TickRecord& recorded) {
   while (model_.felt->version < recorded.model_version && !changes_.empty()) {
-    auto changed = next_version(model_, changes_.front().change, changes_.front().cuts, progress_);
+    const ModelChange& change = changes_.front().change;
+    // a session has its surfaces from the start, felt or not
+    if (change.is_of_law() && has_other_surfaces(*model_.felt, law_of(change)) &&
+        !model_.felt->has(ForceMethod::kProxy)) {
+      constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+      auto ready = ready_for(model_.felt, kProxyAlone, progress_);
+      if (!ready) return ready.error();
+      model_.felt = *std::move(ready);
+    }
+    auto changed = next_version(model_, change, changes_.front().cuts, progress_, *kept_preparing());
     if (!changed) return changed.error();
     model_ = *std::move(changed);
     changes_.pop_front();

@@ -66,8 +66,8 @@ Result<void> check_burr(const Model& model, const RunSetup& setup) {
   for (const ForceMethod method : methods_of(setup))
     if (method != ForceMethod::kProxy)
       return Error{ErrorKind::kUsage,
-                   "a tool of the scene is a burr, and " + std::string(name_of(method)) +
-                       " does not feel what it takes away",
+                   "a tool of the scene is a " + cutter_name(model) + ", and " +
+                       std::string(name_of(method)) + " does not feel what it takes away",
                    "", "use the proxy: leave --method and the script's method steps out"};
   return {};
 }

@@ -123,12 +123,17 @@ Point<World> tip_of(const TickRecord& felt) {
 
 // Once something is cut tissue that did not move cannot begin to; when that is, a script does not know.
 Result<void> check_law(const Model& model, TissueLaw law, const std::string& where) {
+  if (model.cuts() && has_other_surfaces(model, law))
+    return Error{
+        ErrorKind::kBadInput,
+        "a scene with a tool that cuts cannot change between tissue that yields and tissue that does not",
+        where, "write the law into the scene's [yielding], so that it holds from the start"};
   if (model.cuts() && is_moving(law) && !is_moving(model.tissue_law))
     return Error{ErrorKind::kBadInput, "a scene with a tool that cuts cannot begin to move its soft tissue",
                  where, "write the law into the scene's [yielding], so that it moves from the start"};
-  auto under = under_law(model, law);
-  if (under) return {};
-  Error error = under.error();
+  const auto fine = palpate::check_law(model, law);
+  if (fine) return {};
+  Error error = fine.error();
   error.where = where;
   return error;
 }
@@ -329,7 +334,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     bool operator()(const RotateStep&) { return hand.rotate(step, felt, dt_s, commands.rotation_target); }
     bool operator()(const MethodStep& change) { return hand.change_method(change, felt, dt_s, commands); }
     bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
-    bool operator()(const LawStep& change) { return hand.change_law(change, felt, dt_s, commands); }
+    bool operator()(const LawStep&) { return hand.change_law(step, felt, dt_s, commands); }
     bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
@@ -550,11 +555,22 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
   return true;
 }
 
-bool ScriptedHand::change_law(const LawStep& change, const TickRecord& felt, double dt_s,
+// It waits until the law is felt, for which surfaces may have to be made.
+bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
+  constexpr double kLongest_s = 300;
   if (touching_) keep_contact(felt, dt_s);
-  commands.law = law_ = change.law;
-  return true;
+  const TissueLaw law = std::get<LawStep>(step.action).law;
+  if (step_time_s_ == 0) {
+    commands.law = law;
+    return false;
+  }
+  if (commands.law_led_to == 0u) return fail(step, felt, "its surfaces could not be made");
+  if (commands.law_led_to && felt.model_version >= *commands.law_led_to) {
+    law_ = law;
+    return true;
+  }
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
 }
 
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,

@@ -42,7 +42,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   std::vector<HoldMeter> meters;
   for (const HoldAsked& asked : hand->asked()) meters.emplace_back(model, asked);
 
-  VirtualRun run(setup->model, *setup, std::move(*hand));
+  VirtualRun run(setup->model, *setup, std::move(*hand), progress);
   const std::size_t block = static_cast<std::size_t>(setup->script.rate_hz);  // one second
   std::vector<TickRecord> unwritten;
   unwritten.reserve(block);

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/told_loop.h"
 
@@ -14,14 +15,16 @@ constexpr double kCutEvery_s = 0.02;
 
 }  // namespace
 
-VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand)
+VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand,
+                       Progress progress)
     : model_(std::move(model)),
       dt_s_(1 / setup.script.rate_hz),
       hand_(std::move(hand)),
       device_(setup.device, setup.hand, setup.script.delay_s),
       mapping_(device_.info(), setup.workspace),
       parameters_(setup.parameters),
-      yields_(setup.script.rate_hz) {
+      yields_(setup.script.rate_hz),
+      progress_(std::move(progress)) {
   device_.reset(mapping_.to_device(hand_.start()));
 }
 
@@ -29,14 +32,15 @@ const TickRecord& VirtualRun::tick() {
   sensed_ = mapping_.to_world(device_.read(), 0);
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
   // of the model that the tick before felt, as a replay solves it
-  const bool yields = is_elastic(model_->tissue_law) && model_->has(ForceMethod::kProxy);
-  if (yields && yields_.advance(*model_, before)) {
+  const bool yields = before != nullptr && is_elastic(felt_->tissue_law) && felt_->has(ForceMethod::kProxy);
+  if (yields ? yields_.advance(*felt_, before) : yields_.rest()) {
     parameters_.yields = yields_.frame();
     told_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
     told_.back().tick = state_.tick;
   }
   cut();
   palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
+  felt_ = model_;
   return record_;
 }
 
@@ -73,10 +77,13 @@ void VirtualRun::change_stroke(StrokeAction action) {
   event.change = change;
 }
 
-// one that the hand has asked for has been tried when the script was read
+// one that the hand has asked for has been tried when the script was read, but for its surfaces
 void VirtualRun::change_law(TissueLaw law) {
+  law_led_to_ = model_->version;
+  if (law == model_->tissue_law) return;
   const ModelChange change = change_of_law(*model_, law);
-  auto next = next_version({model_, model_}, change);
+  auto next = next_version({model_, model_}, change, {}, progress_, *kept_preparing());
+  law_led_to_ = next ? change.version : 0;
   if (!next) return;
   model_ = std::move(next->felt);
   RecordingEvent& event = told_.emplace_back();
@@ -87,7 +94,7 @@ void VirtualRun::change_law(TissueLaw law) {
 }
 
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_led_to_};
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_led_to_, law_led_to_};
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
   if (commands.stroke) {

@@ -59,10 +59,12 @@ constexpr std::array kEventColumns{
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
            "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
            "methods were made anew; 4294967294: it was cut by the sweeps before; 4294967293: the last stroke "
-           "was "
-           "undone; 4294967292: the last one that was undone was done again"},
-    Column{"stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
-           "model: what the tissue has from then on"},
+           "was undone; 4294967292: the last one that was undone was done again; 4294967280 ... 4294967283: "
+           "soft tissue goes by the law layers, elastic, neo-hookean, chainmail from then on"},
+    Column{
+        "stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",
+        "model: what the tissue has from then on; of a law how many times as long as the scene's its cells "
+        "are from then on, 0: as before"},
     Column{"static_friction", kF64, 1, PALPATE_EVENT(change.static_friction), "1", "-", "model: likewise"},
     Column{"friction", kF64, 1, PALPATE_EVENT(change.dynamic_friction), "1", "-", "model: likewise"},
     Column{"viscosity_N_s_per_mm", kF64, 1, PALPATE_EVENT(change.viscosity_N_s_per_mm), "N s/mm", "-",

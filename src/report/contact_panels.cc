@@ -4,6 +4,7 @@
 #include <set>
 
 #include "palpate/rendering/rendering.h"
+#include "palpate/tissue/seen_by_law.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
@@ -108,7 +109,7 @@ std::string yielded_html(const Sections& shown) {
   std::string html =
       "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, ";
   html += as_mail ? "as links of a chain mail move, which says nothing of forces" : "by linear elasticity";
-  html += "; the circle is the tool in its dent.";
+  html += "; the outline is the tool in its dent.";
   if (!(shown.most_strain >= kLeastStrain))
     return html + " Nothing in view is strained by " + number(100 * kLeastStrain, 0) + " % or more.</p>\n";
   const bool is_known = std::isfinite(shown.most_strain) && shown.most_strain < 1;
@@ -184,9 +185,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
                      facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
   auto left = model_left(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
-    auto under = std::make_shared<Model>(left != nullptr ? *left : run.model);
-    under->tissue_law = law;
-    left = std::move(under);
+    left = std::make_shared<const Model>(seen_under_law(left != nullptr ? *left : run.model, law));
   }
   const Model& model = left != nullptr ? *left : run.model;
   const YieldedTissue yielded(model, shown.peak);
@@ -194,11 +193,11 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   if (!yielded.rests()) {
     const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
     sections.style.moved = moved;
-    sections.marks.tool = tool_balls(model, shown.peak, contact.device);
+    sections.marks.tool = tool_parts(model, shown.peak, contact.device);
     // where it leans on the surface at rest, moved as the tissue there is
     const auto& leans = shown.at_peak().contact_patient_mm;
     const Vector<Patient> dent = moved(Point<Patient>(leans[0], leans[1], leans[2]));
-    for (ToolBall& ball : sections.marks.tool) ball.middle += dent;
+    for (ToolPart& part : sections.marks.tool) part.from += dent;
   }
   for (const View& view : kViews) html += section_figure(sections, view);
   return html + "</div>\n" + yielded_html(sections) + legend(run, contact.label, sections.seen) +
@@ -242,7 +241,10 @@ std::string key(const Run& run, double mm_per_N) {
          json_number(mm_per_N, 3) + " mm for 1 N</span><span>Path within " + number(kWayReach_mm, 0) +
          " mm of the plane." +
          (run.model.oriented ? " Radiological view: patient's left on the right." : "") +
-         (run.removal.changes.empty() ? "" : " What a burr had taken by then is left out.") + "</span></p>\n";
+         (run.removal.changes.empty()
+              ? ""
+              : " What a " + cutter_name(run.model) + " had taken by then is left out.") +
+         "</span></p>\n";
 }
 
 }  // namespace

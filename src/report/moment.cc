@@ -5,6 +5,7 @@
 #include <deque>
 
 #include "palpate/rendering/rendering.h"
+#include "palpate/tissue/seen_by_law.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "palpate/tissue/yielded_tissue.h"
 #include "report/contacts.h"
@@ -113,9 +114,8 @@ std::shared_ptr<const Model> where_tissue_went(const Model& model, const Yielded
 }
 
 void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
-  if (model.labels == nullptr || !is_elastic(model.tissue_law)) return;
-  Model under = moment.left != nullptr ? *moment.left : model;
-  under.tissue_law = law;
+  if (model.labels == nullptr || !is_elastic(law)) return;
+  const Model under = seen_under_law(moment.left != nullptr ? *moment.left : model, law);
   const YieldedTissue yielded(under, moment.tick);
   if (yielded.rests()) return;
   for (int device = 0; device < moment.devices; ++device) {

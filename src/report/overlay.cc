@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "report/html.h"
 
@@ -106,15 +107,41 @@ std::string draw_contact(const SectionPlane& plane, const Point<Patient>& contac
          " r=\"6\"/><circle class=\"tip\" " + centre + " r=\"1.8\"/>";
 }
 
-/// As the plane cuts it.
-std::string draw_tool(const SectionPlane& plane, const ToolBall& ball) {
-  const double off = (ball.middle - plane.centre).dot(plane.right.cross(plane.down));
-  const double cut2 = ball.radius_mm * ball.radius_mm - off * off;
-  if (!(cut2 > 0)) return "";
-  const Pixel p = to_drawing(plane, ball.middle);
-  const std::string circle = "cx=\"" + number(p.x, 1) + "\" cy=\"" + number(p.y, 1) + "\" r=\"" +
-                             number(std::sqrt(cut2) / plane.mm_per_px(), 1) + "\"/>";
-  return "<circle class=\"tool-halo\" " + circle + "<circle class=\"tool\" " + circle;
+/// As the plane cuts it: what lies around the circles in which it cuts the spheres of a row along the axis.
+/// They are all of it, as it is convex.
+std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
+  constexpr int kSteps = 64, kAround = 96;
+  const Vector<Patient> normal = plane.right.cross(plane.down);
+  struct Cut {
+    Pixel middle;
+    double radius_px;
+  };
+  std::vector<Cut> cuts;
+  const int steps = part.along_mm.norm() > 0 ? kSteps : 0;
+  for (int n = 0; n <= steps; ++n) {
+    const double at = steps == 0 ? 0 : static_cast<double>(n) / steps;
+    const Point<Patient> middle = part.from + part.along_mm * at;
+    const double off = (middle - plane.centre).dot(normal), radius = part.radius_mm + part.widens_mm * at;
+    if (radius * radius > off * off)
+      cuts.push_back({to_drawing(plane, middle), std::sqrt(radius * radius - off * off) / plane.mm_per_px()});
+  }
+  if (cuts.empty()) return "";
+  std::string shape;
+  if (steps == 0) {
+    const Cut& cut = cuts.front();
+    shape = "cx=\"" + number(cut.middle.x, 1) + "\" cy=\"" + number(cut.middle.y, 1) + "\" r=\"" +
+            number(cut.radius_px, 1) + "\"/>";
+    return "<circle class=\"tool-halo\" " + shape + "<circle class=\"tool\" " + shape;
+  }
+  for (int n = 0; n < kAround; ++n) {
+    const double turn = 2 * std::numbers::pi * n / kAround, x = std::cos(turn), y = std::sin(turn);
+    const auto reach = [&](const Cut& cut) { return x * cut.middle.x + y * cut.middle.y + cut.radius_px; };
+    const Cut& farthest = *std::ranges::max_element(cuts, {}, reach);
+    shape += (n == 0 ? "" : " ") +
+             pair({farthest.middle.x + x * farthest.radius_px, farthest.middle.y + y * farthest.radius_px});
+  }
+  shape = "points=\"" + shape + "\"/>";
+  return "<polygon class=\"tool-halo\" " + shape + "<polygon class=\"tool\" " + shape;
 }
 
 std::string draw_scale_bar(const SectionPlane& plane) {
@@ -182,18 +209,27 @@ Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int 
   return in_patient(model, tick, Vector<World>(f[0], f[1], f[2]));
 }
 
-std::vector<ToolBall> tool_balls(const Model& model, const TickRecord& tick, int device) {
+std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device) {
   const DeviceTick& told = tick.device[device];
   const Tool& tool = model.tool_of(static_cast<std::size_t>(device));
   const Point<Patient> proxy(told.proxy_patient_mm[0], told.proxy_patient_mm[1], told.proxy_patient_mm[2]);
   const auto& w = told.orientation_wxyz;
   const Eigen::Quaterniond held(w[0], w[1], w[2], w[3]);
-  std::vector<ToolBall> balls;
-  if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return balls;
+  std::vector<ToolPart> parts;
+  if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return parts;
+  const auto turned = [&](const Eigen::Vector3d& of_tool) {
+    return in_patient(model, tick, Vector<World>(held.normalized() * of_tool));
+  };
   for (const Eigen::Vector3d& point : tool.points_mm)
-    balls.push_back(
-        {proxy + in_patient(model, tick, Vector<World>(held.normalized() * point)), tool.radius_mm});
-  return balls;
+    parts.push_back({proxy + turned(point), tool.radius_mm});
+  for (const ToolCapsule& capsule : tool.capsules)
+    parts.push_back(
+        {proxy + turned(capsule.from_mm), capsule.radius_mm, turned(capsule.to_mm - capsule.from_mm)});
+  if (tool.burr && tool.burr->length_mm > 0) {
+    parts.front().along_mm = turned(tool.burr->spindle * tool.burr->length_mm);
+    parts.front().widens_mm = tool.burr->end_radius_mm - tool.radius_mm;
+  }
+  return parts;
 }
 
 std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
@@ -207,7 +243,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
       if (way.touching == touching) svg += draw_way(plane, way);
     }
   }
-  for (const ToolBall& ball : marks.tool) svg += draw_tool(plane, ball);
+  for (const ToolPart& part : marks.tool) svg += draw_tool(plane, part);
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
   svg += draw_scale_bar(plane);
   if (marks.oriented) svg += draw_letters(plane);

@@ -41,13 +41,15 @@ Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vec
 /// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
 
-/// A sphere of the tool.
-struct ToolBall {
-  Point<Patient> middle;
+/// A part of the tool: a sphere, or a capsule or cone with round ends.
+struct ToolPart {
+  Point<Patient> from;
   double radius_mm = 0;
+  Vector<Patient> along_mm = {};  ///< to the other end of its axis; 0: a sphere
+  double widens_mm = 0;           ///< by so much its radius is greater there
 };
-/// A tool's spheres as a tick has them, where its proxy is held: on the surface at rest.
-std::vector<ToolBall> tool_balls(const Model& model, const TickRecord& tick, int device);
+/// A tool as a tick has it, where its proxy is held: on the surface at rest. A burr's row is a part of it.
+std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device);
 
 struct SectionMarks {
   Point<Patient> contact;
@@ -56,7 +58,7 @@ struct SectionMarks {
   Side side = Side::kUnknown;
   bool oriented = true;  ///< false: how the volume lies in the patient is not known
   std::vector<Way> ways;
-  std::vector<ToolBall> tool;  ///< drawn as the plane cuts them
+  std::vector<ToolPart> tool;  ///< drawn as the plane cuts them
 };
 
 /// Ways farther than this from the plane are not drawn.

@@ -30,8 +30,8 @@ std::string removal_table(const Run& run) {
     last_s = std::max(last_s, structure.last_s);
   }
   html += removal_row("All", run.removal.volume_mm3(), "", first_s, last_s, "") + "</tbody></table></div>\n";
-  return html +
-         "<p class=\"hint\">Depth: how far the burr's far side got below the structure's surface as it was "
+  return html + "<p class=\"hint\">Depth: how far the " + cutter_name(run.model) +
+         "'s far side got below the structure's surface as it was "
          "prepared, while it took something of it. Something counts as gone from when it was felt to be, "
          "some "
          "10 to 40 ms after it was cut." +
@@ -42,6 +42,7 @@ std::string removal_table(const Run& run) {
 }
 
 std::string spared_table(const Run& run) {
+  const std::string cutter = cutter_name(run.model);
   std::string html =
       "<div class=\"scroll\"><table><thead><tr><th scope=\"col\">To be spared</th><th scope=\"col\">Nearest "
       "<span class=\"unit\">mm</span></th><th scope=\"col\">Removed <span "
@@ -55,12 +56,12 @@ std::string spared_table(const Run& run) {
     all_near = all_near && !std::isnan(spared.nearest_mm);
     html += "<tr><th scope=\"row\">" + swatch(run.colour(spared.label)) + escape(run.name(spared.label)) +
             "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(gone_mm3)) +
-            cell(spared.kept ? "kept from the burr" : "cut as others are") + "</tr>\n";
+            cell(spared.kept ? "kept from the " + cutter : "cut as others are") + "</tr>\n";
   }
-  html +=
-      "</tbody></table></div>\n<p class=\"hint\">Nearest: from the burr to the structure as it was "
-      "prepared, while it turned, whether it cut or not; also in strokes that were undone.";
-  return html + (all_near ? "" : " No figure: the burr came nowhere near.") + "</p>\n";
+  html += "</tbody></table></div>\n<p class=\"hint\">Nearest: from the " + cutter +
+          " to the structure as it was "
+          "prepared, while it turned, whether it cut or not; also in strokes that were undone.";
+  return html + (all_near ? "" : " No figure: the " + cutter + " came nowhere near.") + "</p>\n";
 }
 
 }  // namespace
@@ -82,7 +83,8 @@ std::string removal_html(const Run& run) {
   html += "</dl>\n";
   const std::string spared = removal.spared.empty() ? "" : spared_table(run);
   if (removal.structures.empty())
-    return html + "<p class=\"empty\">The burr took nothing away.</p>" + spared + "</section>\n";
+    return html + "<p class=\"empty\">The " + cutter_name(run.model) + " took nothing away.</p>" + spared +
+           "</section>\n";
   return html + removal_table(run) + spared +
          "<div class=\"plot\"><h3 id=\"removed-title\">Removed <span class=\"unit\">mm\u00b3</span></h3><div "
          "class=\"canvas\" id=\"plot-removed\" role=\"img\" aria-label=\"Volume removed of each structure "

@@ -438,6 +438,12 @@ TEST_F(Report, ShowsTissueWhereItHasYieldedTo) {
   EXPECT_EQ(count(html, "<img class=\"strain\""), 3u);
   EXPECT_EQ(count(html, "<circle class=\"tool\""), 3u);
   EXPECT_EQ(count(html, "id=\"strain\""), 1u);
+  // a shaft lies in two of the three planes and is cut across by the other
+  Model shaft = model;
+  shaft.tools[0].capsules = {{{0, 0, 0}, {0, 0, 30}, 2}};
+  const std::string with_shaft = report_html(recording, shaft).value();
+  EXPECT_EQ(count(with_shaft, "<circle class=\"tool\""), 3u);
+  EXPECT_EQ(count(with_shaft, "<polygon class=\"tool\""), 3u);
   EXPECT_EQ(count(html, "<p class=\"yielded\">"), 1u);
   EXPECT_THAT(html, ::testing::ContainsRegex("Equivalent strain in view: at most [0-9]+ %"));
   for (const std::string part : {"<img class=\"strain\"", "class=\"tool\"", "id=\"strain\"",

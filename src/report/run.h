@@ -71,7 +71,7 @@ struct Run {
   bool felt_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
-  bool yields() const { return is_elastic(model.tissue_law); }
+  bool yields() const { return laws.any(is_elastic); }
   bool real_clock() const { return recording.header.clock == "real"; }
   /// A viewer's pointer was the device: it says nothing while nobody presses it.
   bool by_pointer() const { return recording.header.device == "pointer"; }

@@ -141,7 +141,9 @@ std::string figure_html(const Run& run, const Image& picture) {
          "second before and after. Blue: the force on the hand. Green: the tool at the largest force of all. "
          "What "
          "lies behind a structure is faint." +
-         (run.removal.changes.empty() ? "" : " What a burr had taken by the end is left out.") +
+         (run.removal.changes.empty()
+              ? ""
+              : " What a " + cutter_name(run.model) + " had taken by the end is left out.") +
          "</figcaption></figure></section>\n";
 }
 

@@ -770,11 +770,10 @@ const ScriptKeys& script_key_tables() {
              .meaning =
                  "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}},
           {"law",
-           "Lets soft tissue go by another law from here on, wherever the hand is: from `elastic` to "
-           "`neo-hookean` or back, or from `layers` to `chainmail` or back. Between these pairs a scene "
-           "cannot "
-           "change, as their surfaces differ. With a tool that cuts, tissue that does not move at the start "
-           "cannot begin to.",
+           "Lets soft tissue go by another law from here on, wherever the hand is. Between `elastic` and "
+           "`neo-hookean`, and between `layers` and `chainmail`, that is at once; from one of these pairs "
+           "to the other surfaces are made anew, for which the hand waits. With a tool that cuts a scene "
+           "cannot change between the pairs, and tissue that does not move at the start cannot begin to.",
            {{.name = "law",
              .type = kChoice,
              .choices = names_of(kTissueLaws),

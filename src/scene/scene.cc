@@ -265,6 +265,7 @@ void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings&
 // what takes away: a burr, or a shaver, which is one that turns slowly and is for what is soft
 void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& problems) {
   BurrSettings burr;
+  burr.shaver = is_shaver;
   constexpr double kSecondsPerMinute = 60;
   // 5.5 mm at 2000 to 2500 1/min cut tendon and meniscus best (docs/burr.md)
   constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;

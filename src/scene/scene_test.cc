@@ -344,6 +344,7 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   ASSERT_TRUE(shaver.burr);
   EXPECT_EQ(shaver.name, "shaver");
   EXPECT_EQ(shaver.radius_mm, 2.75);
+  EXPECT_EQ(burr_in_words(shaver), "shaver: a ball of 5.5 mm");
   EXPECT_NEAR(60 * shaver.burr->revolutions_per_s, 2500, 1e-9);
   const auto& tissue = scene->tissues;
   EXPECT_EQ(tissue[0].protection, Protection::kNone);

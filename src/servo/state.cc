@@ -76,6 +76,8 @@ std::uint64_t SessionState::hash(int devices) const {
   hash_word(hash, made_by);
   // a tool that is no burr makes none
   if (strokes > 0) hash_word(hash, std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
+  // where nothing ever yielded there are none
+  if (last_unfelt_frame > 0) hash_word(hash, last_unfelt_frame);
   // of tissue that closes there are none
   if (!holes.empty()) holes.hash_into(hash);
   for (int d = 0; d < devices; ++d) {

@@ -66,13 +66,20 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
   return hand.asked;
 }
 
+/// The surfaces of another version of the model.
+struct Changed {
+  std::span<const SurfaceBefore> before;  // what they were; empty: nothing is known of that
+  bool layers = false;                    // structures lie in other layers
+};
+
 // Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
 // force still fades out it is known.
-ProxyChange begin_contact_anew(const Model& model, std::size_t device, std::span<const SurfaceBefore> before,
+ProxyChange begin_contact_anew(const Model& model, std::size_t device, const Changed& surfaces,
                                const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
   const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(device) : 0;
-  const ProxyChange change{hand.proxy_version != model.version, before, hand.held_directly && !lost, carved};
+  const ProxyChange change{hand.proxy_version != model.version, surfaces.before, surfaces.layers,
+                           hand.held_directly && !lost, carved};
   if (lost) {
     hand.proxy = {};
     hand.coupling = {};
@@ -149,8 +156,8 @@ struct SharedInputs {
 };
 
 void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_t number,
-                 const DeviceState& device, std::span<const SurfaceBefore> before, SessionState::Hand& hand,
-                 Wrench& wrench, DeviceTick& out) {
+                 const DeviceState& device, const Changed& surfaces, SessionState::Hand& hand, Wrench& wrench,
+                 DeviceTick& out) {
   const Model& model = tick.model;
   const Parameters& parameters = shared.parameters;
   const DeviceParameters& own = parameters.device[number];
@@ -185,7 +192,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
                               follow_tip(device, tip, tick.dt_s, jumped, hand),
                               number};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      const ProxyChange change = begin_contact_anew(model, number, before, request, hand);
+      const ProxyChange change = begin_contact_anew(model, number, surfaces, request, hand);
       const MotorState motor =
           motor_of(tick, context, context.tool.motor_is_on(parameters.motor, device.buttons), max_force_N,
                    request, hand.output, shared.stroke);
@@ -244,9 +251,14 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   // the object's pose
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
-  const TickContext context{model,       parameters.method, parameters.friction,      parameters.viscosity,
-                            dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), &parameters.yields,
-                            &state.holes};
+  const bool yields = is_elastic(model.tissue_law);
+  if (!yields) state.last_unfelt_frame = parameters.yields.number;
+  const bool is_felt =
+      yields && (state.last_unfelt_frame == 0 || parameters.yields.number > state.last_unfelt_frame);
+  const TickContext context{
+      model,       parameters.method, parameters.friction,      parameters.viscosity,
+      dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_felt ? &parameters.yields : nullptr,
+      &state.holes};
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of what makes the forces starts a blend
@@ -260,6 +272,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const auto surfaces_before =
       other_surfaces ? find_before(model, state.surfaces, before) : std::span<const SurfaceBefore>();
 
+  const bool other_layers = other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != yields;
+
   if (other_surfaces && !state.holes.empty()) state.holes.keep(surfaces_before);
 
   // each device
@@ -268,9 +282,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
-    tick_device(context, {parameters, changed, state.strokes}, d, devices[d],
-                known ? surfaces_before : std::span<const SurfaceBefore>(), state.hands[d], wrenches[d],
-                record.device[d]);
+    const Changed surfaces{known ? surfaces_before : std::span<const SurfaceBefore>(), other_layers};
+    tick_device(context, {parameters, changed, state.strokes}, d, devices[d], surfaces, state.hands[d],
+                wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }
   if (other_surfaces) remember_surfaces(model, state.surfaces);

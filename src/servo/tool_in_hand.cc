@@ -39,7 +39,10 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
     held.set_first(burr->head(hand.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);
-  if (change.surfaces) keep_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
+  if (change.surfaces && change.layers)
+    layer_proxy_anew(surfaces, held.spheres(), held.pose(), change.before, proxy);
+  else if (change.surfaces)
+    keep_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
   const bool let_go = coupled_layers(proxy) != coupled_before;
   if (change.method && !proxy.coupled) give_birth_to_proxy(surfaces, held.spheres(), held.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);

@@ -10,6 +10,7 @@ namespace palpate {
 struct ProxyChange {
   bool surfaces = false;                  ///< it is on those of another version of the model
   std::span<const SurfaceBefore> before;  ///< these, one for each of the model's
+  bool layers = false;                    ///< structures lie in other layers of them
   bool method = false;       ///< a direct method pushed until now: where the tip is inside, a proxy is born
   std::uint64_t carved = 0;  ///< so many sweeps of the tool's burr are taken from the surfaces
 };

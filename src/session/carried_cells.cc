@@ -9,7 +9,11 @@
 #include <optional>
 #include <vector>
 
+#include "palpate/base/reading.h"
+#include "palpate/loading/loading.h"
+#include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
+#include "palpate/tissue/seen_by_law.h"
 
 namespace palpate {
 namespace {
@@ -96,6 +100,23 @@ CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t 
                 "machine %.3g ms, and one is made every %.3g",
                 yield_cell_mm(*coarser), yield_cell_mm(*model), 1e3 * *made_s, 1e3 * kYieldFrame_s);
   return {std::move(coarser), told};
+}
+
+Result<CarriedCells> carried_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+                                       const Progress& progress) {
+  const auto preparing = kept_preparing();
+  if (has_other_surfaces(felt, law)) {
+    // those that are felt stay meanwhile
+    const auto bytes = memory_of_surfaces(seen_under_law(felt, law), *preparing, progress);
+    if (!bytes) return bytes.error();
+    if (auto allowed = allow_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();
+  }
+  auto under = under_law(felt, law, *preparing, progress);
+  if (!under) return under.error();
+  if (!is_elastic(law)) return CarriedCells{*std::move(under), {}};
+  auto whole = std::make_shared<Model>(**under);
+  whole->tissue_coarsened = 1;
+  return with_carried_cells(std::move(whole), devices);
 }
 
 }  // namespace palpate

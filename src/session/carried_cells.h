@@ -4,6 +4,8 @@
 #include <memory>
 #include <string>
 
+#include "palpate/base/progress.h"
+#include "palpate/base/result.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/yield_solver.h"
 
@@ -26,5 +28,11 @@ struct CarriedCells {
 ///                      threads have some
 CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t devices,
                                 double most_frame_s = 0.75 * kYieldFrame_s);
+
+/// A model whose soft tissue goes by that law (under_law, with surfaces that were prepared before where they
+/// are kept), and where it yields by it as above, whatever factor the model has. Takes seconds where the law
+/// has other surfaces. Errors: those of under_law; kBadInput where there is no memory for both at a time.
+Result<CarriedCells> carried_under_law(const Model& felt, TissueLaw law, std::size_t devices,
+                                       const Progress& progress = {});
 
 }  // namespace palpate

@@ -41,7 +41,6 @@ struct Session {
   ViewedSession& viewed;
   Training* training;      // nullptr: there are no tasks
   Supervisor* supervisor;  // nullptr: there is none
-  const std::string& coarser_tissue;
   const std::string& careful_bounds;
   bool asks_here;
 };
@@ -108,7 +107,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.recording_failure = session.recorder.failure();
   status.method_awaited = session.viewed.method_awaited();
   status.method_failure = session.viewed.method_failure();
-  status.coarser_tissue = session.coarser_tissue;
+  status.coarser_tissue = session.viewed.coarser_tissue();
   status.careful_bounds = session.careful_bounds;
   status.followers = session.tip.followers();
   status.device_trouble = session.tip.driver().trouble();
@@ -206,6 +205,8 @@ void finish(const Session& session, ExploreResult& result) {
   result.failed_steps = trouble.size();
   result.touches = session.tip.touches();
   result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
+  const auto coarser = session.viewed.later_coarser_tissue();
+  result.trouble.insert(result.trouble.end(), coarser.begin(), coarser.end());
 
   const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
   if (finished) {
@@ -231,14 +232,17 @@ void finish(const Session& session, ExploreResult& result) {
 }
 
 ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
-                         const ExploreOptions& options, bool recording, Training* training) {
+                         const ExploreOptions& options, bool recording, Training* training,
+                         const std::string& coarser_tissue) {
   const auto devices = tip.driver().devices();
-  return {setup.model,     {devices.begin(), devices.end()},
-          setup.workspace, setup.parameters,
-          tip.name(),      setup.script.rate_hz,
-          tip.pointer(),   recording,
-          scene.modality,  options.asks_here,
-          training};
+  ViewedParts parts{setup.model,     {devices.begin(), devices.end()},
+                    setup.workspace, setup.parameters,
+                    tip.name(),      setup.script.rate_hz,
+                    tip.pointer(),   recording,
+                    scene.modality,  options.asks_here,
+                    training};
+  parts.coarser_tissue = coarser_tissue;
+  return parts;
 }
 
 /// The supervisor's record, open as long as this lives.
@@ -307,7 +311,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   }
   // who shows it may fail before anything pushes
   ViewedSession viewed(
-      viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get()));
+      viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(), carried.told));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(viewed);
@@ -355,11 +359,11 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   viewed.begin(**loop, watch);
   const ScriptEdits edits{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
                           [&viewed] { return viewed.script_stroke_led_to(); },
-                          [&viewed](TissueLaw law) { viewed.change_law_by_script(law); }};
+                          [&viewed](TissueLaw law) { viewed.change_law_by_script(law); },
+                          [&viewed] { return viewed.script_law_led_to(); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
-  const Session session{model,        **loop,  **recorder,       **tip,
-                        watch,        viewed,  training.get(),   supervisor->get(),
-                        carried.told, careful, options.asks_here};
+  const Session session{model,  **loop,         **recorder,        **tip,   watch,
+                        viewed, training.get(), supervisor->get(), careful, options.asks_here};
   ExploreResult result;
   result.trouble = setup->trouble;
   watch_until_over(session, options, progress, status, result);

@@ -69,7 +69,7 @@ void HandThread::move(double dt_s) {
 
   // viewers turn the object too
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
-  HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_led_to()};
+  HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_led_to(), edits_.law_led_to()};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {

@@ -21,6 +21,8 @@ struct ScriptEdits {
   /// HandCommands::stroke_led_to, of the last change.
   std::function<std::optional<std::uint32_t>()> stroke_led_to;
   std::function<void(TissueLaw)> change_law;
+  /// HandCommands::law_led_to, of the last change.
+  std::function<std::optional<std::uint32_t>()> law_led_to;
 };
 
 /// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and

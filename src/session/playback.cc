@@ -14,6 +14,7 @@
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/loading/loading.h"
+#include "palpate/model/changed_model.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
@@ -82,7 +83,7 @@ class Place {
 
 /// What the model became while it was recorded.
 struct Edits {
-  explicit Edits(TissueLaw law) : laws(law) {}
+  explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_coarsened) {}
 
   std::vector<ModelChange> tissues;
   LawsByVersion laws;
@@ -201,10 +202,12 @@ class Playback final : public ViewerHost {
     const double at_s = place_.now_s();
     const int way = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
     if (auto tick = blocks_.tick_at(at_s, way, place_.from_s())) shown_ = *tick;
+    const bool yields = is_elastic(edits_.laws.at(shown_.model_version));
     if (yields_ != nullptr) {
       constexpr double kNear_s = 0.25;
       const double speed = place_.playing() ? std::max(1.0, std::abs(place_.speed())) : 1.0;
-      yields_->want(shown_.yield_frame, static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s));
+      const auto near = static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s);
+      yields ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
     }
     stiffness_N_per_mm = {};
     // what the other methods make of it depends on the stiffest of all tissues
@@ -215,7 +218,7 @@ class Playback final : public ViewerHost {
       const int tissue =
           device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
       if (device.label != 0 && tissue >= 0)
-        stiffness_N_per_mm[d] = model_->yields(model_->tissues[static_cast<std::size_t>(tissue)])
+        stiffness_N_per_mm[d] = yields && model_->tissues[static_cast<std::size_t>(tissue)].elastic
                                     ? yielding_stiffness_N_per_mm(device)
                                     : FeltStiffness(device).by_proxy(
                                           tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
@@ -335,19 +338,23 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "palpate replay without --view compares its ticks"};
 
   // how near a burr came, and how tissue yielded, is told of what is prepared for the proxy
-  if (model->cuts() || is_elastic(model->tissue_law)) {
+  const auto with_surfaces = [&]() -> Result<void> {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
     model = solved_as_recorded(*std::move(ready), head.header);
-  }
+    return {};
+  };
+  if (model->cuts() || is_elastic(model->tissue_law))
+    if (auto ready = with_surfaces(); !ready) return ready.error();
 
   RecordingLine line(head);
   NearestLine nearest(*model);
   TickRecord first;
   std::vector<double> begins_s;
-  Edits edits(model->tissue_law);
-  YieldIndex yields(*model);
+  Edits edits(*model);
+  const bool yields_first = is_elastic(model->tissue_law);
+  auto yields = std::make_unique<YieldIndex>(*model);
   std::uint64_t row = 0;
   const auto seen = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
@@ -355,10 +362,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                         static_cast<double>(row) / static_cast<double>(head.ticks));
         line.see(part);
         nearest.see(part.ticks, part.events);
-        for (const RecordingEvent& event : part.events) {
-          edits.hear(event);
-        }
-        if (is_elastic(model->tissue_law)) yields.see(part, row);
+        for (const RecordingEvent& event : part.events) edits.hear(event);
+        if (yields_first) yields->see(part, row);
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
@@ -367,6 +372,20 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
       },
       progress);
   if (!seen) return seen.error();
+  // that tissue began to yield later is known only now: once more, with the surfaces that this takes
+  if (!yields_first && edits.laws.any(is_elastic)) {
+    if (auto ready = with_surfaces(); !ready) return ready.error();
+    yields = std::make_unique<YieldIndex>(*model);
+    row = 0;
+    const auto found = recording.read(
+        [&](const RecordingPart& part) -> Result<void> {
+          yields->see(part, row);
+          row += part.ticks.size();
+          return {};
+        },
+        progress);
+    if (!found) return found.error();
+  }
   progress.report("looking through the recording", 1);
 
   if (auto reckoned = reckon_gone(*model, progress, edits); !reckoned) return reckoned.error();
@@ -379,11 +398,12 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   for (const auto& law : kTissueLaws)
-    if (under_law(*model, law.value)) scene.laws.emplace_back(law.name);
+    if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
+      scene.laws.emplace_back(law.name);
   try {
     return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(yields)));
+        std::move(edits), std::move(nearest), std::move(*yields)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

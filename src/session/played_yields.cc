@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "palpate/model/changed_model.h"
+#include "palpate/tissue/seen_by_law.h"
 #include "session/tissue_thread.h"
 
 namespace palpate {
@@ -104,7 +105,11 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
   const std::size_t by = cuts_.count(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
   const TissueLaw law = laws_.at(version);
-  if (by == cut_by_ && undone_to == undone_to_ && law == cut_->tissue_law) return cut_;
+  const double coarsened = laws_.coarsened_at(version);
+  const auto goes_so = [&](const Model& model) {
+    return model.tissue_law == law && model.tissue_coarsened == coarsened;
+  };
+  if (by == cut_by_ && undone_to == undone_to_ && goes_so(*cut_)) return cut_;
   const bool goes_on = undone_to == undone_to_ && by > cut_by_;
   const std::shared_ptr<const Model>& from = goes_on ? cut_ : model_;
   std::vector<Cut> cuts;
@@ -120,10 +125,10 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
     if (!changed) return nullptr;
     made = changed->felt;
   }
-  if (law != made->tissue_law) {
-    const auto under = under_law(*made, law);
-    if (!under) return nullptr;
-    made = *under;
+  if (!goes_so(*made)) {
+    auto under = std::make_shared<Model>(seen_under_law(*made, law));
+    under->tissue_coarsened = coarsened;
+    made = std::move(under);
   }
   cut_ = std::move(made);
   cut_by_ = by;

@@ -51,6 +51,7 @@ const char* name_of(Protection protection) {
 ViewedTool viewed_tool(const Tool& tool) {
   const auto numbers = [](const Eigen::Vector3d& p) { return std::array{p.x(), p.y(), p.z()}; };
   ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), burr_shape(tool), {}, {}};
+  viewed.shaver = tool.burr && tool.burr->shaver;
   for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(numbers(point));
   for (const ToolCapsule& capsule : tool.capsules)
     viewed.capsules.push_back(

@@ -95,13 +95,13 @@ std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
 }
 
 // what of a request would change something
-SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law,
+SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law, bool law_is_awaited,
                            bool method_is_awaited) {
   const auto leave_out = [](auto& wanted, const auto& held) {
     if (wanted && *wanted == held) wanted.reset();
   };
   if (!method_is_awaited) leave_out(request.method, std::string(name_of(now.method)));
-  leave_out(request.law, std::string(name_of(law, kTissueLaws)));
+  if (!law_is_awaited) leave_out(request.law, std::string(name_of(law, kTissueLaws)));
   leave_out(request.friction, now.friction);
   leave_out(request.viscosity, now.viscosity);
   leave_out(request.passivity, now.passivity);
@@ -185,7 +185,11 @@ ViewedSession::ViewedSession(ViewedParts parts)
       model_{parts_.model, parts_.model},
       removed_(*parts_.model),
       nearest_(*parts_.model),
-      highest_max_force_N_(parts_.parameters.max_force_N) {}
+      highest_max_force_N_(parts_.parameters.max_force_N) {
+  const Model& model = *parts_.model;
+  if (is_elastic(model.tissue_law))
+    carried_of(model.tissue_law) = {model.tissue_coarsened, parts_.coarser_tissue};
+}
 
 void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
@@ -207,22 +211,78 @@ void ViewedSession::move_tissue(ServoLoop& loop) {
   yields_.store(tissue_.get());
 }
 
+// at once where nothing has to be made or tried for it
 Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loop) {
-  if (law == model_.felt->tissue_law) return {};
-  const ModelChange change = change_of_law(*model_.felt, law);
-  auto next = next_version(model_, change);
-  if (!next) return next.error();
-  if (is_moving(law)) move_tissue(loop);
-  go_on_with(*std::move(next), change, by, loop);
+  law_failure_.reset();
+  if (law == model_.felt->tissue_law) {
+    law_awaited_.reset();
+    script_law_led_to_ = model_.felt->version;
+    return {};
+  }
+  if (auto fine = check_law(*model_.felt, law); !fine) return fine.error();
+  const bool is_carried = !is_elastic(law) || carried_of(law).coarsened > 0;
+  if (!has_other_surfaces(*model_.felt, law) && is_carried) {
+    auto under = under_law(*model_.felt, law);
+    if (!under) return under.error();
+    go_by(**under, is_elastic(law) ? carried_of(law).coarsened : 0, by, loop);
+    return {};
+  }
+  if (auto started = start_maker(); !started) return started;
+  law_awaited_ = law;
+  law_awaited_by_ = by;
+  wanted_.notify_one();
   return {};
+}
+
+// of what is felt now
+void ViewedSession::go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop) {
+  const ModelChange change = change_of_law(*model_.felt, under.tissue_law, coarsened);
+  if (is_moving(under.tissue_law)) move_tissue(loop);
+  go_on_with({going_by(*model_.felt, under, change), model_.made}, change, by, loop);
+  law_awaited_.reset();
+  script_law_led_to_ = change.version;
 }
 
 void ViewedSession::change_law_by_script(TissueLaw law) {
   ServoLoop* loop = loop_.load();
-  if (!loop) return;
   const std::lock_guard lock(mutex_);
+  script_law_led_to_.reset();
   // what the script cannot change it was refused when it was read; the page may have cut since
-  (void)change_law(law, {Asker::kScript}, *loop);
+  if (!loop || !change_law(law, {Asker::kScript}, *loop)) script_law_led_to_ = 0;
+}
+
+// on the maker's thread
+void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
+  const std::shared_ptr<const Model> of = model_.felt;
+  const TissueLaw law = *law_awaited_;
+  // whoever waited for the lock would wait for this thread's priority
+  lock.unlock();
+  const auto made = [&]() -> Result<CarriedCells> {
+    try {
+      return parts_.other_law(*of, law, parts_.devices.size(), progress);
+    } catch (const std::exception& why) {
+      return Error{ErrorKind::kUnavailable,
+                   std::string("soft tissue's surfaces could not be made: ") + why.what(), "",
+                   "go on by this law, or end other programs for their memory"};
+    }
+  }();
+  lock.lock();
+  // another law may be wanted by now, or none; what was changed meanwhile wants other surfaces
+  if (ending_ || law_awaited_ != law || model_.felt != of) return;
+  if (!made) return give_up_law(made.error());
+  const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
+  go_by(*made->model, coarsened, law_awaited_by_, *loop_.load());
+  if (!is_elastic(law)) return;
+  if (carried_of(law).coarsened == 0 && !made->told.empty()) later_coarser_.push_back(made->told);
+  carried_of(law) = {coarsened, made->told};
+}
+
+// the session stays as it was, and whoever asked is told
+void ViewedSession::give_up_law(Error why) {
+  why.where = name_of(*law_awaited_, kTissueLaws);
+  law_awaited_.reset();
+  law_failure_ = std::move(why);
+  script_law_led_to_ = 0;
 }
 
 // ---- what viewers are told
@@ -239,7 +299,7 @@ ViewedScene ViewedSession::make_scene() const {
   for (const ForceMethodInfo& info : kForceMethods)
     if (can_be_chosen(info.method)) scene.methods.emplace_back(info.name);
   for (const auto& law : kTissueLaws)
-    if (under_law(model, law.value)) scene.laws.emplace_back(law.name);
+    if (check_law(model, law.value)) scene.laws.emplace_back(law.name);
   const DeviceInfo& device = parts_.devices.front();
   scene.device_name = device.name;
   scene.simulated = !physical();
@@ -341,6 +401,8 @@ ViewedState ViewedSession::state() const {
   state.method_failure = method_failure_;
   state.model_version = model_.felt->version;
   state.law = name_of(model_.felt->tissue_law, kTissueLaws);
+  if (law_awaited_) state.law_awaited = name_of(*law_awaited_, kTissueLaws);
+  state.law_failure = law_failure_;
   state.sweeps = cuts_.count(model_.felt->version);
   state.undone_to = cuts_.undone_to(model_.felt->version);
   if (const Carving* const carving = model_.felt->carving.get()) {
@@ -373,6 +435,21 @@ std::optional<ForceMethod> ViewedSession::method_awaited() const {
 std::optional<Error> ViewedSession::method_failure() const {
   const std::lock_guard lock(mutex_);
   return method_failure_;
+}
+
+std::optional<std::uint32_t> ViewedSession::script_law_led_to() const {
+  const std::lock_guard lock(mutex_);
+  return script_law_led_to_;
+}
+
+std::string ViewedSession::coarser_tissue() const {
+  const std::lock_guard lock(mutex_);
+  return carried_of(model_.felt->tissue_law).told;
+}
+
+std::vector<std::string> ViewedSession::later_coarser_tissue() const {
+  const std::lock_guard lock(mutex_);
+  return later_coarser_;
 }
 
 double ViewedSession::highest_max_force_N() const {
@@ -410,8 +487,8 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
     const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
     if (law == kTissueLaws.end())
       return bad("soft tissue knows no law of that name", "law", "the scene lists those that can be chosen");
-    if (auto under = under_law(*model_.felt, law->value); !under)
-      return refused(under.error().what, "law", under.error().remedy);
+    if (auto fine = check_law(*model_.felt, law->value); !fine)
+      return refused(fine.error().what, "law", fine.error().remedy);
   }
   if (request.max_force_N) {
     const double asked_N = *request.max_force_N, least_N = max_force_range_N()[0];
@@ -456,7 +533,8 @@ Result<Grant> ViewedSession::set(const SettingsRequest& request) {
   const std::lock_guard lock(mutex_);
   const Parameters now = loop->parameters();
   if (auto fine = check(request, now); !fine) return fine.error();
-  const SettingsRequest wanted = changes_of(request, now, model_.felt->tissue_law, awaited_.has_value());
+  const SettingsRequest wanted =
+      changes_of(request, now, model_.felt->tissue_law, law_awaited_.has_value(), awaited_.has_value());
   const std::string what = words_for(wanted, now);
   if (!what.empty() && wants_consent(feels_more(wanted, now))) return ask(wanted, what);
   if (auto applied = apply(request, asked_by(request.by)); !applied) return applied.error();
@@ -582,9 +660,10 @@ Result<Grant> ViewedSession::set(const StrokeRequest& request) {
   const LastStrokeRequest wanted{request, loop->strokes()};
   if (auto fine = check(wanted, loop->parameters()); !fine) return fine.error();
   if (wants_consent(true))
-    return ask(wanted, request.action == StrokeAction::kUndo
-                           ? "put back what was cut last: keep the burr out of it"
-                           : "take away again what was put back last");
+    return ask(wanted,
+               request.action == StrokeAction::kUndo
+                   ? "put back what was cut last: keep the " + cutter_name(*parts_.model) + " out of it"
+                   : std::string("take away again what was put back last"));
   if (auto applied = apply(wanted, asked_by(request.by)); !applied) return applied.error();
   return Grant::kDone;
 }
@@ -642,8 +721,10 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
     const std::lock_guard lock(mutex_);
     before = model_.felt;
   }
-  const auto carving = carved_by(*before, cuts);
+  auto carving = carved_by(*before, cuts);
   const std::lock_guard lock(mutex_);
+  // soft tissue may have come by other surfaces meanwhile, of which nothing is cut yet
+  if (has_other_surfaces(*before, model_.felt->tissue_law)) carving = carved_by(*model_.felt, cuts);
   // first what may fail, and may be done twice
   cuts_.reserve(cuts.size());
   for (const Cut& cut : cuts) nearest_.see(cut.sweep);
@@ -798,21 +879,25 @@ void ViewedSession::follow_script() {
 
 // ---- fields
 
-Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) try {
+Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) {
   awaited_.reset();
   method_failure_.reset();
   if (can_feel(method)) {
     change_told(loop, told_, by, [&](Parameters& parameters) { parameters.method = method; });
     return {};
   }
-  if (!maker_.joinable()) maker_ = std::thread([this] { make_fields(); });
+  if (auto started = start_maker(); !started) return started;
   awaited_ = method;
   awaited_by_ = by;
   wanted_.notify_one();
   return {};
+}
+
+Result<void> ViewedSession::start_maker() try {
+  if (!maker_.joinable()) maker_ = std::thread([this] { make_fields(); });
+  return {};
 } catch (const std::system_error& error) {
-  return Error{ErrorKind::kUnavailable,
-               std::string("no thread to make the fields of the direct methods: ") + error.what(), "method",
+  return Error{ErrorKind::kUnavailable, std::string("no thread to make what is wanted: ") + error.what(), "",
                "close other programs, or raise the limit of processes (ulimit -u)"};
 }
 
@@ -823,8 +908,12 @@ void ViewedSession::make_fields() {
   std::shared_ptr<const Model> fields;
   std::unique_lock lock(mutex_);
   while (true) try {
-      wanted_.wait(lock, [this] { return ending_ || awaited_; });
+      wanted_.wait(lock, [this] { return ending_ || awaited_ || law_awaited_; });
       if (ending_) return;
+      if (law_awaited_) {
+        make_law(lock, progress);
+        continue;
+      }
       const ModelVersions of = model_;
       const ForceMethod method = *awaited_;
       // whoever waited for the lock would wait for this thread's priority
@@ -843,6 +932,8 @@ void ViewedSession::make_fields() {
       // no memory even to say so
       if (!lock) lock.lock();
       awaited_.reset();
+      law_awaited_.reset();
+      script_law_led_to_ = 0;
       given_up_ = model_.felt->version;
     }
 }

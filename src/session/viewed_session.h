@@ -24,6 +24,7 @@
 #include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/arming_code.h"
+#include "session/carried_cells.h"
 #include "session/consent.h"
 #include "session/cut_list.h"
 #include "session/explore_watch.h"
@@ -56,6 +57,13 @@ struct ViewedParts {
   std::function<Result<std::shared_ptr<const Model>>(
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>
       more_methods = with_methods;
+  /// As carried_under_law, which it is but in tests; may throw.
+  std::function<Result<CarriedCells>(const Model& felt, TissueLaw law, std::size_t devices,
+                                     const Progress& progress)>
+      other_law = carried_under_law;
+  /// That the model's soft tissue is solved in coarser cells than the scene has because this machine is
+  /// slower, in words; empty: it is not.
+  std::string coarser_tissue = {};
 };
 
 /// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
@@ -65,8 +73,10 @@ struct ViewedParts {
 /// A tissue that changes becomes a new version of the model (session/changed_model.h). Whatever the loop is
 /// told stands in told(), with who asked, for the recording. A direct method is made ready when it is chosen
 /// first, and the fields of all of them anew when one is chosen after a change of stiffness, on a thread of
-/// its own, at the lowest priority; until then the method stays as it was. Where that cannot be it stays so,
-/// and state() says why until another is chosen. Being ready for more methods is no new version. Any thread.
+/// its own, at the lowest priority; until then the method stays as it was. Likewise a law of soft tissue that
+/// has other surfaces, or of which it is not known yet in which cells this machine solves it. Where that
+/// cannot be it stays so, and state() says why until another is chosen. Being ready for more methods is no
+/// new version. Any thread.
 ///
 /// While a physical device may push, what viewers want to change waits until somebody at this machine agrees
 /// to it (session/consent.h); while it is stopped, so does what would make a hand feel more afterwards. A
@@ -132,8 +142,9 @@ class ViewedSession final : public ViewerHost {
   void change_law_by_script(TissueLaw law);
   /// Errors: those of Training::begin_or_end; kUsage where there are no tasks.
   Result<void> task_here();
-  /// HandCommands::stroke_led_to, of the last of them.
+  /// HandCommands::stroke_led_to and law_led_to, of the last of them.
   std::optional<std::uint32_t> script_stroke_led_to() const;
+  std::optional<std::uint32_t> script_law_led_to() const;
   /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
   void follow_script();
 
@@ -141,6 +152,10 @@ class ViewedSession final : public ViewerHost {
   std::optional<ForceMethod> method_awaited() const;
   /// Why the method that was asked for last is not felt.
   std::optional<Error> method_failure() const;
+  /// As ViewedParts has it, of the law that is felt.
+  std::string coarser_tissue() const;
+  /// What was told of laws that were chosen since the session began, in their order.
+  std::vector<std::string> later_coarser_tissue() const;
   /// What the loop is told, from begin() on.
   EventLog& told() { return told_; }
   /// The user's limit of the force, where it stood highest.
@@ -175,6 +190,10 @@ class ViewedSession final : public ViewerHost {
   void give_up(ForceMethod method, Error why);
   void move_tissue(ServoLoop& loop);
   Result<void> change_law(TissueLaw law, AskedBy by, ServoLoop& loop);
+  void go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop);
+  void make_law(std::unique_lock<std::mutex>& lock, const Progress& progress);
+  void give_up_law(Error why);
+  Result<void> start_maker();
   void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
   void cut_along();
   void cut(std::span<const Cut> cuts, ServoLoop& loop);
@@ -211,16 +230,28 @@ class ViewedSession final : public ViewerHost {
     std::uint32_t strokes = 0;  // that had begun when it was asked for
   };
   std::deque<WantedStroke> strokes_wanted_;  // to be undone or done again
-  std::optional<std::uint32_t> script_stroke_led_to_;
+  std::optional<std::uint32_t> script_stroke_led_to_, script_law_led_to_;
   double highest_max_force_N_;
   std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
   AskedBy awaited_by_;                  // who wants it
   std::uint32_t given_up_ = 0;          // the version whose fields could not be made
   std::optional<Error> method_failure_;
+  std::optional<TissueLaw> law_awaited_;  // that is felt when its surfaces are made
+  AskedBy law_awaited_by_;                // who wants it
+  std::optional<Error> law_failure_;
+  // of the laws by which tissue yields, where this machine was tried; factor 0: it was not
+  struct Carried {
+    double coarsened = 0;
+    std::string told;
+  };
+  std::array<Carried, ModelChange::kLaws> carried_;
+  Carried& carried_of(TissueLaw law) { return carried_[static_cast<std::size_t>(law)]; }
+  const Carried& carried_of(TissueLaw law) const { return carried_[static_cast<std::size_t>(law)]; }
+  std::vector<std::string> later_coarser_;
 
   std::condition_variable wanted_;
   std::atomic<bool> ending_{false};
-  std::thread maker_;                     // of fields; begun when the first are wanted
+  std::thread maker_;                     // of fields and laws; begun when the first are wanted
   std::thread cutter_;                    // of what a burr takes away; where the tool is one
   std::unique_ptr<TissueThread> tissue_;  // where tissue yields
   std::atomic<const TissueThread*> yields_{nullptr};

@@ -81,6 +81,7 @@ class Viewed : public ::testing::Test {
     model.side = Side::kLeft;
     model.scene_max_force_N = 5;
     model.tools = tools_;
+    model.tissues[kViewedCartilage].elastic = shell_;
     model_ = std::make_shared<const Model>(std::move(model));
     workspace_ = workspace;
     driver_.emplace(simulated);
@@ -103,7 +104,8 @@ class Viewed : public ::testing::Test {
                                 asks_here_,
                                 nullptr,
                                 new_fields_,
-                                more_methods_});
+                                more_methods_,
+                                other_law_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
@@ -188,6 +190,8 @@ class Viewed : public ::testing::Test {
   bool every_method_ = true;  // else the trilinear one and the proxy
   decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
   decltype(ViewedParts::more_methods) more_methods_ = with_methods;
+  decltype(ViewedParts::other_law) other_law_ = carried_under_law;
+  std::optional<ElasticConstants> shell_;  // of its elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
@@ -565,6 +569,105 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   EXPECT_EQ(tries, 1);
   ASSERT_EQ(error_of(spline).what, "no error");
   EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
+}
+
+TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
+  shell_ = ElasticConstants{20, 0.45};
+  std::atomic<bool> may_be_made{false};
+  std::atomic<int> made{0};
+  other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices,
+                   const Progress& progress) -> Result<CarriedCells> {
+    while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ++made;
+    auto under = carried_under_law(felt, law, devices, progress);
+    if (!under || !is_elastic(law)) return under;
+    // as on a machine that is slow for one of them, whatever this one is
+    const bool is_slow = law == TissueLaw::kNeoHookean;
+    auto carried = std::make_shared<Model>(*under->model);
+    carried->tissue_coarsened = is_slow ? 1.6 : 1;
+    return CarriedCells{std::move(carried), is_slow ? "coarser cells" : ""};
+  };
+  start();
+  EXPECT_THAT(viewed_->scene().laws, ::testing::ElementsAre("elastic", "neo-hookean", "chainmail", "layers"));
+  ASSERT_NO_FATAL_FAILURE(press(1));
+  const auto go_by = [&](const char* law) {
+    SettingsRequest request;
+    request.law = law;
+    return viewed_->set(request);
+  };
+  ASSERT_EQ(go_by("elastic").value(), Grant::kDone);
+  EXPECT_EQ(viewed_->state().law, "layers");
+  EXPECT_EQ(viewed_->state().law_awaited, "elastic");
+  // who goes back is led nowhere else
+  ASSERT_TRUE(go_by("layers").ok());
+  EXPECT_EQ(viewed_->state().law_awaited, "");
+  ASSERT_TRUE(go_by("elastic").ok());
+  // a tissue that is edited meanwhile is felt as edited, and the surfaces are of what it is then
+  TissueRequest slippery;
+  slippery.tissue = kViewedCartilage;
+  slippery.dynamic_friction = 0.05;
+  ASSERT_EQ(error_of(slippery).what, "no error");
+  may_be_made = true;
+  ASSERT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
+  EXPECT_EQ(viewed_->state().law_awaited, "");
+  EXPECT_FALSE(viewed_->state().law_failure);
+  EXPECT_GE(made, 2);
+  EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].dynamic_friction, 0.05);
+  EXPECT_EQ(changes().back().version, viewed_->state().model_version);
+  EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
+  // its thread solves, and the tick feels what it solves
+  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && viewed_->yielded(0) != nullptr; }));
+  EXPECT_GT(sent_N(latest()), 0.01);
+  EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
+
+  // the other elastic law has the same surfaces, but nobody knows yet what this machine carries of it
+  const int before = made;
+  ASSERT_TRUE(go_by("neo-hookean").ok());
+  ASSERT_TRUE(soon([&] { return viewed_->state().law == "neo-hookean"; }));
+  EXPECT_EQ(made, before + 1);
+  EXPECT_EQ(changes().back().stiffness_N_per_mm, 1.6);
+  EXPECT_EQ(viewed_->coarser_tissue(), "coarser cells");
+  EXPECT_THAT(viewed_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
+  // from then on it is at once
+  ASSERT_TRUE(go_by("elastic").ok());
+  EXPECT_EQ(viewed_->state().law, "elastic");
+  EXPECT_EQ(changes().back().stiffness_N_per_mm, 1);
+  EXPECT_EQ(viewed_->coarser_tissue(), "");
+  ASSERT_TRUE(go_by("neo-hookean").ok());
+  EXPECT_EQ(viewed_->state().law, "neo-hookean");
+  EXPECT_EQ(made, before + 1);
+  ASSERT_TRUE(go_by("layers").ok());
+  ASSERT_TRUE(soon([&] { return viewed_->state().law == "layers"; }));
+  EXPECT_TRUE(soon([&] { return viewed_->yielded(0) == nullptr; }));
+}
+
+TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
+  shell_ = ElasticConstants{20, 0.45};
+  int tries = 0;
+  other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices, const Progress& progress) {
+    if (++tries == 1) throw std::bad_alloc();
+    return carried_under_law(felt, law, devices, progress);
+  };
+  start();
+  SettingsRequest elastic;
+  elastic.law = "elastic";
+  ASSERT_EQ(error_of(elastic).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
+  EXPECT_EQ(viewed_->state().law_failure->where, "elastic");
+  EXPECT_EQ(viewed_->state().law, "layers");
+  EXPECT_EQ(viewed_->state().law_awaited, "");
+  // nor is memory taken that is not allowed
+  set_reading_limits({.most_memory_bytes = 1});
+  ASSERT_EQ(error_of(elastic).what, "no error");
+  ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
+  set_reading_limits({});
+  EXPECT_THAT(viewed_->state().law_failure->what, HasSubstr("of memory"));
+  ASSERT_EQ(error_of(elastic).what, "no error");
+  EXPECT_FALSE(viewed_->state().law_failure);
+  EXPECT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
+  // a script that asks for it is told, too
+  viewed_->change_law_by_script(TissueLaw::kElastic);
+  EXPECT_EQ(viewed_->script_law_led_to(), viewed_->state().model_version);
 }
 
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {

@@ -2,12 +2,16 @@
 
 #include <algorithm>
 
+#include "palpate/tissue/seen_by_law.h"
+
 namespace palpate {
 
 void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
-  for (const RecordingEvent& event : part.events)
+  for (const RecordingEvent& event : part.events) {
+    if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
     if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold)
       told_.push_back({event.number, event.input_tick});
+  }
   // a solution is told with ticks that follow the one that it was solved from
   const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
     std::erase_if(told_, [&](const Told& told) {
@@ -32,9 +36,25 @@ void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t r
   Boxes boxes;
   if (!solutions_.empty()) boxes = boxes_.back();
   const auto devices = static_cast<std::size_t>(std::clamp(input.devices, 0, kMaxDevices));
-  for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(*model_, input.device[d], boxes[d]);
+  const Model& model = model_of(input.model_version);
+  for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(model, input.device[d], boxes[d]);
   if (boxes_.empty() || boxes_.back() != boxes) boxes_.push_back(boxes);
   solutions_.push_back({told.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
+}
+
+// as it was solved by in that version; where its surfaces' outermost lie no law changes
+const Model& YieldIndex::model_of(std::uint32_t version) {
+  const TissueLaw law = laws_.at(version);
+  const double coarsened = laws_.coarsened_at(version);
+  const auto is_by = [&](const Model& model) {
+    return model.tissue_law == law && model.tissue_coarsened == coarsened;
+  };
+  if (is_by(*model_)) return *model_;
+  if (!other_ || !is_by(*other_)) {
+    other_ = seen_under_law(*model_, law);
+    other_->tissue_coarsened = coarsened;
+  }
+  return *other_;
 }
 
 std::span<const YieldIndex::Solution> YieldIndex::up_to(std::uint32_t number, std::size_t most) const {

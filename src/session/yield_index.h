@@ -9,6 +9,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/recording/recording.h"
+#include "palpate/tissue/tissue_laws.h"
 #include "palpate/tissue/yield_solver.h"
 
 namespace palpate {
@@ -30,7 +31,7 @@ class YieldIndex {
   /// @param model  as the recording began with, with the proxy's surfaces; outlives what is seen. A box that
   ///               is laid where something was cut is laid by the surface as it was before: a few cells
   ///               beside the one that there was, where a tool leans in a deep cut
-  explicit YieldIndex(const Model& model) : model_(&model) {}
+  explicit YieldIndex(const Model& model) : model_(&model), laws_(model.tissue_law, model.tissue_coarsened) {}
 
   /// The next part of the recording. @param row  of its first tick
   void see(const RecordingPart& part, std::uint64_t row);
@@ -50,8 +51,11 @@ class YieldIndex {
     std::uint64_t input_tick;
   };
   void take(const Told& told, const TickRecord& input, std::uint64_t row);
+  const Model& model_of(std::uint32_t version);
 
   const Model* model_;
+  LawsByVersion laws_;
+  std::optional<Model> other_;  // the model by another law than it begins with
   std::vector<Solution> solutions_;
   std::vector<Boxes> boxes_;
   // whose tick is still to come, and the ticks before those that come next, in which it may be

@@ -16,14 +16,14 @@ TissueLaw law_of(const ModelChange& change) {
 
 void LawsByVersion::hear(const ModelChange& change) {
   // whatever a file says, versions rise
-  if (change.is_of_law() && change.version >= laws_.back().first)
-    laws_.emplace_back(change.version, law_of(change));
+  if (!change.is_of_law() || change.version < laws_.back().version) return;
+  const double coarsened = change.stiffness_N_per_mm;
+  const bool tells_cells = coarsened >= 1 && coarsened <= kMostTissueCoarsened;
+  laws_.push_back({change.version, law_of(change), tells_cells ? coarsened : laws_.back().coarsened});
 }
 
-TissueLaw LawsByVersion::at(std::uint32_t version) const {
-  const auto later =
-      std::ranges::upper_bound(laws_, version, {}, &std::pair<std::uint32_t, TissueLaw>::first);
-  return std::prev(later)->second;
+const LawsByVersion::From& LawsByVersion::from(std::uint32_t version) const {
+  return *std::prev(std::ranges::upper_bound(laws_, version, {}, &From::version));
 }
 
 }  // namespace palpate

@@ -128,6 +128,8 @@ struct YieldSolver::Finite {
   ElasticField u_mm, force_N;  ///< scratch
   double give_mm = 0;          ///< s W of the last frame; 0: none
   double most_give = kSolvingFeel.most_give;
+  double depth_mm = 0;   ///< of the tool in the last frame; 0: none
+  double failed_mm = 0;  ///< of a tool at rest, for which more than most_give had no solution; 0: none
   double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< as told of it
 
   explicit Finite(const ElasticLayout& layout)
@@ -135,7 +137,7 @@ struct YieldSolver::Finite {
   void forget() {
     for (ElasticField* field : {&correction_mm, &turning_mm})
       std::fill(field->values.begin(), field->values.end(), 0.0f);
-    give_mm = stiffening_mm_per_N2 = finite_N = 0;
+    give_mm = stiffening_mm_per_N2 = finite_N = failed_mm = 0;
   }
 };
 
@@ -232,8 +234,12 @@ struct YieldSolver::Region {
 
 void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, bool anew,
                                        YieldSpot& spot) {
-  constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2;
+  constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
   Finite& f = *finite;
+  const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
+  const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
+  f.depth_mm = std::max(depth_mm, 0.0);
+  if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
   const HeldMeans surface = patch.columns(kSolvingFeel.least_bearing);
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   YieldingTissue tissue;
@@ -268,15 +274,25 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   const double stiffer = (force_N - s) / force_N;
   if (!(found.least_volume >= kSolvingFeel.least_volume) || found.stuck ||
       !(std::abs(stiffer) <= kYieldFeel.most_stiffening) || !(force_N > 0)) {
-    // the linear one is what is known; less deep next time, from there
-    f.forget();
-    f.most_give = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
+    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
+    if (at_rest && f.finite_N > 0) {
+      // what was found is felt on, and nothing deeper is tried until the tool moves: else the force of a hand
+      // at rest would go to and fro with every try
+      spot.finite_N = f.finite_N;
+      spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
+      f.give_mm = give_mm;
+      f.failed_mm = depth_mm;
+    } else {
+      // the linear one is what is known; less deep next time, from there
+      f.forget();
+    }
+    f.most_give = less;
     return;
   }
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
   f.give_mm = give_mm;
-  f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
+  if (f.failed_mm == 0) f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
 
   // what the forces are beyond those of the linear body
   patch.add(-force_N, f.force_N);
@@ -380,7 +396,7 @@ double YieldSolver::displacing_N(std::size_t device, const DeviceTick& felt) con
 
 bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before) {
   if (before == nullptr || before->tick % ticks_ != 0) return false;
-  const bool any = solver_.frame().number > 0;
+  const bool any = solver_.frame().number > frame_.number;
   if (any) {
     frame_ = solver_.frame();
     input_tick_ = solved_from_;
@@ -388,6 +404,13 @@ bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before)
   solver_.solve(model, *before);
   solved_from_ = before->tick;
   return any;
+}
+
+bool YieldsOnVirtualClock::rest() {
+  if (solver_.frame().number == frame_.number) return false;
+  frame_ = solver_.frame();
+  input_tick_ = solved_from_;
+  return true;
 }
 
 }  // namespace palpate

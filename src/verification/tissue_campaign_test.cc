@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <numbers>
 #include <random>
@@ -44,12 +45,20 @@ class CampaignTip {
         model_ = carved_by(*model_, cuts)->taken_from(*model_);
         ++cut_;
       }
-    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
+    const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
+    if (is_elastic(model_->tissue_law) ? yields_.advance(*model_, before) : yields_.rest())
+      parameters_.yields = yields_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(tip);
     Wrench wrench;
     tick(*model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
     return record_;
+  }
+  /// False: that law cannot be now, as once something is cut.
+  bool go_by(TissueLaw law) {
+    auto next = next_version({model_, model_}, change_of_law(*model_, law));
+    if (next) model_ = next->felt;
+    return next.ok();
   }
   void pause(bool paused) { parameters_.paused = paused; }
   const YieldFrame& frame() const { return yields_.frame(); }
@@ -137,7 +146,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   const int scenes = asked_for("PALPATE_TEST_SCENES", 6);
   const unsigned seed = test::test_seed();
   constexpr double kMostForce_N = 3, kTick_s = 1e-3;
-  int touched = 0, solved = 0, cut = 0;
+  int touched = 0, solved = 0, cut = 0, changed = 0;
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
@@ -168,6 +177,8 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {
       Eigen::Vector3d to;
       for (int axis = 0; axis < 3; ++axis) to[axis] = between(random, -14, 14);
+      // another law, wherever the tool is
+      if (random() % 4 == 0) changed += tip.go_by(static_cast<TissueLaw>(random() % ModelChange::kLaws));
       lead(to, std::pow(10, between(random, 1.3, 2.7)));
     }
     if (HasFatalFailure()) return;
@@ -181,6 +192,11 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
     cut += tip.versions_cut();
   }
   RecordProperty("versions_cut", cut);
+  RecordProperty("laws_changed", changed);
+  if (scenes > 6)
+    std::printf(
+        "%d scenes: %d ticks that touched, %d with a solution, %d versions cut, %d changes of the law\n",
+        scenes, touched, solved, cut, changed);
   EXPECT_GT(touched, 50 * scenes);
   EXPECT_GT(solved, 50 * scenes);
 }

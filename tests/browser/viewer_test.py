@@ -2648,7 +2648,7 @@ class WithBurr(Viewer):
         self.page.wait("document.getElementById('removed').textContent.includes('170 mm³ of femur removed')")
         # the mock's bone is protected
         self.assertEqual(self.told("damage"), "170 mm³ of femur gone, which is protected")
-        self.assertEqual(self.told("nearest"), "the burr came as near as 0.500 mm to tibia")
+        self.assertEqual(self.told("nearest"), "the tool came as near as 0.500 mm to tibia")
         # who comes later is told of all that is gone
         self.page.run("window.isLeft = true; location.reload()")
         self.page.wait("!window.isLeft && window.palpateViewer && palpateViewer.isLoaded")
@@ -2852,6 +2852,11 @@ class WithSphere(Viewer):
         self.page.wait(f"{law}.value === 'neo-hookean' && palpateViewer.state.law === 'neo-hookean'")
         self.page.run("document.getElementById('undo').click()")
         self.page.wait(f"{law}.value === 'elastic' && palpateViewer.state.law === 'elastic'")
+        # one that has other surfaces comes later, and the page says so meanwhile
+        awaited = "document.getElementById('law-awaited')"
+        self.page.run(f"{law}.value = 'layers'; {law}.dispatchEvent(new Event('change', {{ bubbles: true }}))")
+        self.page.wait(f"!{awaited}.hidden && {awaited}.textContent.includes('is made ready') && {law}.value === 'layers' && palpateViewer.state.law === 'elastic'")
+        self.page.wait(f"{awaited}.hidden && palpateViewer.state.law === 'layers'")
 
     def test_tissue_that_yields_is_seen_where_it_went(self):
         scene = self.server.scene()

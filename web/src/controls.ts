@@ -43,6 +43,7 @@ export class Controls {
   private window: Window | null = null; // that was shown last
   private wasPointer: boolean | null = null;
   private methodFailure: string | null = null; // that was told last
+  private lawFailure: string | null = null; // likewise
   private slow_s = -Infinity; // when the slow plots got their last sample
 
   constructor(private readonly session: Session, private readonly connection: Connection,
@@ -334,12 +335,18 @@ export class Controls {
 
   showState(state: State): void {
     byId<HTMLSelectElement>("method").value = state.method_awaited ?? state.method;
-    byId<HTMLSelectElement>("law").value = state.law;
+    byId<HTMLSelectElement>("law").value = state.law_awaited ?? state.law;
+    const nameOfLaw = (law: string) => words.laws[law] ?? law;
+    write(byId("law-awaited"), state.law_awaited ? words.lawAwaited(nameOfLaw(state.law_awaited), nameOfLaw(state.law)) : "");
+    byId("law-awaited").hidden = !state.law_awaited;
     write(byId("method-awaited"), state.method_awaited ? words.methodAwaited(readable(state.method_awaited), readable(state.method)) : "");
     byId("method-awaited").hidden = !state.method_awaited;
     const failure = state.method_failed && refusalText(state.method_failed);
     if (failure && failure !== this.methodFailure) toast(failure);
     this.methodFailure = failure;
+    const lawFailure = state.law_failed && refusalText(state.law_failed);
+    if (lawFailure && lawFailure !== this.lawFailure) toast(lawFailure);
+    this.lawFailure = lawFailure;
     for (const name of ["friction", "viscosity", "passivity"] as const) byId<HTMLInputElement>(name).checked = state[name];
     const limit = byId<HTMLInputElement>("limit");
     if (!limit.matches(":active")) {
@@ -503,7 +510,7 @@ export const complain = (error: unknown): void => toast((error as Error).message
 const withKeys = (text: string): (Node | string)[] => text.split("`").map((part, n) => (n % 2 === 1 ? element("kbd", {}, part) : part));
 
 /** The same choice in other words, or other choices. */
-const toolText = ({ name, burr }: HeldTool): string => words.toolNamed(name) + (burr ? ` · ${words.burr[burr]}` : "");
+const toolText = ({ name, burr, shaver }: HeldTool): string => words.toolNamed(name) + (burr ? ` · ${(shaver ? words.shaver : words.burr)[burr]}` : "");
 
 function offer<Name extends string>(id: string, names: Name[], said: Record<Name, string>): void {
   const select = byId<HTMLSelectElement>(id);

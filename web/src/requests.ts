@@ -16,7 +16,7 @@ type Values = Record<string, unknown>;
 /** Of a request for settings: what holds of each; null of a request that is for anything else. */
 function holding(request: Request, state: State): Values | null {
   const { type, tissue, ...asked } = request as Request & { tissue?: number };
-  const of: Values | undefined = type === "tissue" ? { ...state.tissues[tissue!] } : { ...state, method: state.method_awaited ?? state.method };
+  const of: Values | undefined = type === "tissue" ? { ...state.tissues[tissue!] } : { ...state, method: state.method_awaited ?? state.method, law: state.law_awaited ?? state.law };
   const names = Object.keys(asked);
   if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every((name) => (SETTINGS as readonly string[]).includes(name))))) return null;
   return Object.fromEntries(names.map((name) => [name, of[name]]));

@@ -25,7 +25,7 @@ export interface Tissue {
 /** A long part of the tool: from one end of its axis to the other, in the tool's own frame, and its radii there. */
 export interface Capsule { from_mm: Vec3; to_mm: Vec3; radius_mm: number; end_radius_mm: number }
 /** What a device holds. */
-export interface HeldTool { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; points_mm: Vec3[]; capsules: Capsule[] }
+export interface HeldTool { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; shaver: boolean; points_mm: Vec3[]; capsules: Capsule[] }
 export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "dynamic_friction" | "viscosity_N_s_per_mm">;
 
 export interface Scene {
@@ -100,6 +100,8 @@ export interface Recording {
 export interface State {
   method: string;
   law: string; // of soft tissue
+  law_awaited: string | null; // until its surfaces are made
+  law_failed: Refusal | null; // why the one that was asked for last is not felt
   method_awaited: string | null; // until its fields are made
   method_failed: Refusal | null; // why the one that was asked for last is not felt
   friction: boolean;

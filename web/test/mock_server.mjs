@@ -142,7 +142,7 @@ const tissues = [
   { name: "cartilage", felt: true, protection: "none", colour: [96, 178, 214], opacity: 1, ...feel(0.8), rests_on: [0] },
   { name: "meniscus", felt: true, protection: "none", colour: [214, 118, 96], opacity: 1, ...feel(0.5), rests_on: [1] },
 ];
-const tool = { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] };
+const tool = { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, shaver: false, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] };
 const second = options.second === "yes" ? [{ name: "ball", radius_mm: 4, cuts: false, burr: null, points_mm: [[0, 0, 0]], capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 30], radius_mm: 2, end_radius_mm: 2 }], tip: [20, -52, 20] }] : [];
 const scene = (role) => ({
   protocol, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
@@ -153,7 +153,7 @@ const scene = (role) => ({
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
   tool, tools: [tool, ...second.map(({ tip, ...held }) => held)],
   methods: ["proxy", "trilinear"],
-  laws: ["elastic", "neo-hookean"],
+  laws: ["elastic", "neo-hookean", "chainmail", "layers"],
   device: { name: options.input === "pointer" ? "pointer" : "simulated premium-1.5", simulated: options.input !== "device", input: options.input,
             peak_force_N: 8.5, continuous_force_N: 1.4, most_stiffness_N_per_mm: 1.1 },
   limits: { max_force_N: 1.4, least_max_force_N: 0.1, most_max_force_N: 1.4, stiffness_N_per_mm: [0.001, 10], friction: [0, 2] },
@@ -162,7 +162,7 @@ const scene = (role) => ({
   tasks: [],
 });
 const state = {
-  method: "proxy", law: "elastic", method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
+  method: "proxy", law: "elastic", law_awaited: null, law_failed: null, method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,
   rotation_wxyz: [1, 0, 0, 0], model_version: 1, tissues: tissues.map(({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm }) =>
     ({ stiffness_N_per_mm, static_friction, dynamic_friction, viscosity_N_s_per_mm })), armed: options.input === "device", recording: false, playback: null,
 };
@@ -378,9 +378,10 @@ sockets.on("connection", (socket) => {
       changeStrokes(() => strokes.push(nextStroke()));
     }
     if (type === "set") {
-      const { method = state.method_awaited ?? state.method, ...others } = values;
+      const { method = state.method_awaited ?? state.method, law = state.law_awaited ?? state.law, ...others } = values;
       Object.assign(state, others, "motor" in values ? { motor_is_on: values.motor } : {});
       choose(method);
+      goBy(law);
     }
     if (type === "undo") changeStrokes(() => undone.push(strokes.pop()));
     if (type === "redo") changeStrokes(() => strokes.push(undone.pop()));
@@ -419,6 +420,18 @@ function choose(method) {
       tellState();
     }, 500);
   state.method_awaited = method;
+}
+// a law by which tissue yields has other surfaces than one by which it does not
+const yieldsBy = (law) => law === "elastic" || law === "neo-hookean";
+function goBy(law) {
+  if (yieldsBy(law) === yieldsBy(state.law)) return Object.assign(state, { law, law_awaited: null });
+  if (state.law_awaited !== law)
+    setTimeout(() => {
+      if (state.law_awaited !== law) return;
+      Object.assign(state, { law, law_awaited: null });
+      tellState();
+    }, 500);
+  state.law_awaited = law;
 }
 // of each stroke its sweeps
 const strokes = [];

@@ -74,6 +74,9 @@ struct SweepRecord {
 /// What can become of a burr's stroke, which is what it takes away from its motor's start to its stop.
 enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
+/// The most that Model::tissue_coarsened may be.
+inline constexpr double kMostTissueCoarsened = 2;
+
 /// How a version of the model follows from the one before it: a tissue was changed while it was felt, the
 /// direct methods' fields were made anew for the stiffnesses as they are, something was cut away, a stroke
 /// was undone or done again, or soft tissue goes by another law.
@@ -86,7 +89,7 @@ struct ModelChange {
   static constexpr std::uint32_t kLaws = 4;
   std::uint32_t version = 0;  ///< one more than the version before it
   std::uint32_t tissue = 0;   ///< its place in the scene, from 0, or one of the above
-  // what the tissue has from that version on
+  // what the tissue has from that version on; of a law the first is Model::tissue_coarsened, 0: as it was
   double stiffness_N_per_mm = 0, static_friction = 0, dynamic_friction = 0, viscosity_N_s_per_mm = 0;
 
   bool is_of_tissue() const { return tissue < kLaw; }

@@ -88,6 +88,7 @@ struct BurrSettings {
   int pedal = -1;            ///< the device's button that runs the motor while it is held; -1: none does
   double length_mm = 0;      ///< Burr::length_mm: of the row, from middle to middle; 0: a ball
   double end_radius_mm = 0;  ///< Burr::end_radius_mm
+  bool shaver = false;       ///< it is for what is soft, and is called so; nothing else follows from that
 };
 
 /// The instrument: spheres and capsules fixed to the tip's frame (a point tool has one sphere of radius 0, at
@@ -111,6 +112,8 @@ inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
 
 /// "ball", "cylinder" or "cone"; empty: the tool is no burr.
 std::string burr_shape(const Tool& tool);
+/// "burr" or "shaver"; empty: the tool is neither.
+std::string cutter_name(const Tool& tool);
 /// In words, such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long"; empty: the tool is no burr.
 std::string burr_in_words(const Tool& tool);
 
@@ -212,6 +215,9 @@ struct Model {
     return tissue != nullptr && tissue->felt;
   }
 };
+
+/// Of all tools of a model, such as "burr or shaver"; empty: none cuts.
+std::string cutter_name(const Model& model);
 
 /// One method for a model whose field, labels, levels, tissues and settings are there. Every method pushes
 /// with the stiffest tissue's stiffness at that tissue's flat surface; how far the force climbs from there

@@ -279,4 +279,13 @@ void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                          const ToolPose& hand, ProxyState& state);
 
+/// After a change of the surfaces by which structures lie in other layers. The outermost proxy stays where
+/// keep_proxy leaves it. Where that lets it go, and in the layers within, one is born at the nearest place
+/// outside of what the tool has not gone through; what it has gone through stays open. What yields is pressed
+/// anew. A tip of which nobody knew on which side it is stays without force until it is free. The caller
+/// blends the force.
+/// @param before  as of keep_proxy
+void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
+
 }  // namespace palpate

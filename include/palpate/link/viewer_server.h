@@ -79,6 +79,7 @@ struct ViewedTool {
     double radius_mm = 0, end_radius_mm = 0;  ///< where it begins and ends; between them it changes evenly
   };
   std::vector<Capsule> capsules;  ///< the head of a burr that is no ball is one
+  bool shaver = false;            ///< what cuts is called a shaver, and not a burr
 };
 
 struct ViewedScene {
@@ -131,7 +132,10 @@ struct ViewedState {
   std::string method_awaited;  ///< that is felt as soon as its fields are made; empty: none
   /// Why the method that was asked for last could not be made ready, its name as the place.
   std::optional<Error> method_failure;
-  std::string law;  ///< of soft tissue
+  std::string law;          ///< of soft tissue
+  std::string law_awaited;  ///< that is felt as soon as its surfaces are made; empty: none
+  /// Why the law that was asked for last could not be, its name as the place.
+  std::optional<Error> law_failure;
   bool friction = true, viscosity = true, passivity = true, paused = false;
   bool motor = false;                    ///< of the tools that cut: their switch
   bool motor_is_on = false;              ///< by its switch or a pedal

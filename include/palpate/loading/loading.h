@@ -12,6 +12,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/model/memory_forecast.h"
+#include "palpate/model/preparing.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/volume/volume.h"
@@ -101,5 +102,9 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
 Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
                                                std::span<const ForceMethod> methods,
                                                const Progress& progress = {});
+
+/// What takes seconds of a model that changes (next_version, palpate/model/changed_model.h), likewise. For
+/// one model.
+std::unique_ptr<const Preparing> kept_preparing();
 
 }  // namespace palpate

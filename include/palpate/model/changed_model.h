@@ -5,6 +5,7 @@
 
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/model/preparing.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
 #include "palpate/tissue/tissue_laws.h"
@@ -18,9 +19,11 @@ struct ModelVersions {
   std::shared_ptr<const Model> felt, made;
 };
 /// What a ModelChange leads to, of any kind. Errors: those below.
-/// @param cuts  by which a version is cut; of the other kinds none
+/// @param cuts       by which a version is cut; of the other kinds none
+/// @param preparing  of surfaces, where a law needs others
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
-                                   std::span<const Cut> cuts = {}, const Progress& progress = {});
+                                   std::span<const Cut> cuts = {}, const Progress& progress = {},
+                                   const Preparing& preparing = {});
 /// What is taken from a model after more cuts. It is prepared for the proxy.
 std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut> cuts);
 
@@ -28,12 +31,24 @@ std::shared_ptr<const Carving> carved_by(const Model& felt, std::span<const Cut>
 ModelChange change_of_stroke(const Model& felt, StrokeAction action);
 
 /// Soft tissue by another law, as the next version.
-ModelChange change_of_law(const Model& felt, TissueLaw law);
-/// A model whose soft tissue goes by that law, everything else as it was. Errors: kBadInput where no tissue
-/// that is felt has elastic constants; from a law by which tissue yields to one by which it does not, or
-/// back, as these have other surfaces (prepared_for); and for one by which tissue moves after something was
-/// cut without counting parts of voxels (Carving::tells_parts).
-Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law);
+/// @param coarsened  Model::tissue_coarsened from then on; 0: as it is
+ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened = 0);
+/// Whether soft tissue can go by that law. Errors: kBadInput where no tissue that is felt has elastic
+/// constants; for a law by which tissue moves after something was cut without counting parts of voxels
+/// (Carving::tells_parts); and from a law by which tissue yields to one by which it does not, or back, where
+/// there are no surfaces for the proxy, or something was cut from them.
+Result<void> check_law(const Model& felt, TissueLaw law);
+/// Whether the proxy leans on other surfaces by that law: what yields is one layer.
+bool has_other_surfaces(const Model& felt, TissueLaw law);
+/// A model whose soft tissue goes by that law, everything else as it was. Where the law has other surfaces
+/// they are made, which takes seconds. Errors: those of check_law, relaxation that none can have, and those
+/// of prepared_for; kInterrupted.
+Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law,
+                                               const Preparing& preparing = {},
+                                               const Progress& progress = {});
+/// The next version, by a change of law, where what under_law gives for it is there already.
+/// @param under  of `felt`
+std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, const ModelChange& change);
 /// What is taken from a model after a change of a stroke. Null: there is no such stroke, or the change is
 /// another one. @param carving  null: nothing was cut
 std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change);

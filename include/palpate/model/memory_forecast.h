@@ -27,4 +27,8 @@ struct MemoryForecast {
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing = {},
                                        const Progress& progress = {});
 
+/// Likewise the most at a time of making a model's surfaces for the proxy anew, beside those that it has.
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& preparing = {},
+                                         const Progress& progress = {});
+
 }  // namespace palpate

@@ -25,6 +25,8 @@ struct HandCommands {
   /// Told to it: the model's version to which what it asked of a stroke last has led; 0: there was no such
   /// stroke. Empty: that is not known yet.
   std::optional<std::uint32_t> stroke_led_to = {};
+  /// Likewise of the law that it asked for last; 0: it cannot be.
+  std::optional<std::uint32_t> law_led_to = {};
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -78,7 +80,7 @@ class ScriptedHand {
   bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
   bool change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
-  bool change_law(const LawStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
+  bool change_law(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/base/progress.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/scripted_hand.h"
 #include "palpate/tissue/yield_solver.h"
@@ -14,7 +15,9 @@ namespace palpate {
 /// A scripted hand with a simulated device on the virtual clock: sense, tick, feel, act.
 class VirtualRun {
  public:
-  VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand);
+  /// @param progress  of what takes seconds between two ticks; without it that is not interrupted
+  VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand,
+             Progress progress = {});
 
   /// Senses where the device is and ticks.
   const TickRecord& tick();
@@ -39,7 +42,7 @@ class VirtualRun {
   void change_stroke(StrokeAction action);
   void change_law(TissueLaw law);
 
-  std::shared_ptr<const Model> model_;
+  std::shared_ptr<const Model> model_, felt_;  // that the next tick feels; that the last one felt
   const double dt_s_;
   ScriptedHand hand_;
   SimulatedDevice device_;
@@ -50,12 +53,13 @@ class VirtualRun {
   Wrench sent_;
   Point<World> intended_;
   TickRecord record_;
-  double cut_s_ = 0;                            // when the model was cut last
-  std::optional<StrokeAction> stroke_;          // that the script wants
-  std::optional<std::uint32_t> stroke_led_to_;  // HandCommands
+  double cut_s_ = 0;                                         // when the model was cut last
+  std::optional<StrokeAction> stroke_;                       // that the script wants
+  std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // HandCommands
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
   YieldsOnVirtualClock yields_;
+  const Progress progress_;
 };
 
 }  // namespace palpate

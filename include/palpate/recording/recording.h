@@ -24,9 +24,6 @@ namespace palpate {
 template <class T>
 class SpscRing;
 
-/// The most that Model::tissue_coarsened may be.
-inline constexpr double kMostTissueCoarsened = 2;
-
 /// What is known before the first tick.
 struct RecordingHeader {
   std::string palpate_version, commit, build_type, compiler;

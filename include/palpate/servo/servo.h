@@ -88,6 +88,8 @@ struct SessionState {
   std::uint32_t strokes = 0;
   bool motor_on = false;
   Holes holes;  // that stayed open where tools went through
+  // of the last frame that was told while nothing yielded: it says nothing of tissue that begins to
+  std::uint32_t last_unfelt_frame = 0;
   std::array<Hand, kMaxDevices> hands;
   /// Those of the model of the last tick, by which a new version's are told from other ones. They follow from
   /// that version, which the hash knows.
@@ -95,6 +97,7 @@ struct SessionState {
     std::uint32_t version = 0;  ///< of that model, 0 before the first tick
     std::uint32_t edits = 0;    ///< likewise
     int count = 0;
+    bool yield = false;  ///< is_elastic(Model::tissue_law): by another one structures lie in other layers
     std::array<LabelId, kMostSurfaces> label{};
     std::array<std::uint64_t, kMostSurfaces> content{};  ///< Surface::content_hash()
   } surfaces;

@@ -91,6 +91,9 @@ class YieldsOnVirtualClock {
   /// To be called before every tick. @param before  the tick before; nothing where there was none
   /// @returns whether frame() is a new one
   bool advance(const Model& model, const TickRecord* before);
+  /// In place of advance() where nothing yields: what was solved last is told, so that nothing of it is left
+  /// for when something yields again.
+  bool rest();
   /// That the next tick is to be told.
   const YieldFrame& frame() const { return frame_; }
   std::uint64_t input_tick() const { return input_tick_; }  ///< that it was solved from

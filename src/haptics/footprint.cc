@@ -1,0 +1,104 @@
+#include "haptics/footprint.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/haptics/feel.h"
+
+namespace palpate {
+namespace {
+
+// 0 where `a` is higher by half a radius and more, 1 where it is as much deeper
+double is_deeper(double a_mm, double b_mm, double radius_mm) {
+  const double part = std::clamp((a_mm - b_mm) / radius_mm + 0.5, 0.0, 1.0);
+  return part * part * (3 - 2 * part);
+}
+
+}  // namespace
+
+Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along) {
+  PALPATE_CHECK(!places.empty() && places.size() <= kMostPressPlaces);
+  std::array<double, kMostPressPlaces> counts;
+  counts.fill(1);
+  const auto aside_mm = [&](std::size_t a, std::size_t b) {
+    const Vector<Patient> way = places[a].middle_mm - places[b].middle_mm;
+    return (way - along * way.dot(along)).norm();
+  };
+  const auto radius_mm = [&](std::size_t a, std::size_t b) {
+    return std::min(places[a].radius_mm, places[b].radius_mm);
+  };
+  for (std::size_t a = 0; a < places.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) {
+      const double radius = radius_mm(a, b), behind = 1 - std::min(1.0, aside_mm(a, b) / radius);
+      if (!(behind > 0)) continue;
+      const double deeper = is_deeper(places[a].depth_mm, places[b].depth_mm, radius);
+      counts[b] *= 1 - behind * deeper;
+      counts[a] *= 1 - behind * (1 - deeper);
+    }
+
+  // sums of sqrt(R) d^n, n = 0.5, 1.5, 2.5
+  std::array<double, kMostPressPlaces> force;
+  double steep = 0, all = 0, work = 0;
+  Footprint foot;
+  for (std::size_t n = 0; n < places.size(); ++n) {
+    const PressPlace& place = places[n];
+    const double root = counts[n] * std::sqrt(place.radius_mm * place.depth_mm);
+    force[n] = root * place.depth_mm;
+    steep += root;
+    all += force[n];
+    work += force[n] * place.depth_mm;
+    foot.arm_mm += (place.middle_mm - along * place.radius_mm) * force[n];
+  }
+  if (!(all > 0)) {
+    // so slight a touch that its force is 0 as a number
+    foot.depth_mm = places[0].depth_mm;
+    foot.radius_mm = places[0].radius_mm;
+    foot.arm_mm = places[0].middle_mm - along * places[0].radius_mm;
+    return foot;
+  }
+  foot.depth_mm = work / all;
+  foot.radius_mm = all * all / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
+  foot.stiffer = std::max(1.0, steep * work / (all * all));
+  foot.arm_mm = foot.arm_mm * (1 / all);
+  // what is less than its radius from another place is that one by so much
+  for (std::size_t a = 0; a < places.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) {
+      const double aside = aside_mm(a, b), radius = radius_mm(a, b);
+      const double per_mm = std::min(1.0, aside / radius) / (std::numbers::pi * std::max(aside, radius));
+      foot.closeness_per_mm += 2 * (force[a] / all) * (force[b] / all) * per_mm;
+    }
+  return foot;
+}
+
+std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> surfaces,
+                         std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                         std::span<PressPlace> places) {
+  const std::size_t most =
+      std::min(places.size(), kMostPressPlaces) / std::max<std::size_t>(1, spheres.size());
+  std::size_t count = 0;
+  for (const ToolSphere& sphere : spheres) {
+    const double length_mm = sphere.along_mm.norm();
+    // the same places of the axis however it lies, so that none comes or goes with a turn
+    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.least_radius_mm});
+    const int steps =
+        length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
+    for (int n = 0; n <= steps; ++n) {
+      const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
+      PressPlace place{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
+      for (const int s : surfaces) {
+        const FeltSurface& felt = all[static_cast<std::size_t>(s)];
+        if (felt.surface == nullptr) continue;
+        const double depth_mm = place.radius_mm - felt.surface->distance_mm(tip + place.middle_mm);
+        place.depth_mm = std::max(place.depth_mm, depth_mm);
+      }
+      // a thinner part presses as one of that radius does, as deep
+      place.radius_mm = std::max(place.radius_mm, kYieldFeel.least_radius_mm);
+      if (place.depth_mm > 0) places[count++] = place;
+    }
+  }
+  return count;
+}
+
+}  // namespace palpate
