@@ -555,10 +555,11 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
   return true;
 }
 
-// It waits until the law is felt, for which surfaces may have to be made.
+// It waits until the law is felt, for which surfaces may have to be made, and then until tissue that is
+// stiffer by it has pushed the hand out as far as it presses.
 bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
-  constexpr double kLongest_s = 300;
+  constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
   if (touching_) keep_contact(felt, dt_s);
   const TissueLaw law = std::get<LawStep>(step.action).law;
   if (step_time_s_ == 0) {
@@ -568,7 +569,10 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
   if (commands.law_led_to == 0u) return fail(step, felt, "its surfaces could not be made");
   if (commands.law_led_to && felt.model_version >= *commands.law_led_to) {
     law_ = law;
-    return true;
+    settled_s_ += dt_s;
+    if (!touching_ || settled_s_ >= kLongestPush_s) return true;
+    (void)overreach(felt, dt_s);
+    return settled_s_ >= kBriefly_s && over_s_ == 0;
   }
   return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
 }

@@ -772,7 +772,9 @@ const ScriptKeys& script_key_tables() {
           {"law",
            "Lets soft tissue go by another law from here on, wherever the hand is. Between `elastic` and "
            "`neo-hookean`, and between `layers` and `chainmail`, that is at once; from one of these pairs "
-           "to the other surfaces are made anew, for which the hand waits. With a tool that cuts a scene "
+           "to the other surfaces are made anew, for which the hand waits; then until stiffer tissue has "
+           "pushed it "
+           "out as far as it presses. With a tool that cuts a scene "
            "cannot change between the pairs, and tissue that does not move at the start cannot begin to.",
            {{.name = "law",
              .type = kChoice,

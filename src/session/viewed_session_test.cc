@@ -611,7 +611,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   ASSERT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
   EXPECT_EQ(viewed_->state().law_awaited, "");
   EXPECT_FALSE(viewed_->state().law_failure);
-  EXPECT_GE(made, 2);
+  EXPECT_GE(made, 1);
   EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].dynamic_friction, 0.05);
   EXPECT_EQ(changes().back().version, viewed_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);

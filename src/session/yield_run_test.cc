@@ -381,7 +381,8 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   };
   double step_N = 0;
   for (std::size_t n = 1; n < ticks.size(); ++n) {
-    if (ticks[n].model_version > 1)
+    // where it stiffens under the tool the hand is pushed out, and what that gives it is held back
+    if (is_elastic(laws.at(ticks[n].model_version)))
       step_N = std::max(step_N, std::abs(force_N(ticks[n]) - force_N(ticks[n - 1])));
     EXPECT_EQ(ticks[n].device[0].flags & kFlagInside, 0u);
   }
@@ -452,7 +453,6 @@ TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == EventKind::kModel) laws.push_back(law_of(event.change));
   EXPECT_THAT(laws, ::testing::ElementsAre(TissueLaw::kNeoHookean, TissueLaw::kLayers, TissueLaw::kElastic));
-  EXPECT_THAT(explored->trouble, ::testing::Each(HasSubstr("is solved in cells of"))) << "a slow machine's";
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
