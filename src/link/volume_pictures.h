@@ -70,7 +70,7 @@ class PictureStore {
   // of the store's thread alone
   std::shared_ptr<const Bricks<LabelId>> labels_;
   std::optional<VolumeRenderer> renderer_;  ///< of these labels
-  std::vector<StructureLook> prepared_;  ///< with these looks
+  std::vector<StructureLook> prepared_;     ///< with these looks
   std::vector<std::uint8_t> rgb_;
   std::vector<float> depth_mm_;
 

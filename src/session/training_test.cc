@@ -304,8 +304,7 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
   ASSERT_TRUE(training->begin("ball").ok());
   // 40 s at 1 kHz, a peak of one tick each second
   // and one in the very last
-  for (std::uint64_t n = 0; n < 40001; ++n)
-    training->see(tick(n, n % 1000 == 500 || n == 40000 ? 0.9 : 0.3));
+  for (std::uint64_t n = 0; n < 40001; ++n) training->see(tick(n, n % 1000 == 500 || n == 40000 ? 0.9 : 0.3));
   ASSERT_TRUE(training->end_run().ok());
   wait_until_kept(*training);
   const auto debriefing = training->debriefing();

@@ -198,6 +198,8 @@ class WholeTask(Trainee):
         self.page.dark(True)
 
         # by mouse
+        self.page.run("window.spoken = []; new MutationObserver(() => window.spoken.push(document.getElementById('spoken').textContent))"
+                      ".observe(document.getElementById('spoken'), { childList: true })")
         self.bring_section_to("patella")
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
@@ -212,6 +214,7 @@ class WholeTask(Trainee):
         self.page.pointer({"type": "pointerUp", "button": 0})
         self.page.click("#task-end")
         by_mouse = self.expect_debriefed(1)
+        self.page.wait("window.spoken.some((text) => text.includes(document.getElementById('verdict').textContent))")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-title")
         for is_dark in (True, False):
             self.page.dark(is_dark)
