@@ -20,20 +20,6 @@ nlohmann::ordered_json number_or_null(const std::optional<double>& value) {
   return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
 }
 
-std::string_view kind_text(TaskEvent::Kind kind) {
-  switch (kind) {
-    case TaskEvent::Kind::kStepDone:
-      return "step_done";
-    case TaskEvent::Kind::kOverLimit:
-      return "over_limit";
-    case TaskEvent::Kind::kProtected:
-      return "protected";
-    case TaskEvent::Kind::kEnded:
-      return "ended";
-  }
-  return "";
-}
-
 std::string hexadecimal(std::uint64_t hash) {
   char text[17];
   std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
@@ -131,7 +117,7 @@ nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {
     json["steps"].push_back({{"name", task.steps[n].name}, {"done", static_cast<bool>(score.done[n])}});
   json["events"] = nlohmann::ordered_json::array();
   for (const TaskEvent& event : score.events)
-    json["events"].push_back({{"kind", kind_text(event.kind)},
+    json["events"].push_back({{"kind", kind_name(event.kind)},
                               {"tick", event.tick},
                               {"time_s", event.time_s},
                               {"force_N", event.force_N},

@@ -36,20 +36,6 @@ const char* kind_text(StepKind kind) {
   return "";
 }
 
-const char* kind_text(TaskEvent::Kind kind) {
-  switch (kind) {
-    case TaskEvent::Kind::kStepDone:
-      return "step_done";
-    case TaskEvent::Kind::kOverLimit:
-      return "over_limit";
-    case TaskEvent::Kind::kProtected:
-      return "protected";
-    case TaskEvent::Kind::kEnded:
-      return "ended";
-  }
-  return "";
-}
-
 const char* end_text(RunEnd end) {
   switch (end) {
     case RunEnd::kTask:
@@ -65,7 +51,7 @@ const char* end_text(RunEnd end) {
 }
 
 ViewedTaskEvent viewed_event(const TaskEvent& event) {
-  return {kind_text(event.kind), event.part, event.time_s, event.force_N};
+  return {kind_name(event.kind), event.part, event.time_s, event.force_N};
 }
 
 ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, const Model& model) {

@@ -27,6 +27,20 @@ std::string names_of_structures(const std::vector<LabelReference>& structures, s
 
 }  // namespace
 
+const char* kind_name(TaskEvent::Kind kind) {
+  switch (kind) {
+    case TaskEvent::Kind::kStepDone:
+      return "step_done";
+    case TaskEvent::Kind::kOverLimit:
+      return "over_limit";
+    case TaskEvent::Kind::kProtected:
+      return "protected";
+    case TaskEvent::Kind::kEnded:
+      return "ended";
+  }
+  return "";
+}
+
 std::string metric_text(Metric metric, double value) {
   if (std::isnan(value)) return "none";
   const std::string_view unit = info_of(metric).unit;

@@ -37,6 +37,8 @@ struct TaskEvent {
 
   friend bool operator==(const TaskEvent&, const TaskEvent&) = default;
 };
+/// "step_done", as scores and viewers are told.
+const char* kind_name(TaskEvent::Kind kind);
 
 struct MetricValue {
   Metric metric = Metric::kTime;
