@@ -293,40 +293,6 @@ class WholeTask(Trainee):
         self.page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": n} for n, (x, y) in enumerate(points)])
 
 
-class Warned(Trainee):
-    """Without records; a viewer beside."""
-
-    @classmethod
-    def options(cls):
-        return ["--task", cls.file]
-
-    def test_what_is_protected_and_too_much_force_are_told_in_words(self):
-        self.assertIn("no learner was named", self.text("#task-note"))
-        self.page.run("window.spoken = []; new MutationObserver(() => window.spoken.push([performance.now(), document.getElementById('spoken').textContent]))"
-                      ".observe(document.getElementById('spoken'), { childList: true })")
-        self.bring_section_to("tibia")
-        self.page.press("b")
-        self.page.wait(f"{TRAINING}.view === 'running'")
-        self.press_into("tibia", self.mouse_down, self.mouse_up, f"{TRAINING}.run.protected_N[0] > 0.2")
-        self.page.wait("document.getElementById('task-warning').innerText.includes('tibia is protected')")
-        self.assertEqual(self.barriers(), [])
-        self.page.pointer({"type": "pointerUp", "button": 0})
-        self.page.wait("document.getElementById('task-warning').hidden")
-        self.page.wait("window.spoken.some(([, text]) => text.includes('tibia, which is protected, touched'))")
-        times = self.page.run("return window.spoken.map(([time]) => time)")
-        self.assertTrue(all(b - a > 990 for a, b in zip(times, times[1:])), times)
-        # somebody else takes the hand: whoever has it ends the run
-        self.let_another_viewer_lead()
-        self.page.wait("document.getElementById('task-end').disabled && document.getElementById('task-note').innerText.includes('Whoever moves the tip')")
-        answer = self.run_async("""const socket = new WebSocket(`ws://${location.host}/ws`, "palpate.v1");
-            socket.onopen = () => {
-              socket.send(JSON.stringify({ type: "hello", protocol: 3, poses_hz: 1 }));
-              socket.send(JSON.stringify({ type: "task", id: 7, end: true }));
-            };
-            socket.onmessage = ({ data }) => typeof data === "string" && JSON.parse(data).id === 7 && done(JSON.parse(data));""")
-        self.assertEqual(answer["type"], "refused")
-
-
 class Quiz(Trainee):
     """The nodule of the block, which nobody is to see."""
 
