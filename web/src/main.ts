@@ -41,7 +41,7 @@ const SOFTWARE_FRAME_MS = 66;
 /** Beside a picture of the volume, sections are drawn in a third of the time: as many times their own pass from one to the next. */
 const SECTIONS_REST = 3;
 /** Where no graphics card draws, the page waits for its sections: so long for all of them at a time, and less where it waits for a part of the volume's picture, too. */
-const SECTIONS_MS = 40, SECTIONS_BESIDE_MS = 25;
+const SECTIONS_MS = 32, SECTIONS_BESIDE_MS = 16;
 /** Graphics that the browser has not given back by then will hardly come. */
 const HOPELESS_MS = 5000;
 const FIGURES_MS = 100;

@@ -41,7 +41,7 @@ export interface Port {
 }
 
 /** A band takes about so long: others wait for the graphics no longer. */
-const BAND_MS = 20;
+const BAND_MS = 16;
 const LEAST_ROWS = 4;
 
 class Service {
