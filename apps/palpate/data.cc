@@ -85,12 +85,7 @@ Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& c
   if (!loaded) return loaded.error();
   const Model& model = *loaded->model;
   if (model.labels == nullptr || model.segments.empty()) return std::vector<std::uint8_t>();
-  const auto looks = structure_looks(model);
-  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, console.progress());
-  if (!renderer) return renderer.error();
-  VolumePictureRequest request;
-  request.pixels = kPicture_px;
-  return encode_png(volume_picture(*renderer, model, looks, request));
+  return volume_thumbnail(model, kPicture_px, console.progress());
 }
 
 /// A picture of each that is here or can be made; one that cannot be drawn does not stop the others.

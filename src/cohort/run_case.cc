@@ -82,15 +82,6 @@ void put_palpation(const SimulationResult& run, CaseResult& result) {
   result.run_hash = run.summary.run_hash;
 }
 
-Result<std::vector<std::uint8_t>> picture_of(const Model& model, const Progress& progress) {
-  const auto looks = structure_looks(model);
-  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
-  if (!renderer) return renderer.error();
-  VolumePictureRequest request;
-  request.pixels = kPicture_px;
-  return encode_png(volume_picture(*renderer, model, looks, request));
-}
-
 std::string times_json(const CaseTimes& times) {
   char text[200];
   std::snprintf(text, sizeof text,
@@ -166,7 +157,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     times.check_s = clock.lap();
 
     if (model.labels->geometry().voxel_count() <= kMostVoxelsDrawn) {
-      const auto png = picture_of(model, progress);
+      const auto png = volume_thumbnail(model, kPicture_px, progress);
       if (!png) return png.error();
       if (auto written =
               write_file(folder / "picture.png", {reinterpret_cast<const char*>(png->data()), png->size()});

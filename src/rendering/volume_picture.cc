@@ -136,4 +136,13 @@ Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<con
   return image;
 }
 
+Result<std::vector<std::uint8_t>> volume_thumbnail(const Model& model, int pixels, const Progress& progress) {
+  const auto looks = structure_looks(model);
+  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
+  if (!renderer) return renderer.error();
+  VolumePictureRequest request;
+  request.pixels = pixels;
+  return encode_png(volume_picture(*renderer, model, looks, request));
+}
+
 }  // namespace palpate

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -39,5 +40,10 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
 /// @param marks     drawn among the structures
 Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
                      const VolumePictureRequest& request, std::span<const VolumeMark> marks = {});
+
+/// A PNG of a model as it looks from the front, for lists and tables. Errors: kInterrupted.
+/// @param model  with labels
+Result<std::vector<std::uint8_t>> volume_thumbnail(const Model& model, int pixels,
+                                                   const Progress& progress = {});
 
 }  // namespace palpate
