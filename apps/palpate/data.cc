@@ -6,11 +6,11 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
+#include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/rendering/volume_picture.h"
 #include "palpate/report/data_page.h"
 #include "palpate_version.h"
-#include "palpation.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -81,7 +81,8 @@ void print_json() {
 }
 
 Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& console) {
-  const auto loaded = load_target(name, console);
+  // what it could not be felt with is nothing that a picture shows
+  const auto loaded = load_scene_or_data_set(name, console.progress());
   if (!loaded) return loaded.error();
   const Model& model = *loaded->model;
   if (model.labels == nullptr || model.segments.empty()) return std::vector<std::uint8_t>();
@@ -96,7 +97,8 @@ int write_data_page(const DataOptions& options, Console& console) {
   page.program = PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ")";
   for (const auto& entry : catalog()) {
     const auto data = locate(entry.name);
-    DataPage::Set set{entry.name, entry.summary, entry.licence, state(entry, data), "", {}};
+    // no path of this machine: a page is passed on
+    DataPage::Set set{entry.name, entry.summary, entry.licence, data ? "here" : state(entry, data), "", {}};
     if (data || entry.source == DataSource::kGenerated) {
       auto picture = picture_of(entry.name, console);
       if (!picture && picture.error().kind == ErrorKind::kInterrupted) return console.fail(picture.error());
@@ -150,8 +152,7 @@ int fetch_set(const DataOptions& options, Console& console) {
 void add_list(CLI::App& data, const std::shared_ptr<DataOptions>& options, Run& run) {
   CLI::App* verb = data.add_subcommand("list", "List the data sets, their licences and where they are");
   CLI::Option* json = verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
-  verb->add_option("--page", options->page,
-                   "Write a page with a picture of each instead (HTML); takes a minute")
+  verb->add_option("--page", options->page, "Write a page with a picture of each instead (HTML)")
       ->type_name("FILE")
       ->excludes(json);
   verb->footer("Examples:\n  palpate data list\n  palpate data list --page data.html");

@@ -490,7 +490,9 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                    "Task that is done in it, measured as it is done: a file, or one of palpate task list; "
                    "default: the page offers those that are made for the scene");
   CLI::Option* learner =
-      verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym");
+      verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym")
+          ->check(CLI::Validator(
+              [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
   verb->add_option("--records", options.records, "The file of the records (palpate records --help)")
       ->needs(learner);
   verb->add_option("--max-force", options.max_force_N,

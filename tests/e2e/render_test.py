@@ -1,6 +1,7 @@
 """Pictures of the volume: from every side, cut, of some structures alone, all around, and what is said when there is none."""
 
 import json
+import pathlib
 import struct
 import zlib
 
@@ -140,6 +141,10 @@ class Render(cli.KneeTest):
         self.assertGreaterEqual(drawn, 7)
         self.assertEqual(text.count("data:image/png;base64,"), drawn)
         self.assertEqual(text.count("no picture"), len(listed) - drawn)
+        # no folder of this machine
+        for entry in listed:
+            if entry["here"]:
+                self.assertNotIn(str(pathlib.Path(entry["labels"]).parent), text)
         done = cli.run("data", "list", "--page", page, "--json")
         self.assertEqual(done.returncode, cli.USAGE)
 
