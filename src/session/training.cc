@@ -277,23 +277,12 @@ void Training::over(RunEnd end) {
   run.ticks = live_->ticks;
   run.run_hash = live_->run_hash;
   run.header = header_;
-  ViewedTraining state;
+  ViewedTraining state = seen(*live_);
   state.phase = ViewedTraining::Phase::kKeeping;
-  state.run = run.number;
-  state.task = run.task;
-  state.time_s = run.score.time_s;
-  state.done = run.score.done;
-  for (std::size_t n = 0; n < run.score.done.size(); ++n)
-    state.share.push_back(live_->evaluator.share_of_step(n));
-  state.forces_N.assign(viewed_[live_->task].forces.size(), 0);
-  state.protected_N.assign(viewed_[live_->task].protections.size(), 0);
-  state.missing_s = run.score.missing_s;
-  const auto& events = run.score.events;
-  for (std::size_t n = events.size() - std::min(events.size(), ViewedTraining::kMostEvents);
-       n < events.size(); ++n)
-    state.events.push_back(viewed_event(events[n]));
-  state.events_before = events.size() - state.events.size() + run.score.more_events;
-  state.keeps = options_.keeps;
+  // nothing presses any more that would be of it
+  std::ranges::fill(state.forces_N, 0);
+  std::ranges::fill(state.protected_N, 0);
+  state.touch_N = 0;
   over_.push_back(std::move(over));
   over_.back().live = std::move(live_);
   state_ = std::move(state);
@@ -333,9 +322,9 @@ void Training::keep() {
       finished.history.best.resize(task.metrics.size(), kNotKnown);
       told = std::make_shared<const ViewedDebriefing>(debrief(*over.live, finished));
       std::vector<TaskEvent>& events = finished.run.score.events;
-      if (events.size() > kMostEventsKept) {
-        finished.run.score.more_events += events.size() - kMostEventsKept;
-        events.resize(kMostEventsKept);
+      if (events.size() > ViewedDebriefing::kMostEvents) {
+        finished.run.score.more_events += events.size() - ViewedDebriefing::kMostEvents;
+        events.resize(ViewedDebriefing::kMostEvents);
       }
     } catch (const std::exception&) {
       // no memory for what would be shown of it
@@ -363,16 +352,20 @@ void Training::end() {
 
 ViewedTraining Training::state() const {
   const std::lock_guard lock(mutex_);
-  if (!live_) return state_;
-  const TaskEvaluator& run = live_->evaluator;
+  return live_ ? seen(*live_) : state_;
+}
+
+// with the lock
+ViewedTraining Training::seen(const Live& live) const {
+  const TaskEvaluator& run = live.evaluator;
   ViewedTraining state;
   state.phase = ViewedTraining::Phase::kRunning;
-  state.run = live_->number;
-  state.task = options_.tasks[live_->task].name;
+  state.run = live.number;
+  state.task = options_.tasks[live.task].name;
   state.time_s = run.time_s();
   state.done = run.done();
   for (std::size_t n = 0; n < state.done.size(); ++n) state.share.push_back(run.share_of_step(n));
-  const ViewedTask& task = viewed_[live_->task];
+  const ViewedTask& task = viewed_[live.task];
   for (std::size_t n = 0; n < task.forces.size(); ++n) state.forces_N.push_back(run.force_N(n));
   for (std::size_t n = 0; n < task.protections.size(); ++n) state.protected_N.push_back(run.protected_N(n));
   state.touch_N = run.touch_N();

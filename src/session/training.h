@@ -80,6 +80,7 @@ class Training {
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
   void over(RunEnd end);
+  ViewedTraining seen(const Live& live) const;
   void keep();
   ViewedDebriefing debrief(const Live& live, const FinishedRun& finished) const;
 

@@ -45,9 +45,8 @@ struct TaskRun {
   std::uint64_t run_hash = 0;  ///< over these, as RecordingSummary::run_hash over all
   std::shared_ptr<const RecordingHeader> header;  ///< of the session
 };
-/// A session has so many runs at most, and so many events are kept of one that is over.
+/// A session has so many runs at most.
 inline constexpr std::uint32_t kMostRunsOfSession = 1000;
-inline constexpr std::size_t kMostEventsKept = 500;
 
 /// What is known of a learner's runs of a task, this one included.
 struct RunHistory {
