@@ -232,7 +232,10 @@ export class Training {
 
   private update(): void {
     const { run, task } = this;
-    if (!task) return void this.hide(null);
+    if (!task) {
+      this.hide(null);
+      return this.allow();
+    }
     const before = this.view;
     const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
     const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task.name;
