@@ -56,7 +56,8 @@ name = "coverage"
 name = "smoothness"
 """
 TRAINING = "palpateViewer.training"
-TAB, ENTER = "\ue004", "\ue007"
+TAB, ENTER, ARROW_UP, ARROW_DOWN = "\ue004", "\ue007", "\ue013", "\ue015"
+TOUCHES, IS_DONE = f"{TRAINING}.run.forces_N[0] > 0.3", f"{TRAINING}.run.done.every((done) => done)"
 
 
 class Trainee(viewer_test.Viewer):
@@ -108,23 +109,23 @@ class Trainee(viewer_test.Viewer):
         voxel = viewer_test.numpy.argwhere(labels == label).mean(0)
         return (patient_from_voxel[:3, :3] @ voxel + patient_from_voxel[:3, 3]).tolist()
 
-    def deep_into(self, name):
-        """Where in the section a press meets a structure a little below its surface: it is brought into the plane first."""
+    def way_into(self, name):
+        """Where in the section nothing is, and below it a place a little inside a structure that is brought into the plane first."""
         script = """palpateViewer.draw();
             const canvas = document.querySelector('#picture-oblique canvas');
             const places = palpateViewer.scene.structures.findIndex((s) => s.name === arguments[0]);
-            let best = null;
             for (let y = 6; y < canvas.height - 6; y += 2) for (let x = 6; x < canvas.width - 30; x += 2) {
               const is = (dx, dy) => palpateViewer.structureAt(palpateViewer.patientAt('oblique', x + dx, y + dy));
               const mm = Math.hypot(...palpateViewer.patientAt('oblique', 1, 0).map((v, i) => v - palpateViewer.patientAt('oblique', 0, 0)[i]));
               const deep = 1.4 / mm;
-              if (is(0, 0) === places && is(0, -2 * deep) === null && is(0, -5 * deep) === null) return [x, y, canvas.clientWidth / canvas.width];
+              if (is(0, 0) === places && is(0, -2 * deep) === null && is(0, -5 * deep) === null) return [x, y, y - 2 * deep, canvas.clientWidth / canvas.width];
             }
             return null"""
         found = self.page.run(script, name)
         self.assertIsNotNone(found, "the section shows nothing of " + name)
+        x, y, above, scale = found
         left, top, _, _ = self.box("#picture-oblique .stack")
-        return round(left + found[0] * found[2]), round(top + found[1] * found[2])
+        return (round(left + x * scale), round(top + above * scale)), (round(left + x * scale), round(top + y * scale))
 
     def bring_section_to(self, name):
         """The tip is left at the structure's surface, through which the section then goes."""
@@ -145,22 +146,54 @@ class Trainee(viewer_test.Viewer):
             time.sleep(0.02)
         return is_so
 
-    def press_into(self, name, press, release, felt):
-        """Presses until it is felt: the section glides, and where it shows the structure may be elsewhere when the press comes. It stays pressed."""
+    def press_into(self, name, press, move, release, until):
+        """Presses from outside until the page tells that it is so; it stays pressed then.
+
+        The section glides, and shows the structure elsewhere by the time of the press; and on a machine that stands still for a while contact
+        begins anew, in which nothing is felt before the tip has been outside.
+        """
         for _ in range(8):
             self.page.run("for (let n = 0; n < 40; n++) palpateViewer.draw()")
-            press(self.deep_into(name))
-            if self.is_soon(felt, 6):
+            above, inside = self.way_into(name)
+            press(above)
+            time.sleep(0.3)
+            move(inside)
+            if self.is_soon(until, 6):
                 return
             release()
             time.sleep(0.3)
-        self.fail("never felt: " + felt)
+        self.fail(f"never became true: {until}; {self.page.run('return palpateViewer.pose.devices[0]')}")
 
     def mouse_down(self, at):
-        self.page.pointer({"type": "pointerMove", "x": at[0], "y": at[1]}, {"type": "pointerDown", "button": 0})
+        self.mouse_move(at)
+        self.page.pointer({"type": "pointerDown", "button": 0})
 
-    def mouse_up(self, _=None):
+    def mouse_move(self, at):
+        self.page.pointer({"type": "pointerMove", "x": at[0], "y": at[1]})
+
+    def mouse_up(self):
         self.page.pointer({"type": "pointerUp", "button": 0})
+
+    def press_by_keys(self, until):
+        """The tip lies at the surface: down into it a pixel or two at a time, and up again where contact began anew (above)."""
+        for _ in range(4):
+            for _ in range(60):
+                self.key("keyDown", ARROW_DOWN)
+                if self.is_soon(f"{TRAINING}.run.forces_N[0] > 0.25", 0.1):
+                    break
+                self.key("keyUp", ARROW_DOWN)
+            is_so = self.is_soon(until, 6)
+            self.key("keyUp", ARROW_DOWN)
+            if is_so:
+                return
+            for _ in range(60):
+                self.key("keyDown", ARROW_UP)
+                time.sleep(0.03)
+                self.key("keyUp", ARROW_UP)
+        self.fail("never became true: " + until)
+
+    def key(self, kind, value):
+        self.page.post("/actions", {"actions": [{"type": "key", "id": "keys", "actions": [{"type": kind, "value": value}]}]})
 
     def expect_debriefed(self, number):
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
@@ -210,13 +243,12 @@ class WholeTask(Trainee):
         self.page.wait(f"{TRAINING}.view === 'running'")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
         self.assertEqual(self.barriers(), [])
-        self.press_into("patella", self.mouse_down, self.mouse_up, f"{TRAINING}.run.forces_N[0] > 0.3")
-        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
+        self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, f"{TOUCHES} && {IS_DONE}")
         self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
         said = self.text("#task-forces")
         self.assertIn("patella", said)
         self.assertRegex(said, r"[0-9.]+ N · (in the band|too much|above the limit)")
-        self.page.pointer({"type": "pointerUp", "button": 0})
+        self.mouse_up()
         self.page.click("#task-end")
         by_mouse = self.expect_debriefed(1)
         self.page.wait("window.spoken.some((text) => text.includes(document.getElementById('verdict').textContent))")
@@ -231,15 +263,7 @@ class WholeTask(Trainee):
         self.page.press("b")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 2")
         self.assertTrue(self.page.run("return document.activeElement === document.querySelector('#picture-oblique .stack')"), "the focus stays where it is")
-        # the tip lies at the surface, near where the mouse left it: down into it, a pixel or two at a time
-        keys = {"type": "key", "id": "keys"}
-        for _ in range(60):
-            self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyDown", "value": "\ue015"}, {"type": "pause", "duration": 30}]}]})
-            if self.is_soon(f"{TRAINING}.run.forces_N[0] > 0.25", 0.1):
-                break
-            self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyUp", "value": "\ue015"}]}]})
-        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
-        self.page.post("/actions", {"actions": [{**keys, "actions": [{"type": "keyUp", "value": "\ue015"}]}]})
+        self.press_by_keys(IS_DONE)
         # the button is found by the tab key
         self.page.run("document.getElementById('language').focus()")
         for _ in range(60):
@@ -254,8 +278,7 @@ class WholeTask(Trainee):
         self.touch("Start", self.middle_of_element("#task-again"))
         self.touch("End")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 3")
-        self.press_into("patella", lambda at: self.touch("Start", at), lambda: self.touch("End"), f"{TRAINING}.run.forces_N[0] > 0.3")
-        self.page.wait(f"{TRAINING}.run.done.every((done) => done)", 60)
+        self.press_into("patella", lambda at: self.touch("Start", at), lambda at: self.touch("Move", at), lambda: self.touch("End"), IS_DONE)
         self.touch("End")
         self.touch("Start", self.middle_of_element("#task-end"))
         self.touch("End")

@@ -66,6 +66,7 @@ export class Training {
   private warning = { text: "", until_ms: -Infinity };
   private plots: Plot[] = [];
   private listed = ""; // what the steps were made of
+  private tookFocus = false; // from the panel, while the run is kept
   private looked = -1; // at this step's region
   private shownRun = 0; // whose debriefing is written
   private spokenRun = 0; // whose verdict was spoken
@@ -240,7 +241,9 @@ export class Training {
     const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
     const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task.name;
     this.view = isRunning ? "running" : isOver ? "debriefing" : "briefing";
-    const hadFocus = byId("training").contains(document.activeElement);
+    const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
+    // a browser takes the focus from the button that is disabled while the run is kept
+    this.tookFocus = run?.phase === "keeping" && hadFocus;
     this.hide(task.quiz && this.view !== "debriefing" ? task.to_find : null);
 
     const { view } = this;
