@@ -380,6 +380,10 @@ class Picker(Trainee):
         names = self.page.run("return [...document.getElementById('task').options].map((option) => option.value)")
         self.assertLessEqual({"meniscus-probing", "diagnostic-round", "hold-steady", "trace-an-edge"}, set(names))
         self.assertNotIn("find-the-nodule", names)
+        # nobody is asked to do one, and what is felt stands on top
+        self.assertEqual(self.page.run("return document.getElementById('task').selectedOptions[0].text"), "none")
+        self.assertLess(self.box("#training")[3], 80)
+        self.assertEqual(self.view(), "none")
         before = self.page.run("return palpateViewer.project([0, 0, 0])")
         self.page.run("const task = document.getElementById('task'); task.value = 'trace-an-edge'; task.dispatchEvent(new Event('change'))")
         self.page.wait("document.getElementById('task-title').innerText.includes('edge')")

@@ -43,7 +43,7 @@ export interface Debriefing {
   runs: number; in_a_row: number; kept: number | null; not_kept: Refusal | null;
 }
 
-type View = "briefing" | "running" | "debriefing";
+type View = "none" | "briefing" | "running" | "debriefing";
 /** A warning stays so long after what it is about. */
 const WARNING_MS = 1500;
 const MOST_EVENTS = 60;
@@ -55,7 +55,7 @@ export type Hide = (toFind: number[] | null) => void;
 const seconds = (s: number): string => `${s.toFixed(1)} s`;
 
 export class Training {
-  view: View = "briefing";
+  view: View = "none";
   run: TaskRun | null = null;
   debriefing: Debriefing | null = null;
   private tasks: Task[] = [];
@@ -99,12 +99,13 @@ export class Training {
     if (isNew) {
       this.tasks = scene.tasks ?? [];
       // what a run is of, which may have been told before
-      if (!this.tasks.some(({ name }) => name === this.chosen)) this.chosen = this.tasks[0]?.name ?? "";
+      if (!this.task) this.chosen = this.tasks.length === 1 ? this.tasks[0].name : "";
       this.looked = -1;
       this.listed = "";
     }
     byId("training").hidden = this.tasks.length === 0;
-    byId<HTMLSelectElement>("task").replaceChildren(...this.tasks.map(({ name, title }) => new Option(title, name, false, name === this.chosen)));
+    byId<HTMLSelectElement>("task").replaceChildren(says(new Option("", "", false, this.chosen === ""), { text: "noTask" }),
+      ...this.tasks.map(({ name, title }) => new Option(title, name, false, name === this.chosen)));
     byId("task-line").hidden = this.tasks.length < 2;
     this.update();
     // the one that this session is for
@@ -143,7 +144,7 @@ export class Training {
     this.listed = "";
     this.looked = -1;
     this.update();
-    this.lookAtStep(0);
+    if (this.task) this.lookAtStep(0);
   }
   private begin(): void {
     if (this.task) void this.requests.once({ type: "task", begin: this.task.name });
@@ -233,37 +234,38 @@ export class Training {
 
   private update(): void {
     const { run, task } = this;
-    if (!task) {
-      this.hide(null);
-      return this.allow();
-    }
     const before = this.view;
     const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
-    const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task.name;
-    this.view = isRunning ? "running" : isOver ? "debriefing" : "briefing";
+    const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task?.name;
+    this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
     // a browser takes the focus from the button that is disabled while the run is kept
     this.tookFocus = run?.phase === "keeping" && hadFocus;
-    this.hide(task.quiz && this.view !== "debriefing" ? task.to_find : null);
+    this.hide(task?.quiz && this.view !== "debriefing" ? task.to_find : null);
 
     const { view } = this;
     byId<HTMLSelectElement>("task").disabled = view === "running";
-    byId<HTMLSelectElement>("task").value = task.name;
-    write(byId("task-title"), task.title);
-    write(byId("task-briefing"), task.briefing);
-    for (const [id, where] of [["task-briefing", "briefing"], ["task-rules", "briefing"], ["task-begin", "briefing"], ["task-time", "running"], ["task-forces", "running"],
-      ["task-end", "running"], ["debriefing", "debriefing"], ["task-again", "debriefing"], ["task-other", "debriefing"]] as const) byId(id).hidden = view !== where;
-    this.listSteps(task);
-    this.showSteps(task);
-    if (view === "running") this.showRun(task, run!);
-    if (view === "debriefing") this.showDebriefing(task, this.debriefing!);
-    this.showWarning(view === "running" ? this.warningOf(task, run!) : []);
+    byId<HTMLSelectElement>("task").value = task?.name ?? "";
+    for (const [ids, where] of [[["task-briefing", "task-rules", "task-begin"], ["briefing"]], [["task-time", "task-forces", "task-end"], ["running"]],
+      [["debriefing", "task-again", "task-other"], ["debriefing"]], [["task-title", "task-steps", "task-note"], ["briefing", "running", "debriefing"]]])
+      for (const id of ids) byId(id).hidden = !where.includes(view);
+    if (task) this.showTask(task);
+    this.showWarning(task && view === "running" ? this.warningOf(task, run!) : []);
     this.allow();
     if (before !== view) {
       this.session.touch();
       // whoever pressed a button that is gone goes on where it was
-      if (hadFocus) byId(view === "running" ? "task-end" : "task-title").focus();
+      if (hadFocus && task) byId(view === "running" ? "task-end" : "task-title").focus();
     }
+  }
+
+  private showTask(task: Task): void {
+    write(byId("task-title"), task.title);
+    write(byId("task-briefing"), task.briefing);
+    this.listSteps(task);
+    this.showSteps(task);
+    if (this.view === "running") this.showRun(task, this.run!);
+    if (this.view === "debriefing") this.showDebriefing(task, this.debriefing!);
   }
 
   private listSteps(task: Task): void {

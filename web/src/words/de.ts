@@ -272,6 +272,7 @@ export const de: Words = {
   taskWatch: "Nur zum Zuschauen: beginnen und beenden kann, wer steuern darf.",
   taskOthers: "Beginnen und beenden kann, wer die Spitze führt.",
   taskKept: "Durchgänge kommen in die Aufzeichnungen der oder des Lernenden.",
+  noTask: "keine",
   taskNotKept: "Durchgänge werden nirgends gespeichert: palpate wurde kein Pseudonym genannt.",
   runIn: "Jeder gezählte Wert in seinem Bereich",
   runOut: "Nicht jeder gezählte Wert in seinem Bereich",

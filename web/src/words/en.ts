@@ -271,6 +271,7 @@ export const en = {
   taskWatch: "You look on: whoever has control begins and ends.",
   taskOthers: "Whoever moves the tip begins and ends.",
   taskKept: "Runs are kept in the learner's records.",
+  noTask: "none",
   taskNotKept: "Runs are kept nowhere: no learner was named.",
   runIn: "Every counted figure in its band",
   runOut: "Not every counted figure in its band",
