@@ -109,7 +109,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
   for (const isCut of [IS_FELT, [false, false, true], [false, true, true], [false, false, false]]) {
     const cuts = new Cuts();
     let its = volumes(), sweeps: Sweep[] = [], seen: Uint8Array = its.structure.slice();
-    for (let step = 0; step < 30; step++) {
+    for (let step = 0; step < 12; step++) {
       // several messages may come before the volumes are brought up to them
       for (let message = Math.floor(3 * random()); message >= 0; message--) {
         const first = random() < 0.4 ? sweeps.length : Math.floor((sweeps.length + 1) * Math.sqrt(random()));
@@ -134,7 +134,7 @@ test("what sweeps took that are not any more comes back, and nothing else change
       seen = plain;
     }
   }
-  assert.ok(done.back > 500 && done.gone > 500 && done.kept > 500, `seed ${began}: ${JSON.stringify(done)}`);
+  assert.ok(done.back > 100 && done.gone > 100 && done.kept > 100, `seed ${began}: ${JSON.stringify(done)}`);
 });
 
 test("what comes after sweeps that are not known is left alone", () => {
