@@ -216,7 +216,8 @@ def stop_once(page, stops):
             raise RuntimeError("a stop did not come within a minute")
         time.sleep(0.005)
     at = page.browser.run("return drawn.pressed[arguments[0]]", pressed)
-    # whoever has the pointer arms it again
+    # the page is told a little later than who watches beside it; whoever has the pointer arms it again
+    page.browser.wait("palpateViewer.state.emergency_stop", 60)
     while page.browser.run("return palpateViewer.state.emergency_stop || palpateViewer.state.stop != null"):
         page.browser.run("document.querySelector('[data-tool=touch]').click(); document.getElementById('rearm').click()")
         time.sleep(0.1)
