@@ -37,20 +37,27 @@ def main(url, folder):
         if page.run("return palpateViewer.training.run?.phase === 'running'"):
             return task(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
-        of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"), ("viewer-inside", True, "inside"))
-        for name, dark, layout in (("viewer-recording", True, "two"),) if is_recording else of_session:
+        of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"))
+        of_recording = (("viewer-recording", True, "two"), ("viewer-inside", True, "inside"))
+        for name, dark, layout in of_recording if is_recording else of_session:
             page.resize(1440, 900)
             page.dark(dark)
             page.post("/url", {"url": url})
             page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
-            if is_recording:
-                page.run("document.getElementById('play').click()")
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
+            play = "document.getElementById('play').click()"
+            # it goes on from page to page
+            if is_recording and not page.run("return palpateViewer.state.playback.playing"):
+                page.run(play)
             time.sleep(8)  # the plots have something to show
-            seen = "palpateViewer.scopeWords.includes('ahead')" if layout == "inside" else "Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8"
-            # a busy machine takes a while
-            page.wait("palpateViewer.isVolumeSharp", 300)
-            page.wait(seen, 60)
+            if layout != "inside":
+                # a busy machine takes a while
+                page.wait("palpateViewer.isVolumeSharp", 300)
+            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8" + (" && /ahead: .*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""), 60)
+            if layout == "inside":
+                # what goes along with a hand is coarse where the processor draws it, until the hand rests
+                page.run(play)
+                page.wait("palpateViewer.isVolumeSharp && palpateViewer.isScopeSharp", 60)
             page.run("palpateViewer.draw()")
             time.sleep(0.2)  # a press lasts a second or two
             page.screenshot(os.path.join(folder, name + ".png"))

@@ -631,6 +631,8 @@ class WithPointer(Viewer):
         self.lead_to_the_open_middle()
         self.page.click("[data-layout=inside]")
         self.page.wait("document.querySelector('#picture-scope canvas').width > 50")
+        # of two pictures that get sharp at rest neither ends the other
+        self.page.wait("palpateViewer.isVolumeSharp && palpateViewer.isScopeSharp", 60)
         back = "const back = document.querySelector('#picture-scope select'); back.value = arguments[0]; back.dispatchEvent(new Event('change'));"
         at = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices[0]]")
         self.assertAlmostEqual(numpy.linalg.norm(numpy.subtract(at[0]["eye"], at[1]["tip"])), 8, 3)

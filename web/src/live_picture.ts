@@ -50,7 +50,7 @@ export class LivePicture<Camera> {
       renderer.moved_ms = now;
       this.isWanted = true;
       this.sharp = false;
-    } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld) this.isWanted = this.sharp = true;
+    } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld && !renderer.isGivingWay) this.isWanted = this.sharp = true; // one after the other
     this.ask();
   }
   private ask(): void {

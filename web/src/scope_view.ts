@@ -101,6 +101,9 @@ export class ScopeView {
     this.holder.value = String(this.heldBy);
   }
 
+  get isSharp(): boolean {
+    return this.live.isSharp;
+  }
   /** Where it looks from now; null as long as nobody knows where the tool is. */
   frame(): Stand | null {
     const { pose } = this.session;

@@ -84,6 +84,7 @@ export function openToTests(page: Page): void {
     /** Where the scope stands: of the patient. */
     get scopeFrame() { return page.scope.frame(); },
     get scopeWords() { return page.scope.told; },
+    get isScopeSharp() { return page.scope.isSharp; },
     /** What is seen by a scope that stands so: RGBA of a square, row by row, in base64. */
     async scopePicture(frame: ScopeFrame, size: number) {
       return btoa(Array.from(await page.scope.pixels(frame, size), (byte) => String.fromCharCode(byte)).join(""));

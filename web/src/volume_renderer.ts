@@ -33,6 +33,7 @@ export class VolumeRenderer {
   isCompiling = false; // without a graphics card; others wait for the graphics meanwhile
   version = ""; // another one: the volume or how it looks is another one
   moved_ms = -Infinity; // when a picture was last asked for that shows something else than the one before
+  private givingWay = 0; // pictures under way that give way to whatever is asked for
   private port!: Port;
   private nextId = 1;
   private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
@@ -259,9 +260,19 @@ export class VolumeRenderer {
     const id = this.nextId++;
     if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
-      this.drawings.set(id, { view, done });
+      const isDrawn = (drawn: Drawn | null) => {
+        if (givesWay) this.givingWay -= 1;
+        done(drawn);
+      };
+      if (givesWay) this.givingWay += 1;
+      this.drawings.set(id, { view, done: isDrawn });
       this.say({ type: "draw", id, view, givesWay });
     });
+  }
+
+  /** A picture is under way that another one would end. */
+  get isGivingWay(): boolean {
+    return this.givingWay > 0;
   }
 
   /** A picture that is waited for. @throws Error where the graphics were lost */
