@@ -159,7 +159,7 @@ class Trainee(viewer_test.Viewer):
             time.sleep(0.3)
             move(inside)
             if self.is_soon(until, 6):
-                return
+                return inside
             release()
             time.sleep(0.3)
         self.fail(f"never became true: {until}; {self.page.run('return palpateViewer.pose.devices[0]')}")
@@ -243,11 +243,26 @@ class WholeTask(Trainee):
         self.page.wait(f"{TRAINING}.view === 'running'")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
         self.assertEqual(self.barriers(), [])
-        self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, f"{TOUCHES} && {IS_DONE}")
+        self.assertEqual(self.text("#task-warning"), "")
+        at = self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, f"{TOUCHES} && {IS_DONE}")
         self.assertEqual(self.page.run("return [...document.querySelectorAll('#task-steps li')].map((step) => step.dataset.state)"), ["done", "done"])
         said = self.text("#task-forces")
         self.assertIn("patella", said)
         self.assertRegex(said, r"[0-9.]+ N · (in the band|too much|above the limit)")
+        # deeper, until it is too much; what is below the warning stays where it was
+        for _ in range(60):
+            at = (at[0], at[1] + 1)
+            self.mouse_move(at)
+            if self.is_soon(f"{TRAINING}.run.forces_N[0] > 1.25", 0.1):
+                break
+        self.page.wait("document.getElementById('task-warning').innerText.includes('patella')", 20)
+        moved = self.page.run("""const warning = document.getElementById('task-warning'), end = document.getElementById('task-end');
+            const top = end.getBoundingClientRect().top, told = warning.textContent;
+            warning.textContent = '';
+            const moved = end.getBoundingClientRect().top - top;
+            warning.textContent = told;
+            return moved""")
+        self.assertEqual(moved, 0)
         self.mouse_up()
         self.page.click("#task-end")
         by_mouse = self.expect_debriefed(1)
@@ -385,8 +400,9 @@ class Picker(Trainee):
         self.assertLess(self.box("#training")[3], 80)
         self.assertEqual(self.view(), "none")
         before = self.page.run("return palpateViewer.project([0, 0, 0])")
-        self.page.run("const task = document.getElementById('task'); task.value = 'trace-an-edge'; task.dispatchEvent(new Event('change'))")
+        self.page.run("const task = document.getElementById('task'); task.focus(); task.value = 'trace-an-edge'; task.dispatchEvent(new Event('change'))")
         self.page.wait("document.getElementById('task-title').innerText.includes('edge')")
+        self.assertEqual(self.page.run("return document.activeElement.id"), "task", "who goes through the list by keys goes on")
         self.assertNotEqual(self.page.run("return palpateViewer.project([0, 0, 0])"), before, "the picture looks at where it is done")
         self.assertEqual(self.barriers(), [])
         self.page.click("#task-begin")

@@ -254,8 +254,8 @@ export class Training {
     this.allow();
     if (before !== view) {
       this.session.touch();
-      // whoever pressed a button that is gone goes on where it was
-      if (hadFocus && task) byId(view === "running" ? "task-end" : "task-title").focus();
+      // whoever pressed a button that is gone goes on where it was; the list of tasks stays where it is
+      if (hadFocus && task && before !== "none") byId(view === "running" ? "task-end" : "task-title").focus();
     }
   }
 
@@ -362,7 +362,7 @@ export class Training {
     const now = performance.now();
     if (warnings.length > 0) this.warning = { text: warnings.map((one) => `⚠ ${one}`).join(" "), until_ms: now + WARNING_MS };
     const isShown = this.view === "running" && now < this.warning.until_ms;
-    byId("task-warning").hidden = !isShown;
+    byId("task-warning").hidden = this.view !== "running";
     write(byId("task-warning"), isShown ? this.warning.text : "");
   }
 
