@@ -145,37 +145,41 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
   struct At {
     double rate_hz, delay_s;
   };
-  constexpr At kLoops[] = {{1000, 0}, {4000, 0}, {1000, 1e-3}, {1000, 3e-3}};
+  constexpr At kLoops[] = {{1000, 0},    {4000, 0},    {1000, 1e-3}, {1000, 3e-3},
+                           {1000, 2e-3}, {2000, 0},    {2000, 1e-3}, {2000, 2e-3},
+                           {2000, 3e-3}, {4000, 1e-3}, {4000, 2e-3}, {4000, 3e-3}};
   struct Of {
     double kPa;
     const char* name;
     Relaxation relaxation;
-    std::size_t loops, devices;  // of the first
+    std::size_t loops, devices, hands;  // of the first
     TissueLaw law = TissueLaw::kElastic;
   };
   // a neo-Hookean frame takes three times the work: of the softest, which yields farthest, and one device
-  constexpr Of kBalls[] = {{10, "", {}, 4, 2},
-                           {100, "", {}, 4, 2},
-                           {1000, "", {}, 4, 2},
-                           {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2},
-                           {10, "-neo-hookean", {}, 4, 1, TissueLaw::kNeoHookean}};
+  constexpr Of kBalls[] = {{10, "", {}, std::size(kLoops), 2, 3},
+                           {100, "", {}, 4, 2, 2},
+                           {1000, "", {}, 4, 2, 2},
+                           {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2, 2},
+                           {10, "-neo-hookean", {}, 4, 1, 2, TissueLaw::kNeoHookean}};
   constexpr const char* kOn[] = {"premium-1.5", "touch"};
+  constexpr const char* kHeldBy[] = {"light-grip", "firm-grip", "whole-arm"};
   constexpr double kTime_s = 6;
   for (const Of& of : kBalls) {
     const auto ball = yielding_ball(of.kPa, of.law, progress, of.relaxation);
     if (!ball) return ball.error();
     for (const At& loop : std::span(kLoops).first(of.loops))
-      for (const char* device : std::span(kOn).first(of.devices))
-        for (const char* grip : {"light-grip", "firm-grip"}) {
+      for (const char* device : std::span(kOn).first(of.devices)) {
+        Exploration exploration{*find_plant_device(device), {}};
+        const auto stiffness =
+            recommended_stiffness_N_per_mm(exploration.device, loop.rate_hz, loop.delay_s, progress);
+        if (!stiffness) return stiffness.error();
+        exploration.stiffness_N_per_mm = *stiffness;
+        exploration.rate_hz = loop.rate_hz;
+        exploration.delay_s = loop.delay_s;
+        exploration.time_s = kTime_s;
+        for (const char* grip : std::span(kHeldBy).first(of.hands)) {
           if (progress.stopped()) return Progress::interrupted();
-          Exploration exploration{*find_plant_device(device), *find_plant_hand(grip)};
-          const auto stiffness =
-              recommended_stiffness_N_per_mm(exploration.device, loop.rate_hz, loop.delay_s, progress);
-          if (!stiffness) return stiffness.error();
-          exploration.stiffness_N_per_mm = *stiffness;
-          exploration.rate_hz = loop.rate_hz;
-          exploration.delay_s = loop.delay_s;
-          exploration.time_s = kTime_s;
+          exploration.hand = *find_plant_hand(grip);
           const ExploredEnergy energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
@@ -184,6 +188,7 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
         }
+      }
   }
   return {};
 }

@@ -99,8 +99,8 @@ constexpr std::array kWithCompany{
     WithCompany{"wall", "thoracic", ""},     WithCompany{"wall", "vessel", ""},
     WithCompany{"pole", "", "frontal"},      WithCompany{"pole", "", "occipital"},
     WithCompany{"pole", "", "temporal"},     WithCompany{"pole", "frontal", ""},
-    WithCompany{"pole", "occipital", ""},    WithCompany{"pole", "temporal", ""},     WithCompany{"tissue", "soft", ""},
-    WithCompany{"tissues", "soft", ""},
+    WithCompany{"pole", "occipital", ""},    WithCompany{"pole", "temporal", ""},
+    WithCompany{"tissue", "soft", ""},       WithCompany{"tissues", "soft", ""},
 };
 
 // what a file of anybody's is called besides
