@@ -227,6 +227,7 @@ class Page {
     await this.showBox(lo, size);
   }
   private async showBox(lo: Vec3, size: Vec3): Promise<void> {
+    this.volume.voxelsChanged();
     await Promise.all([this.slicer.update(lo, size), this.renderer.update(lo, size)]);
     this.session.touchLooks();
   }

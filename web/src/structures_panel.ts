@@ -160,9 +160,10 @@ export class StructuresPanel {
     this.setLooks(looks);
   }
   private setLooks(looks: Look[]): boolean {
+    const before = this.session.looks;
     this.alone = null;
     this.session.looks = looks;
-    looks.forEach((look, place) => this.showLook(look, place));
+    looks.forEach((look, place) => look !== before[place] && this.showLook(look, place));
     this.showGroups();
     this.session.touchLooks();
     const scene = this.session.scene!;

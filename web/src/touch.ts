@@ -84,6 +84,7 @@ export function wayTo(isFelt: IsFelt, tip: Vec3, surface: Vec3, into: Vec3, step
 export class Ground {
   private readonly steps: { way: Vec3; far_mm: number }[] = []; // the nearest first
   private readonly stride: number; // voxels between them
+  private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>(); // by the device's number
 
   constructor(private readonly volumes: Volumes, most_mm: number, mostSteps = 40000) {
     const edges = [0, 1, 2].map((axis) => column(volumes.patientFromVoxel, axis));
@@ -96,6 +97,17 @@ export class Ground {
       if (length(way) <= most_mm) this.steps.push({ way, far_mm: length(way) });
     }
     this.steps.sort((a, b) => a.far_mm - b.far_mm);
+  }
+
+  /** As `below`, which is as long as a picture may take: looked for anew where the tool has moved. */
+  belowTool(number: number, p: Vec3, isFelt: IsFelt): ReturnType<Ground["below"]> {
+    const at = p.join();
+    if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isFelt) });
+    return this.ofTools.get(number)!.found;
+  }
+  /** After voxels have changed. */
+  forget(): void {
+    this.ofTools.clear();
   }
 
   below(p: Vec3, isFelt: IsFelt): { foot: Vec3; height_mm: number } | null {

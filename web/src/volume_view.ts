@@ -44,7 +44,6 @@ export class VolumeView {
   drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
   private readonly live: LivePicture<Camera>;
   private ground: Ground | null = null;
-  private readonly grounds = new Map<number, { key: string; ground: ReturnType<Ground["below"]> }>();
   private over_ms = -Infinity; // when the tool was drawn last
   private size = 0; // of the picture's shorter side
   private rotation: Quaternion | null = null; // that is asked for
@@ -77,7 +76,6 @@ export class VolumeView {
     this.camera.place(this.session.scene!.world_from_patient);
     this.isOpen = false;
     this.ground = new Ground(this.session.volumes!, MOST_HEIGHT_MM);
-    this.grounds.clear();
     this.load();
     this.reset();
   }
@@ -234,11 +232,9 @@ export class VolumeView {
     return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.felt === true;
   };
 
-  /** What is felt nearest to a tool: looked for anew where that has moved, or voxels have been cut away. */
-  private groundBelow(number: number, tool: Vec3): ReturnType<Ground["below"]> {
-    const key = `${tool.join()} ${this.renderer.version}`;
-    if (this.grounds.get(number)?.key !== key) this.grounds.set(number, { key, ground: this.ground!.below(tool, this.isFelt) });
-    return this.grounds.get(number)!.ground;
+  /** After voxels have changed. */
+  voxelsChanged(): void {
+    this.ground?.forget();
   }
 
   /** The tool at its depth: what lies behind something solid is dashed; where it touches nothing, how high above what it is. */
@@ -249,7 +245,7 @@ export class VolumeView {
     const { radius_mm } = session.heldBy(device);
     // it lies at surfaces, and those of the picture are smooth
     const slack_mm = radius_mm + 1.5 * session.volumes!.voxelSize;
-    const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.groundBelow(device.number, tool);
+    const ground = device.flags & (Flag.contact | Flag.inside) ? null : this.ground!.belowTool(device.number, tool, this.isFelt);
     if (ground && ground.height_mm > radius_mm) drawHeight(frame, projection, tool, ground, radius_mm);
     drawTool(frame, session, device, {
       ...projection,

@@ -1,6 +1,7 @@
 // The words that the page says now, and how elements come to say them: an element names its messages, so that another language is
 // only read into it.
 
+import { write } from "./dom.js";
 import { de } from "./words/de.js";
 import { en, type Words } from "./words/en.js";
 
@@ -17,7 +18,7 @@ export type MessageAbout = { [K in keyof Words]: Words[K] extends (name: string)
 
 /** Where an element says something, and the data attribute that names the message. */
 const PLACES = {
-  text: { names: "words", set: (target: HTMLElement, said: string) => (target.textContent = said) },
+  text: { names: "words", set: (target: HTMLElement, said: string) => write(target, said) },
   title: { names: "wordsTitle", set: (target: HTMLElement, said: string) => (target.title = said) },
   label: { names: "wordsLabel", set: (target: HTMLElement, said: string) => (target.ariaLabel = said) },
   placeholder: { names: "wordsPlaceholder", set: (target: HTMLElement, said: string) => ((target as HTMLInputElement).placeholder = said) },

@@ -173,6 +173,26 @@ test("the height above what is felt is to the nearest of it", () => {
   assert.equal(new Ground(volumes, 3).below([0, -15, 0], isFelt), null, "none where it is far");
 });
 
+test("what is below a tool is looked for anew where it has moved, and after voxels have changed", () => {
+  const { volumes, isFelt } = room();
+  const ground = new Ground(volumes, 20, 9000);
+  let looked = 0;
+  const counted = (p: Vec3) => (looked += 1, isFelt(p));
+  const looks = (act: () => unknown) => {
+    const before = looked;
+    act();
+    return looked > before;
+  };
+  const [one, other]: Vec3[] = [[0, -15, 0], [0.3, 12, 0.4]];
+  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
+  assert.ok(!looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isFelt))));
+  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isFelt))), "it has moved");
+  assert.ok(looks(() => ground.belowTool(1, other!, counted)), "another tool");
+  volumes.structure.fill(0);
+  ground.forget();
+  assert.ok(looks(() => assert.equal(ground.belowTool(0, other!, counted), null)), "nothing is there any more");
+});
+
 test("a plane's outline is where it goes through the volume's box", () => {
   const { volumes } = room();
   const square = boxSection(anatomicalPlane("axial", [0, 0, 3]), volumes);
