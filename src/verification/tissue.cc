@@ -156,13 +156,17 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
     TissueLaw law = TissueLaw::kElastic;
   };
   // a neo-Hookean frame takes three times the work: of the softest, which yields farthest, and one device
-  constexpr Of kBalls[] = {{10, "", {}, std::size(kLoops), 2, 3},
+  constexpr Of kBalls[] = {{10, "", {}, std::size(kLoops), 2, 4},
                            {100, "", {}, 4, 2, 2},
                            {1000, "", {}, 4, 2, 2},
                            {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2, 2},
                            {10, "-neo-hookean", {}, 4, 1, 2, TissueLaw::kNeoHookean}};
   constexpr const char* kOn[] = {"premium-1.5", "touch"};
-  constexpr const char* kHeldBy[] = {"light-grip", "firm-grip", "whole-arm"};
+  // a hand with less damping than any documented one, beside those
+  const std::vector<PlantHand> hands{*find_plant_hand("light-grip"),
+                                     *find_plant_hand("firm-grip"),
+                                     *find_plant_hand("whole-arm"),
+                                     {"loose-grip", 0.15, 0.3, 80}};
   constexpr double kTime_s = 6;
   for (const Of& of : kBalls) {
     const auto ball = yielding_ball(of.kPa, of.law, progress, of.relaxation);
@@ -177,13 +181,14 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
         exploration.rate_hz = loop.rate_hz;
         exploration.delay_s = loop.delay_s;
         exploration.time_s = kTime_s;
-        for (const char* grip : std::span(kHeldBy).first(of.hands)) {
+        for (const PlantHand& hand : std::span(hands).first(of.hands)) {
           if (progress.stopped()) return Progress::interrupted();
-          exploration.hand = *find_plant_hand(grip);
+          exploration.hand = hand;
           const ExploredEnergy energy = explore_energy(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
-          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device, grip);
+          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device,
+                        hand.name.c_str());
           figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.least_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
