@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <map>
 #include <memory>
 
@@ -10,6 +11,8 @@
 #include "palpate/base/hash.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
+#include "palpate/report/learners_page.h"
+#include "palpate_version.h"
 #include "recorded_runs.h"
 #include "scored.h"
 #include "text.h"
@@ -138,7 +141,10 @@ int show(const RecordsOptions& options, Console& console) {
   return kExitOk;
 }
 
-int export_runs(const RecordsOptions& options, Console& console) {
+/// Writes what is made of all runs that are asked for, each with its metrics.
+/// @param take  a run; @param text  what the file is to hold, after the last one
+int write_runs(const RecordsOptions& options, Console& console,
+               const std::function<void(const RunRecord&)>& take, const std::function<std::string()>& text) {
   const auto file = records_file(options.file);
   if (!file) return console.fail(file.error());
   auto records = Records::open_to_read(*file);
@@ -146,8 +152,6 @@ int export_runs(const RecordsOptions& options, Console& console) {
   const std::vector<std::filesystem::path> never{*file, file->string() + "-wal", file->string() + "-shm"};
   const auto claimed = claim_output(options.output, never);
   if (!claimed) return console.fail(claimed.error());
-  const bool csv = options.format == "csv";
-  std::string text = csv ? csv_heading() : "";
   std::vector<std::int64_t> ids;
   const auto listed = (*records)->list(options.filter, [&](const RunRecord& run) -> Result<void> {
     ids.push_back(run.id);
@@ -157,11 +161,56 @@ int export_runs(const RecordsOptions& options, Console& console) {
   for (const std::int64_t id : ids) {
     const auto run = (*records)->run(id);
     if (!run) return console.fail(run.error());
-    text += csv ? csv_rows(*run) : xapi_statement(*run, options.home_page) + "\n";
+    take(*run);
   }
-  if (const auto written = write_file(options.output, text); !written) return console.fail(written.error());
+  if (const auto written = write_file(options.output, text()); !written) return console.fail(written.error());
   console.note(std::to_string(ids.size()) + " runs: " + options.output.string());
   return kExitOk;
+}
+
+int export_runs(const RecordsOptions& options, Console& console) {
+  const bool csv = options.format == "csv";
+  std::string text = csv ? csv_heading() : "";
+  return write_runs(
+      options, console,
+      [&](const RunRecord& run) {
+        text += csv ? csv_rows(run) : xapi_statement(run, options.home_page) + "\n";
+      },
+      [&] { return text; });
+}
+
+// a run on the page of its task's text; figures of a text are in the order of its latest run
+void put_on_page(LearnersPage::Task& task, const RunRecord& run) {
+  task.title = run.task;
+  task.hash = run.task_hash;
+  task.in_a_row = run.in_a_row;
+  if (task.metrics.size() < run.metrics.size()) task.metrics.resize(run.metrics.size());
+  LearnersPage::Run point{run.started_utc, run.duration_s, run.in_band, {}};
+  for (std::size_t m = 0; m < run.metrics.size(); ++m) {
+    const RunMetric& metric = run.metrics[m];
+    task.metrics[m] = {metric.name, metric.unit, metric.at_least, metric.at_most, metric.counts};
+    point.values.push_back(metric.value.value_or(std::nan("")));
+  }
+  auto learner = std::ranges::find(task.learners, run.learner, &LearnersPage::Learner::name);
+  if (learner == task.learners.end()) learner = task.learners.insert(learner, {run.learner, {}});
+  learner->runs.push_back(std::move(point));
+}
+
+int write_page(const RecordsOptions& options, Console& console) {
+  std::map<std::pair<std::string, std::string>, LearnersPage::Task> tasks;  // by title and hash
+  return write_runs(
+      options, console,
+      [&](const RunRecord& run) {
+        put_on_page(tasks[{run.task, run.task_hash}], run);
+      },
+      [&] {
+        LearnersPage page{PALPATE_VERSION " (commit " PALPATE_COMMIT ")", {}};
+        for (auto& [key, task] : tasks) {
+          std::ranges::sort(task.learners, {}, &LearnersPage::Learner::name);
+          page.tasks.push_back(std::move(task));
+        }
+        return learners_html(page);
+      });
 }
 
 int erase(const RecordsOptions& options, Console& console) {
@@ -295,7 +344,7 @@ Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::strin
 
 void add_records(CLI::App& app, Run& run) {
   auto options = std::make_shared<RecordsOptions>();
-  CLI::App* verb = app.add_subcommand("records", "What learners did: list, show, export, erase");
+  CLI::App* verb = app.add_subcommand("records", "What learners did: list, show, page, export, erase");
   verb->require_subcommand(1);
   verb->footer(
       "palpate task score RUN --task TASK --record LEARNER and palpate explore --task TASK --learner "
@@ -326,6 +375,9 @@ void add_records(CLI::App& app, Run& run) {
       ->required()
       ->check(whole_between(1, 1ull << 62));
   showing->add_flag("--json", options->json, "As JSON");
+  CLI::App* drawing = add("page", "A page for teachers: learning curves, and who passed", write_page);
+  add_filter(drawing);
+  drawing->add_option("-o,--output", options->output, "HTML file to write")->required();
   CLI::App* exporting = add("export", "Runs as CSV, or as xAPI statements", export_runs);
   add_filter(exporting);
   exporting->add_option("--format", options->format, "csv: a line for each metric; xapi: a statement a line")

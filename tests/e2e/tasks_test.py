@@ -90,6 +90,14 @@ class Tasks(cli.PalpateTest):
         lines = [json.loads(line) for line in statements.read_text(encoding="utf-8").splitlines()]
         self.assertEqual(len(lines), 3)
         self.assertEqual({line["verb"]["display"]["en"] for line in lines}, {"passed"})
+        page = self.folder / "learners.html"
+        self.succeed("records", "page", "--records", file, "--learner", "L1", "-o", page)
+        text = page.read_text(encoding="utf-8")
+        self.assertIn('passed</span>, run 3', text)
+        self.assertIn("peak_force", text)
+        self.assertNotIn("CANARY", text)
+        self.fail_clearly(cli.BAD_INPUT, "records", "page", "--records", self.folder / "none.db", "-o", self.folder / "none.html", says="none.db")
+        self.assertFalse((self.folder / "none.html").exists())
         table.unlink()
 
         self.fail_clearly(cli.USAGE, "records", "erase", "DOE^CANARY", "--records", file, says="--yes")
