@@ -74,6 +74,25 @@ std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   return std::string(value.c_str(), value.size());
 }
 
+// A text in the character set of its file, as UTF-8 where that is Latin 1 or UTF-8 (DICOM PS3.3 C.12.1.1.2).
+// Of other sets, whose tables stand in libraries that the reader does without, what is not ASCII stays as it
+// is, which is no UTF-8 and so no name.
+std::string name_text_of(DcmItem& item, const DcmTagKey& tag, const std::string& set) {
+  const std::string text = text_of(item, tag);
+  if (set != "ISO_IR 100" && set != "ISO 2022 IR 100") return text;
+  std::string in_utf8;
+  for (const char each : text) {
+    const auto byte = static_cast<unsigned char>(each);
+    if (byte < 0x80) {
+      in_utf8 += each;
+    } else {
+      in_utf8 += static_cast<char>(0xC0 | (byte >> 6));
+      in_utf8 += static_cast<char>(0x80 | (byte & 0x3F));
+    }
+  }
+  return in_utf8;
+}
+
 template <std::size_t N>
 std::optional<std::array<double, N>> numbers_of(DcmItem& item, const DcmTagKey& tag) {
   std::array<double, N> values{};
@@ -482,28 +501,28 @@ struct Code {
   std::string value, scheme, meaning;
 };
 
-Code code_of(DcmItem& item, const DcmTagKey& sequence) {
+Code code_of(DcmItem& item, const DcmTagKey& sequence, const std::string& set) {
   DcmItem* code = nullptr;
   if (item.findAndGetSequenceItem(sequence, code).bad() || !code) return {};
   return {text_of(*code, DCM_CodeValue), text_of(*code, DCM_CodingSchemeDesignator),
-          text_of(*code, DCM_CodeMeaning)};
+          name_text_of(*code, DCM_CodeMeaning, set)};
 }
 
 // of the modifier of a type or of a region
 std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modifier) {
   DcmItem* code = nullptr;
   if (item.findAndGetSequenceItem(group, code).bad() || !code) return "";
-  const std::string value = code_of(*code, modifier).value;
+  const std::string value = code_of(*code, modifier, "").value;
   if (value == "7771000" || value == "G-A101") return "left";
   if (value == "24028007" || value == "G-A100") return "right";
   return "";
 }
 
-DicomSegment segment_of(DcmItem& item) {
+DicomSegment segment_of(DcmItem& item, const std::string& set) {
   DicomSegment segment;
   segment.number = count_of(item, DCM_SegmentNumber).value_or(0);
-  segment.label = text_of(item, DCM_SegmentLabel);
-  const Code type = code_of(item, DCM_SegmentedPropertyTypeCodeSequence);
+  segment.label = name_text_of(item, DCM_SegmentLabel, set);
+  const Code type = code_of(item, DCM_SegmentedPropertyTypeCodeSequence, set);
   segment.code = type.value;
   segment.scheme = type.scheme;
   segment.meaning = type.meaning;
@@ -558,7 +577,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
          kExport});
   if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
   for (DcmItem* item : items_of(root, DCM_SegmentSequence))
-    segmentation.segments.push_back(segment_of(*item));
+    segmentation.segments.push_back(segment_of(*item, text_of(root, DCM_SpecificCharacterSet)));
   for (std::size_t n = 0; n < own.size(); ++n) {
     DicomFrame frame = all;
     frame.frame = static_cast<std::uint32_t>(n);
@@ -653,6 +672,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
   DcmFileFormat file;
   if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).bad()) return damaged();
   DcmDataset& root = *file.getDataset();
+  const std::string set = text_of(root, DCM_SpecificCharacterSet);
   std::vector<DicomStructure> structures;
   std::map<double, std::size_t> index_of_number;
   for (DcmItem* item : items_of(root, DCM_StructureSetROISequence)) {
@@ -662,7 +682,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
                        "export it again");
     DicomStructure& structure = structures.emplace_back();
     structure.segment.number = static_cast<int>(structures.size());
-    structure.segment.label = text_of(*item, DCM_ROIName);
+    structure.segment.label = name_text_of(*item, DCM_ROIName, set);
   }
   const auto referenced = [&](DcmItem& item) -> DicomStructure* {
     const auto number = number_of(item, DCM_ReferencedROINumber);
@@ -671,7 +691,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
   };
   for (DcmItem* item : items_of(root, DCM_RTROIObservationsSequence))
     if (DicomStructure* structure = referenced(*item)) {
-      const Code code = code_of(*item, DCM_RTROIIdentificationCodeSequence);
+      const Code code = code_of(*item, DCM_RTROIIdentificationCodeSequence, set);
       structure->segment.code = code.value;
       structure->segment.scheme = code.scheme;
       structure->segment.meaning = code.meaning;

@@ -1254,6 +1254,37 @@ TEST_F(Segmentation, NamesComeFromLabelsAndCodesWithTheirSides) {
                                             "Medial meniscus left", "what he drew", "Segment_11"));
 }
 
+TEST_F(Segmentation, NamesAreReadInTheirCharacterSet) {
+  const auto names = [&](const std::string& set, const std::string& label, const std::string& meaning) {
+    test::DicomMasks masks;
+    masks.character_set = set;
+    masks.segments = {{1, label, "71341001", "SCT", "Femur", ""},
+                      {2, "Segment_2", "99", "99LOCAL", meaning, ""}};
+    masks.frames = {frame(1, 0, 0), frame(2, 1, 1)};
+    const auto labels = read(masks);
+    if (!labels) return labels.error().message();
+    return labels->labels.segments[0].name + ", " + labels->labels.segments[1].name;
+  };
+  EXPECT_EQ(names("ISO_IR 100", "F\xE9mur", "M\xE9nisque"), "femur, M\xC3\xA9nisque");
+  EXPECT_EQ(names("ISO 2022 IR 100",
+                  "Femur \xFC"
+                  "ber",
+                  "L\xF6"
+                  "ffel"),
+            "Femur \xC3\xBC"
+            "ber, L\xC3\xB6"
+            "ffel");
+  EXPECT_EQ(names("ISO_IR 192",
+                  "Femur \xC3\xBC"
+                  "ber",
+                  "M\xC3\xA9nisque"),
+            "Femur \xC3\xBC"
+            "ber, M\xC3\xA9nisque");
+  // what cannot be read is no name, and the code says what it is
+  EXPECT_EQ(names("GB18030", "\xB9\xC9\xB9\xC7", "\xB9\xC9\xB9\xC7"), "femur, Segment_2");
+  EXPECT_EQ(names("", "F\xE9mur", "Patella"), "femur, Patella");
+}
+
 TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
   test::DicomMasks masks;
   masks.frames = {frame(1, 0, 0), frame(1, 0, 1)};
@@ -1466,6 +1497,19 @@ class StructureSet : public Dicom {
   const test::TemporaryFolder elsewhere_;
   const std::filesystem::path file_ = elsewhere_ / "structures";
 };
+
+TEST_F(StructureSet, NamesAreReadInTheirCharacterSet) {
+  auto contours = two();
+  contours.character_set = "ISO_IR 100";
+  contours.structures[0].name =
+      "L\xF6"
+      "ffel";
+  const auto read = labels(contours);
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_EQ(read->labels.segments[0].name,
+            "L\xC3\xB6"
+            "ffel");
+}
 
 TEST_F(StructureSet, ContoursBecomeLabelsOnTheScansGrid) {
   const auto read = labels(two());

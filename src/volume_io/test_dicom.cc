@@ -286,6 +286,7 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
   put(root, DCM_SOPInstanceUID, std::string("1.2.3.4"));
   put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
   put(root, DCM_Modality, std::string("SEG"));
+  if (!masks.character_set.empty()) put(root, DCM_SpecificCharacterSet, masks.character_set);
   put(root, DCM_Rows, masks.rows);
   put(root, DCM_Columns, masks.columns);
   put(root, DCM_SamplesPerPixel, 1);
@@ -367,6 +368,7 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
   put(root, DCM_SOPInstanceUID, std::string("1.2.3.5"));
   put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
   put(root, DCM_Modality, std::string("RTSTRUCT"));
+  if (!contours.character_set.empty()) put(root, DCM_SpecificCharacterSet, contours.character_set);
   if (!contours.patient.empty()) put_patient(root, contours.patient);
   if (!contours.frame_of_reference.empty()) {
     DcmItem& space = item_of(root, DCM_ReferencedFrameOfReferenceSequence);

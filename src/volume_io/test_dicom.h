@@ -85,6 +85,7 @@ struct DicomMasks {
   std::vector<Frame> frames = {};
   std::string frame_of_reference = {}, series = {};  ///< of the images that it was made on
   std::vector<std::string> images = {};              ///< their SOPInstanceUIDs
+  std::string character_set = {};
 };
 void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
                  DicomPacking packing = DicomPacking::kExplicit);
@@ -102,7 +103,8 @@ struct DicomContours {
   };
   std::vector<Structure> structures;
   std::string frame_of_reference, series;  ///< of the images that it was drawn on
-  std::string patient;                     ///< as of DicomImage
+  std::string character_set = {};
+  std::string patient;  ///< as of DicomImage
 };
 void write_contours(const std::filesystem::path& file, const DicomContours& contours);
 
