@@ -22,17 +22,20 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   PALPATE_CHECK(!places.empty() && places.size() <= kMostPressPlaces);
   std::array<double, kMostPressPlaces> counts;
   counts.fill(1);
-  const auto aside_mm = [&](std::size_t a, std::size_t b) {
-    const Vector<Patient> way = places[a].middle_mm - places[b].middle_mm;
-    return (way - along * way.dot(along)).norm();
-  };
   const auto radius_mm = [&](std::size_t a, std::size_t b) {
     return std::min(places[a].radius_mm, places[b].radius_mm);
   };
+  // of each pair how far they are beside each other, squared: up to 276 roots and divisions are what all this
+  // costs, so only those are done that change something
+  std::array<double, kMostPressPlaces*(kMostPressPlaces - 1) / 2> aside_mm2;
+  std::size_t pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
-    for (std::size_t b = 0; b < a; ++b) {
-      const double radius = radius_mm(a, b), behind = 1 - std::min(1.0, aside_mm(a, b) / radius);
-      if (!(behind > 0)) continue;
+    for (std::size_t b = 0; b < a; ++b, ++pair) {
+      const Vector<Patient> way = places[a].middle_mm - places[b].middle_mm;
+      aside_mm2[pair] = (way - along * way.dot(along)).squared_norm();
+      const double radius = radius_mm(a, b);
+      if (!(aside_mm2[pair] < radius * radius)) continue;
+      const double behind = 1 - std::min(1.0, std::sqrt(aside_mm2[pair]) / radius);
       const double deeper = is_deeper(places[a].depth_mm, places[b].depth_mm, radius);
       counts[b] *= 1 - behind * deeper;
       counts[a] *= 1 - behind * (1 - deeper);
@@ -62,12 +65,15 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   foot.radius_mm = all * all / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
   foot.stiffer = std::max(1.0, steep * work / (all * all));
   foot.arm_mm = foot.arm_mm * (1 / all);
+  for (std::size_t n = 0; n < places.size(); ++n) force[n] /= all;
   // what is less than its radius from another place is that one by so much
+  pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
-    for (std::size_t b = 0; b < a; ++b) {
-      const double aside = aside_mm(a, b), radius = radius_mm(a, b);
-      const double per_mm = std::min(1.0, aside / radius) / (std::numbers::pi * std::max(aside, radius));
-      foot.closeness_per_mm += 2 * (force[a] / all) * (force[b] / all) * per_mm;
+    for (std::size_t b = 0; b < a; ++b, ++pair) {
+      const double aside = std::sqrt(aside_mm2[pair]), radius = radius_mm(a, b);
+      const double per_mm =
+          aside < radius ? aside / radius / (std::numbers::pi * radius) : 1 / (std::numbers::pi * aside);
+      foot.closeness_per_mm += 2 * force[a] * force[b] * per_mm;
     }
   return foot;
 }
