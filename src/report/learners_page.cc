@@ -247,8 +247,7 @@ std::string learners_html(const LearnersPage& page) {
       runs += learner.runs.size();
     }
   std::ranges::sort(learners);
-  const auto twice = std::ranges::unique(learners);
-  learners.erase(twice.begin(), twice.end());
+  learners.erase(std::unique(learners.begin(), learners.end()), learners.end());
   std::string html =
       page_head_html("Learners", {"page.css", "learners.css"}, {}) +
       "<body>\n<div class=\"banner\" role=\"note\"><strong>Research and education - not for clinical "
