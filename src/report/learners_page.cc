@@ -99,7 +99,7 @@ Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<d
 
 /// A line through its values; it is broken where there is none.
 std::string line_html(const Axes& axes, const std::vector<double>& curve, const std::string& kind) {
-  const std::size_t stride = (curve.size() + kMostOfCurve - 1) / std::max<std::size_t>(kMostOfCurve, 1);
+  const std::size_t stride = std::max<std::size_t>(1, (curve.size() + kMostOfCurve - 1) / kMostOfCurve);
   std::string path;
   bool is_down = false;
   std::size_t points = 0, last = 0;
@@ -113,7 +113,7 @@ std::string line_html(const Axes& axes, const std::vector<double>& curve, const 
     ++points;
     last = n;
   };
-  for (std::size_t n = 0; n < curve.size(); n += std::max<std::size_t>(stride, 1)) put(n);
+  for (std::size_t n = 0; n < curve.size(); n += stride) put(n);
   if (!curve.empty() && stride > 1 && (curve.size() - 1) % stride != 0) put(curve.size() - 1);
   if (points == 0) return "";
   if (points == 1)
