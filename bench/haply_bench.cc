@@ -234,7 +234,7 @@ double part_of(std::vector<double> values, double part) {
 
 int run(int argc, char** argv) {
   CLI::App app("The Haply driver's round trip against a bare echo");
-  int rounds = 10, exchanges = 2000;
+  int rounds = 40, exchanges = 500;
   bool realtime = true;
   std::string json;
   app.add_option("--rounds", rounds, "How often the two take turns")->check(CLI::Range(1, 1000));

@@ -4,33 +4,69 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <rapidjson/document.h>
+#include <rapidjson/stringbuffer.h>
+#include <rapidjson/writer.h>
 
 namespace palpate::haply {
 namespace {
 
-using Json = nlohmann::json;
+using Json = rapidjson::Value;
 
 constexpr double kMmPerM = 1000;
 // as the service's own handle is wired: a, b, c are buttons 0, 1, 2
 constexpr std::array kNamedButtons{"a", "b", "c"};
 
+/// Text as a tree. A state of the service fits into what stands ready here, so that reading it, which every
+/// tick waits for, asks for no memory; a longer text takes what it needs.
+class Message {
+ public:
+  /// @param text  of whatever bytes, nested to whatever depth
+  explicit Message(std::string_view text) {
+    // the parser ends at a zero byte, whatever comes after it
+    if (text.find('\0') != std::string_view::npos) return;
+    constexpr unsigned kStrict =
+        rapidjson::kParseIterativeFlag | rapidjson::kParseValidateEncodingFlag | rapidjson::kParseFullPrecisionFlag;
+    document_.Parse<kStrict>(text.data(), text.size());
+    is_json_ = !document_.HasParseError();
+  }
+  Message(const Message&) = delete;
+  Message& operator=(const Message&) = delete;
+
+  /// Only what is_json() has a root.
+  bool is_json() const { return is_json_; }
+  const Json& root() const { return document_; }
+
+ private:
+  using Pool = rapidjson::MemoryPoolAllocator<>;
+  alignas(std::max_align_t) std::array<char, 16384> room_;
+  alignas(std::max_align_t) std::array<char, 4096> stack_room_;
+  Pool pool_{room_.data(), room_.size()}, stack_{stack_room_.data(), stack_room_.size()};
+  rapidjson::GenericDocument<rapidjson::UTF8<>, Pool, Pool> document_{&pool_, 1024, &stack_};
+  bool is_json_ = false;
+};
+
 const Json* member(const Json& object, const char* key) {
-  if (!object.is_object()) return nullptr;
-  const auto found = object.find(key);
-  return found == object.end() ? nullptr : &*found;
+  if (!object.IsObject()) return nullptr;
+  const auto found = object.FindMember(key);
+  return found == object.MemberEnd() ? nullptr : &found->value;
+}
+
+const Json* list(const Json& object, const char* key) {
+  const Json* value = member(object, key);
+  return value && value->IsArray() ? value : nullptr;
 }
 
 std::optional<double> number(const Json& object, const char* key) {
   const Json* value = member(object, key);
-  if (!value || !value->is_number()) return std::nullopt;
-  const double is = value->get<double>();
+  if (!value || !value->IsNumber()) return std::nullopt;
+  const double is = value->GetDouble();
   return std::isfinite(is) ? std::optional(is) : std::nullopt;
 }
 
 std::optional<bool> flag(const Json& object, const char* key) {
   const Json* value = member(object, key);
-  return value && value->is_boolean() ? std::optional(value->get<bool>()) : std::nullopt;
+  return value && value->IsBool() ? std::optional(value->GetBool()) : std::nullopt;
 }
 
 std::optional<Eigen::Vector3d> vector_in_mm(const Json& state, const char* key) {
@@ -44,7 +80,8 @@ std::optional<Eigen::Vector3d> vector_in_mm(const Json& state, const char* key) 
 
 Inverse3 device_of(const Json& entry) {
   Inverse3 device;
-  if (const Json* id = member(entry, "device_id"); id && id->is_string()) device.id = id->get<std::string>();
+  if (const Json* id = member(entry, "device_id"); id && id->IsString())
+    device.id.assign(id->GetString(), id->GetStringLength());
   if (const Json* state = member(entry, "state")) {
     if (const auto tip = vector_in_mm(*state, "cursor_position")) device.tip_mm = Point<Device>(*tip);
     if (const auto velocity = vector_in_mm(*state, "cursor_velocity"))
@@ -107,29 +144,30 @@ const char* force_key(const ServiceVersion& version) {
 
 bool tells_of_brake(std::string_view text) {
   // how an event is laid out is not told; its words are
-  const Json event = Json::parse(text, nullptr, false);
-  if (event.is_discarded()) return false;
+  if (!Message(text).is_json()) return false;
   return text.find("ebrake_triggered") != std::string_view::npos ||
          text.find("disconnect") != std::string_view::npos;
 }
 
 std::optional<State> parse_state(std::string_view text) {
-  const Json message = Json::parse(text, nullptr, false);
-  const Json* devices = member(message, "inverse3");
-  if (!devices || !devices->is_array()) return std::nullopt;
+  const Message message(text);
+  const Json* devices = message.is_json() ? list(message.root(), "inverse3") : nullptr;
+  if (!devices) return std::nullopt;
   State state;
-  for (const Json& entry : *devices) state.devices.push_back(device_of(entry));
+  for (const Json& entry : devices->GetArray()) state.devices.push_back(device_of(entry));
   for (const char* kind : {"verse_grip", "wireless_verse_grip"})
-    if (const Json* grips = member(message, kind); grips && grips->is_array())
-      for (const Json& entry : *grips) state.grips.push_back(grip_of(entry));
+    if (const Json* grips = list(message.root(), kind))
+      for (const Json& entry : grips->GetArray()) state.grips.push_back(grip_of(entry));
   return state;
 }
 
 RequestWriter::RequestWriter(const std::vector<std::string>& ids, const char* key) {
-  for (const std::string& id : ids)
-    before_.push_back((before_.empty() ? "" : ",") + std::string("{\"device_id\":") +
-                      Json(id).dump(-1, ' ', false, Json::error_handler_t::replace) +
+  for (const std::string& id : ids) {
+    rapidjson::StringBuffer quoted;
+    rapidjson::Writer(quoted).String(id.data(), static_cast<rapidjson::SizeType>(id.size()));
+    before_.push_back((before_.empty() ? "" : ",") + std::string("{\"device_id\":") + quoted.GetString() +
                       ",\"commands\":{\"set_cursor_force\":{\"" + key + "\":{\"x\":");
+  }
 }
 
 const std::string& RequestWriter::write(bool first, std::span<const DeviceCommand> commands) {

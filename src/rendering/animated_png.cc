@@ -135,6 +135,7 @@ void AnimatedPng::add(Image frame) {
     chunk("IDAT", data);
   } else {
     std::vector<std::uint8_t> numbered;
+    numbered.reserve(4 + data.size());
     put_number(numbered, sequence_++);
     numbered.insert(numbered.end(), data.begin(), data.end());
     chunk("fdAT", numbered);

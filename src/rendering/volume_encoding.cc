@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <mutex>
 
@@ -147,6 +148,14 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
   state_[place] = kUnlit;
 }
 
+const VoxelBlock* BlockRows::at(int i, int j, int k) const {
+  const std::array<int, 3> voxel{i, j, k};
+  const auto along = static_cast<std::size_t>(along_), across = static_cast<std::size_t>(across_);
+  return find(static_cast<std::size_t>(voxel[across]) +
+                  static_cast<std::size_t>(dims_[across]) * static_cast<std::size_t>(k),
+              voxel[along] / kBlock);
+}
+
 void BlockRows::light(const Vector<Patient>& into, const VolumeLight& light) {
   lit_.resize(voxels_.size());
   const bool is_same = light.ambient == light_.ambient && light.diffuse == light_.diffuse &&
@@ -287,8 +296,13 @@ CubesView Leaps::view(int x, int y, int z) const {
 /// A box of voxels, and all that decides how they look.
 class Encoding::Tile {
  public:
-  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box)
+  /// @param changed  where voxels look otherwise than the encoding's blocks say; beyond it only normals may differ
+  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box, const VoxelBox& changed)
       : encoding_(encoding), box_(box), margin_(margins(encoding)), labels_(widened(box.size, margin_)) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      changed_[a][0] = std::clamp(changed.first[a] - box.first[a], 0, box.size[a]);
+      changed_[a][1] = std::clamp(changed.first[a] + changed.size[a] - box.first[a], 0, box.size[a]);
+    }
     copy_labels(labels);
     for (const StructureLook& look : encoding.looks_) parts_.push_back(part_of(look));
     parts_.resize(std::max<std::size_t>(1, parts_.size()));
@@ -301,7 +315,7 @@ class Encoding::Tile {
     return margin;
   }
 
-  /// Calls put(rows, i, j, k, block) for every block of both kinds of rows.
+  /// Calls put(rows, i, j, k, block) for every block of both kinds of rows that may differ.
   template <class Put>
   void for_each_block(const Put& put) {
     const LabelId first = labels_.values.front();
@@ -309,26 +323,40 @@ class Encoding::Tile {
                                      [&](LabelId label) { return label == first; });
     const std::array<int, 3>& size = box_.size;
     looks_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
-    normals_.assign(looks_.size(), {});
-    if (uniform) {
-      const VoxelLook look = look_of_one(part(first));
-      std::fill(looks_.begin(), looks_.end(), look);
-    } else {
+    for (auto& component : normals_) component.assign(looks_.size(), 0);
+    if (uniform)
+      fill_looks(look_of_one(part(first)));
+    else
       find_looks();
-      find_normals();
-    }
+    if (!is_all_changed()) take_unchanged();
+    if (!uniform) find_normals();
     if (encoding_.scan_.scan != nullptr) add_scan();
     for (int along = 0; along < 2; ++along) {
-      const int across = 1 - along;
+      const auto a = static_cast<std::size_t>(along), across = 1 - a;
       for (int k = 0; k < size[2]; ++k)
-        for (int c = 0; c < size[static_cast<std::size_t>(across)]; ++c)
-          for (int b = 0; b < size[static_cast<std::size_t>(along)]; b += kBlock) {
+        for (int c = 0; c < size[across]; ++c) {
+          // voxels of the row whose look has changed
+          const bool is_in = is_changed(across, c) && is_changed(2, k);
+          const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
+          for (int b = 0; b < size[a]; b += kBlock) {
+            const std::array<int, 3> at{box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
+                                        box_.first[2] + k};
+            const int end = std::min(b + kBlock, size[a]), from = std::max(b, changed[0]),
+                      to = std::min(end, changed[1]);
+            const bool is_whole = from == b && to == end;
+            const VoxelBlock* before = is_whole ? nullptr : encoding_.rows_[a].at(at[0], at[1], at[2]);
+            if (before == nullptr && from >= to) continue;
             VoxelBlock block{};
-            const int count = std::min(kBlock, size[static_cast<std::size_t>(along)] - b);
-            for (int n = 0; n < count; ++n) fill(block, n, along == 0 ? b + n : c, along == 0 ? c : b + n, k);
-            put(along, box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
-                box_.first[2] + k, block);
+            if (before != nullptr) block = *before;
+            const std::size_t first_voxel = along == 0 ? offset(b, c, k) : offset(c, b, k),
+                              step = along == 0 ? 1 : static_cast<std::size_t>(size[0]);
+            for (int n = from; n < to; ++n)
+              fill_look(block, n - b, first_voxel + static_cast<std::size_t>(n - b) * step);
+            fill_normals(block, end - b, first_voxel, step);
+            if (before != nullptr && std::memcmp(before, &block, sizeof block) == 0) continue;
+            put(along, at[0], at[1], at[2], block);
           }
+        }
     }
   }
 
@@ -375,23 +403,51 @@ class Encoding::Tile {
     return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}, part.opacity > 0 ? 1.0f : 0.0f};
   }
 
+  bool is_changed(std::size_t axis, int n) const { return n >= changed_[axis][0] && n < changed_[axis][1]; }
+  bool is_all_changed() const {
+    for (std::size_t a = 0; a < 3; ++a)
+      if (changed_[a] != std::array{0, box_.size[a]}) return false;
+    return true;
+  }
+
+  void fill_looks(const VoxelLook& look) {
+    for (int k = changed_[2][0]; k < changed_[2][1]; ++k)
+      for (int j = changed_[1][0]; j < changed_[1][1]; ++j)
+        for (int i = changed_[0][0]; i < changed_[0][1]; ++i) looks_[offset(i, j, k)] = look;
+  }
+
+  /// What find_normals() has to know of voxels whose look stays: whether anything is there.
+  void take_unchanged() {
+    for (int k = 0; k < box_.size[2]; ++k)
+      for (int j = 0; j < box_.size[1]; ++j) {
+        const bool is_in = is_changed(1, j) && is_changed(2, k);
+        for (int b = 0; b < box_.size[0]; b += kBlock) {
+          const VoxelBlock* before =
+              encoding_.rows_[0].at(box_.first[0] + b, box_.first[1] + j, box_.first[2] + k);
+          if (before == nullptr) continue;
+          for (int i = b; i < std::min(b + kBlock, box_.size[0]); ++i)
+            if (!is_in || !is_changed(0, i)) looks_[offset(i, j, k)].extinction = before->extinction[i - b];
+        }
+      }
+  }
+
   void find_looks() {
     constexpr std::uint32_t kSeveral = 0x10000;
-    const std::array<int, 3>& size = box_.size;
-    std::vector<std::uint32_t> column(static_cast<std::size_t>(size[0]) + 2);
-    for (int k = 0; k < size[2]; ++k)
-      for (int j = 0; j < size[1]; ++j) {
+    const std::array<int, 2>& along = changed_[0];
+    std::vector<std::uint32_t> column(static_cast<std::size_t>(box_.size[0]) + 2);
+    for (int k = changed_[2][0]; k < changed_[2][1]; ++k)
+      for (int j = changed_[1][0]; j < changed_[1][1]; ++j) {
         // the label that fills all nine voxels across a place of the row
         const LabelId* rows[9];
         for (int r = 0; r < 9; ++r)
           rows[r] = labels_.row(j + margin_[1] + r % 3 - 1, k + margin_[2] + r / 3 - 1) + margin_[0];
-        for (int i = -1; i <= size[0]; ++i) {
+        for (int i = along[0] - 1; i <= along[1]; ++i) {
           std::uint32_t label = rows[0][i];
           for (int r = 1; r < 9; ++r) label = rows[r][i] == label ? label : kSeveral;
           column[static_cast<std::size_t>(i + 1)] = label;
         }
         VoxelLook* look = looks_.data() + offset(0, j, k);
-        for (int i = 0; i < size[0]; ++i) {
+        for (int i = along[0]; i < along[1]; ++i) {
           const std::uint32_t* c = column.data() + i;
           const bool one = c[0] == c[1] && c[1] == c[2] && c[1] != kSeveral;
           look[i] = one ? look_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i);
@@ -490,33 +546,41 @@ class Encoding::Tile {
               Eigen::Vector3d(here[i + 1] - here[i - 1], front[i] - back[i], above[i] - below[i]) / 2;
           const Eigen::Vector3d normal =
               gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
-          for (std::size_t a = 0; a < 3; ++a) normals_[n][a] = rounded(normal[static_cast<Eigen::Index>(a)]);
+          for (std::size_t a = 0; a < 3; ++a) normals_[a][n] = rounded(normal[static_cast<Eigen::Index>(a)]);
         }
       }
   }
 
-  void fill(VoxelBlock& block, int place, int i, int j, int k) const {
-    const std::size_t n = offset(i, j, k);
-    const VoxelLook& look = looks_[n];
-    // of what is not seen, colour and normal are not either
-    if (look.extinction == 0) return;
+  void fill_look(VoxelBlock& block, int place, std::size_t voxel) const {
+    const VoxelLook& look = looks_[voxel];
     // rounds what is not negative
     const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
     block.extinction[place] =
         static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
+    // of what is not seen, there is no colour
+    for (std::size_t a = 0; a < 3; ++a)
+      block.colour[a][place] = look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
+  }
+  /// None where nothing is seen.
+  void fill_normals(VoxelBlock& block, int count, std::size_t first_voxel, std::size_t step) const {
     for (std::size_t a = 0; a < 3; ++a) {
-      block.colour[a][place] = static_cast<std::uint8_t>(whole(look.colour[a]));
-      block.normal[a][place] = normals_[n][a];
+      const std::int8_t* from = normals_[a].data() + first_voxel;
+      if (step == 1) {
+        std::memcpy(block.normal[a], from, static_cast<std::size_t>(count));
+        continue;
+      }
+      for (int n = 0; n < count; ++n) block.normal[a][n] = from[static_cast<std::size_t>(n) * step];
     }
   }
 
   const Encoding& encoding_;
   VoxelBox box_;
+  std::array<std::array<int, 2>, 3> changed_;  ///< first and end, from the box's first voxel
   std::array<int, 3> margin_;
   Box<LabelId> labels_;
   std::vector<Part> parts_;  ///< by label
   std::vector<VoxelLook> looks_;
-  std::vector<std::array<std::int8_t, 3>> normals_;
+  std::array<std::vector<std::int8_t>, 3> normals_;  ///< by component
 };
 
 // ---- the whole --------------------------------------------------------------------------------------------
@@ -544,6 +608,13 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
+  // a voxel looks as the 27 around it say; that nothing of labels is where only the scan is seen is not kept
+  VoxelBox changed;
+  const bool is_all = is_new_ || scan_.scan != nullptr;
+  for (std::size_t a = 0; a < 3; ++a) {
+    changed.first[a] = is_all ? from[a] : std::max(0, box.first[a] - 1);
+    changed.size[a] = (is_all ? to[a] : std::min(grid_.dims[a], box.first[a] + box.size[a] + 1)) - changed.first[a];
+  }
   // what is too small to be a tile for each worker is cut in thinner ones
   int thickness = kTileSide;
   const int workers = worker_count(threads, std::numeric_limits<int>::max()), columns = tiles[0] * tiles[1];
@@ -558,6 +629,11 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     VoxelBlock block;
   };
   std::mutex putting;
+  // what others read is not changed yet
+  std::vector<std::vector<Made>> later(is_new_ ? 0 : static_cast<std::size_t>(count));
+  const auto put_all = [&](const std::vector<Made>& made) {
+    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
+  };
   std::atomic<int> done{0};
   const bool whole = for_each_index(count, std::min(workers, count), [&](int worker, int n) {
     if (progress.stopped()) return false;
@@ -569,14 +645,18 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.size[a] = std::min(side, to[a] - part.first[a]);
     }
     std::vector<Made> made;
-    Tile(*this, labels, part).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
+    Tile(*this, labels, part, changed).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
       // at first all are empty
       const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
                                         [](auto e) { return e == 0; });
       if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
     });
-    const std::lock_guard lock(putting);
-    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
+    if (is_new_) {
+      const std::lock_guard lock(putting);
+      put_all(made);
+    } else {
+      later[static_cast<std::size_t>(n)] = std::move(made);
+    }
     if (worker == 0)
       progress.report("volume", static_cast<double>(++done) / count);
     else
@@ -584,9 +664,8 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     return true;
   });
   if (!whole) return Progress::interrupted();
-  VoxelBox made;
-  for (std::size_t a = 0; a < 3; ++a) made.first[a] = from[a], made.size[a] = to[a] - from[a];
-  leaps_.find(rows_[0], made);
+  for (const std::vector<Made>& made : later) put_all(made);
+  leaps_.find(rows_[0], changed);
   is_new_ = false;
   return {};
 }

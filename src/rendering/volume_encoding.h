@@ -40,6 +40,8 @@ class BlockRows {
         block_of_[row * static_cast<std::size_t>(blocks_) + static_cast<std::size_t>(block)];
     return place != 0 ? &voxels_[place] : nullptr;
   }
+  /// The block that begins with a voxel, likewise.
+  const VoxelBlock* at(int i, int j, int k) const;
   std::size_t bytes() const;
 
  private:

@@ -200,13 +200,13 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
     for (int n = 0; n < kBlock; n += lanes()) {
       VF red = hn::Zero(d), green = red, blue = red, extinction = red;
       for (int m = 0; m < count; ++m) {
-        const VU first = hn::LoadU(DU(), blocks[m]->pair[0] + n),
-                 second = hn::LoadU(DU(), blocks[m]->pair[1] + n);
+        const VU red_green = hn::LoadU(DU(), blocks[m]->pair[0] + n),
+                 blue_extinction = hn::LoadU(DU(), blocks[m]->pair[1] + n);
         const VF weight = hn::Set(d, weights[m]);
-        red = hn::Add(red, hn::Mul(lower_of(first), weight));
-        green = hn::Add(green, hn::Mul(upper_of(first), weight));
-        blue = hn::Add(blue, hn::Mul(lower_of(second), weight));
-        extinction = hn::Add(extinction, hn::Mul(upper_of(second), weight));
+        red = hn::Add(red, hn::Mul(lower_of(red_green), weight));
+        green = hn::Add(green, hn::Mul(upper_of(red_green), weight));
+        blue = hn::Add(blue, hn::Mul(lower_of(blue_extinction), weight));
+        extinction = hn::Add(extinction, hn::Mul(upper_of(blue_extinction), weight));
       }
       hn::StoreU(red, d, to[0] + at + n);
       hn::StoreU(green, d, to[1] + at + n);
