@@ -240,8 +240,10 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   std::uniform_real_distribution<double> part(-1, 1);
   StraightWay way;
   way.speed_mm_s = 120;
+  // every fourth corner lies in the ball
   for (int n = 0; n < 25; ++n)
-    way.corners.push_back(Point<Patient>() + Vector<Patient>(part(random), part(random), part(random)) * 50);
+    way.corners.push_back(Point<Patient>() + Vector<Patient>(part(random), part(random), part(random)) *
+                                                 (n % 4 == 1 ? 5 : 50));
   const Recording run = run_along(way);
   const PlanComparison made = compared(plan, run, model, *distances);
   ASSERT_EQ(made.approaches.size(), 2u);
@@ -274,7 +276,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
     if (s == 1) continue;
     EXPECT_NEAR(approach.below_s, below_s, 1e-9);
     EXPECT_EQ(made.breaches.size(), entered);
-    EXPECT_GT(entered, 1u);
+    EXPECT_GE(entered, 1u);
   }
   EXPECT_FALSE(made.kept());
 }
@@ -323,8 +325,9 @@ TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
   const PlanComparison made =
       compared(scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 1\n", model), run, model);
   EXPECT_NEAR(made.approaches[0].nearest_mm, 35 - 8 - 2 - 15, 0.06);
-  EXPECT_EQ(made.approaches[0].nearest.tick, 1000u);
-  EXPECT_EQ(made.approaches[0].nearest.at, Point<Patient>(35, 0, 0));
+  // so far away it is told to 0.05 mm, which are ten ticks
+  EXPECT_GE(made.approaches[0].nearest.tick, 990u);
+  EXPECT_LT((made.approaches[0].nearest.at - Point<Patient>(35, 0, 0)).norm(), 0.051);
 }
 
 // ---- volumes
@@ -412,7 +415,8 @@ TEST(ComparePlan, VolumesOfEachStructure) {
   const std::vector<StructureDistance> distances{
       StructureDistance(testing::kBone, model.surfaces[0].surface)};
   const PlanInScene plan = scene_plan("[[region]]\nname = \"bone\"\nstructures = [\"ball\"]\n", model);
-  const Recording run = cutting_run({{Point<Patient>(14, 0, 0), 3}});
+  // where the voxels' own faces lie every way
+  const Recording run = cutting_run({{Point<Patient>() + Vector<Patient>(1, 2, 3).normalized() * 14, 3}});
   const PlanComparison made = compared(plan, run, model, distances);
   const double in_mm3 = lens_mm3(15, 3, 14);
   ASSERT_EQ(made.volumes.size(), 2u);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numbers>
 #include <random>
 
@@ -105,10 +106,9 @@ structures = ["shell", "ball", "fat"]
 )"),
                                  model);
   ASSERT_TRUE(plan) << plan.error().message();
+  const Volume<LabelId> labels = model.labels->dense();
   const auto count = [&](LabelId label) {
-    double voxels = 0;
-    for (const LabelId each : model.labels->dense().voxels()) voxels += each == label;
-    return voxels;
+    return static_cast<double>(std::ranges::count(labels.voxels(), label));
   };
   const auto volumes = planned_volumes(*plan, model);
   ASSERT_TRUE(volumes);
