@@ -27,7 +27,7 @@ struct PlanOptions {
   int device = 1;
 };
 
-std::string shown_name(const std::string& name) {
+std::string planned_name(const std::string& name) {
   return fitted(printable_name(name), 24);
 }
 
@@ -113,7 +113,7 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
       least_mm = std::min(least_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
                                                                                 (static_cast<double>(step) / steps)));
     std::printf("  from %s  %.2f mm at the least; %g mm are asked of the tool's outside\n",
-                shown_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
+                planned_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
   }
   if (std::isfinite(entry_mm))
     std::printf("  its entry lies  %.2f mm %s the surface that it enters\n", std::abs(entry_mm),
@@ -222,14 +222,14 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     std::printf("%s%s%s%s\n", fitted("taken off, mm3", 26).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
-      std::printf("  %s%-12.1f%-12.1f%.1f\n", shown_name(plan.regions[n].name).c_str(), made.regions[n].planned_mm3,
+      std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(), made.regions[n].planned_mm3,
                   made.regions[n].taken_mm3, made.regions[n].left_mm3());
   }
   if (!made.volumes.empty()) {
     std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 26).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), fitted("left", 12).c_str(), "outside the plan");
     for (const StructureVolume& volume : made.volumes)
-      std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", shown_name(scene.model->name_of(volume.label)).c_str(),
+      std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
                   volume.in_plan.planned_mm3, volume.in_plan.taken_mm3, volume.in_plan.left_mm3(),
                   volume.outside_mm3);
   }
@@ -237,7 +237,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
   for (const StructureApproach& approach : made.approaches) {
     char asked[32] = "";
     if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);
-    std::printf("  %s%-12.2f%s%s%s\n", shown_name(scene.model->name_of(approach.label)).c_str(),
+    std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
                 approach.nearest_mm, fitted(asked, 8).c_str(),
                 fitted(!approach.asked_mm ? "" : approach.kept() ? "kept" : "NOT KEPT", 10).c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
@@ -279,9 +279,9 @@ int compare(const PlanOptions& options, Console& console) {
                                 static_cast<std::size_t>(options.device - 1), console);
   if (!made) return console.fail(made.error());
   if (!options.json.empty()) {
-    using Json = nlohmann::ordered_json;
-    const std::string text = json_of(*scene, *made).dump(2, ' ', false, Json::error_handler_t::replace);
-    if (const auto written = write_file(options.json, text + "\n"); !written)
+    const auto replace = nlohmann::ordered_json::error_handler_t::replace;
+    const std::string text = json_of(*scene, *made).dump(2, ' ', false, replace) + "\n";
+    if (const auto written = write_file(options.json, text); !written)
       return console.fail(written.error());
     console.note("comparison: " + options.json.string());
   }

@@ -51,6 +51,10 @@ void read_trajectories(const TableReader& top, PlanFile& plan, Problems& problem
     if (entry && target && trajectory.length_mm() < kLeastTrajectory_mm)
       problems.add(reader.line("target"), "entry and target are the same place",
                    "they have to be at least 0.1 mm apart");
+    if (entry && target && trajectory.length_mm() > kMostTrajectory_mm)
+      problems.add(reader.line("target"),
+                   "entry and target are " + number_text(std::round(trajectory.length_mm())) + " mm apart",
+                   "a trajectory is at most 1000 mm long");
     if (auto labels = reader.labels("enters")) trajectory.enters = std::move(labels->references);
     trajectory.entry_within_mm = reader.number("entry_within");
     trajectory.target_within_mm = reader.number("target_within");
@@ -170,8 +174,12 @@ void read_distances(const TableReader& top, PlanFile& plan, Problems& problems) 
 
 // ---- writing
 
+// a 0 without a sign, which TOML's whole numbers do not keep
+std::string plan_number(double value) {
+  return number_text(value == 0 ? 0 : value);
+}
 std::string list_text(const Eigen::Vector3d& v) {
-  return "[" + number_text(v.x()) + ", " + number_text(v.y()) + ", " + number_text(v.z()) + "]";
+  return "[" + plan_number(v.x()) + ", " + plan_number(v.y()) + ", " + plan_number(v.z()) + "]";
 }
 std::string list_text(const std::vector<LabelReference>& structures) {
   std::string text = "[";
@@ -183,7 +191,7 @@ std::string list_text(const std::vector<LabelReference>& structures) {
   return text + "]";
 }
 std::string number_line(std::string_view key, const std::optional<double>& value) {
-  return value ? std::string(key) + " = " + number_text(*value) + "\n" : "";
+  return value ? std::string(key) + " = " + plan_number(*value) + "\n" : "";
 }
 
 std::string text_of(const PlanTrajectory& trajectory) {

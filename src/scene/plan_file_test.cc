@@ -106,6 +106,10 @@ TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
   const auto again = parse_plan(text, "again.toml");
   ASSERT_TRUE(again) << again.error().message() << "\n" << text;
   EXPECT_EQ(plan_text(*again), text);
+  // a zero has no sign in a file
+  const auto zero = parse_plan(changed_plan("entry = [1, 2, 3.5]", "entry = [-0.0, 2, 3.5]"), "plan.toml");
+  ASSERT_TRUE(zero);
+  EXPECT_THAT(plan_text(*zero), HasSubstr("entry = [0, 2, 3.5]"));
 
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -146,6 +150,8 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(StartsWith("plan.toml:2: "), HasSubstr("without entry")));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, 3.45]")),
               AllOf(StartsWith("plan.toml:5: entry and target are the same place"), HasSubstr("0.1 mm")));
+  EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, -1026.5]")),
+              AllOf(StartsWith("plan.toml:5: entry and target are 1030 mm apart"), HasSubstr("1000 mm long")));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2]")),
               StartsWith("plan.toml:5: "));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, nan]")),

@@ -34,7 +34,7 @@ PlanKeys declared_plan_keys() {
            "From an entry to a target, straight. What is allowed counts where it is given.",
            {{.name = "name", .type = kText, .meaning = "Unique. Has to be there."},
             planned_point("entry", "LPS. Has to be there."),
-            planned_point("target", "LPS, at least 0.1 mm from the entry. Has to be there."),
+            planned_point("target", "LPS, 0.1 to 1000 mm from the entry. Has to be there."),
             {.name = "enters",
              .type = kLabels,
              .min = 1,
