@@ -28,7 +28,7 @@ struct PlanOptions {
 };
 
 std::string planned_name(const std::string& name) {
-  return fitted(printable_name(name), 24);
+  return fitted(printable_name(name), 24) + " ";
 }
 
 // ---- from-markups
@@ -112,7 +112,7 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
     for (int step = 0; step <= steps; ++step)
       least_mm = std::min(least_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
                                                                                 (static_cast<double>(step) / steps)));
-    std::printf("  from %s  %.2f mm at the least; %g mm are asked of the tool's outside\n",
+    std::printf("  from %s %.2f mm at the least; %g mm are asked of the tool's outside\n",
                 planned_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
   }
   if (std::isfinite(entry_mm))
@@ -219,21 +219,21 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
   for (std::size_t n = 0; n < made.trajectories.size(); ++n)
     print_made(plan.trajectories[n], made.trajectories[n]);
   if (!made.regions.empty()) {
-    std::printf("%s%s%s%s\n", fitted("taken off, mm3", 26).c_str(), fitted("planned", 12).c_str(),
+    std::printf("%s%s%s%s\n", fitted("taken off, mm3", 27).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(), made.regions[n].planned_mm3,
                   made.regions[n].taken_mm3, made.regions[n].left_mm3());
   }
   if (!made.volumes.empty()) {
-    std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 26).c_str(), fitted("planned", 12).c_str(),
+    std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 27).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), fitted("left", 12).c_str(), "outside the plan");
     for (const StructureVolume& volume : made.volumes)
       std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
                   volume.in_plan.planned_mm3, volume.in_plan.taken_mm3, volume.in_plan.left_mm3(),
                   volume.outside_mm3);
   }
-  std::printf("%s%s%s\n", fitted("nearest to", 26).c_str(), fitted("mm", 12).c_str(), "asked");
+  std::printf("%s%s%s\n", fitted("nearest to", 27).c_str(), fitted("mm", 12).c_str(), "asked");
   for (const StructureApproach& approach : made.approaches) {
     char asked[32] = "";
     if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);

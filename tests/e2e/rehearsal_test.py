@@ -2,6 +2,7 @@
 
 import html
 import json
+import math
 import re
 
 import cli
@@ -43,7 +44,8 @@ class Rehearsal(cli.PalpateTest):
         rough, _ = self.compare(run, self.write("rough.toml", ROUGH), scene)
         made = rough["trajectories"][0]
         self.assertEqual(made["entry_made"], "passed")
-        entry, deepest = made["entry"]["at_mm"], made["deepest"]["at_mm"]
+        entry, deepest = made["entry"]["at_mm"], made["nearest"]["at_mm"]
+        self.assertGreater(math.dist(entry, deepest), 1)
 
         # the same way as a line of Slicer's, 3 mm beside along x, and so is a pair of points
         aside = [[x + 3, y, z] for x, y, z in (entry, deepest)]
