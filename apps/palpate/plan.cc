@@ -80,10 +80,11 @@ void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
   const int steps = static_cast<int>(std::ceil(trajectory.length_mm() / kStep_mm));
   std::vector<std::pair<LabelId, double>> through;
   for (int step = 0; step < steps; ++step) {
-    const Point<Patient> at = trajectory.entry + trajectory.axis() * (trajectory.length_mm() * (step + 0.5) / steps);
+    const Point<Patient> at =
+        trajectory.entry + trajectory.axis() * (trajectory.length_mm() * (step + 0.5) / steps);
     const Eigen::Array3d voxel = (X_VoxelPatient * at).eigen().array().round().max(-1e9).min(1e9);
-    const LabelId label = labels.anywhere(static_cast<int>(voxel[0]), static_cast<int>(voxel[1]),
-                                          static_cast<int>(voxel[2]));
+    const LabelId label =
+        labels.anywhere(static_cast<int>(voxel[0]), static_cast<int>(voxel[1]), static_cast<int>(voxel[2]));
     if (through.empty() || through.back().first != label) through.emplace_back(label, 0);
     through.back().second += trajectory.length_mm() / steps;
   }
@@ -110,8 +111,9 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
     if (asked == scene.plan.distances_mm.end()) continue;
     double least_mm = std::numeric_limits<double>::infinity();
     for (int step = 0; step <= steps; ++step)
-      least_mm = std::min(least_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
-                                                                                (static_cast<double>(step) / steps)));
+      least_mm = std::min(least_mm,
+                          distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
+                                                                      (static_cast<double>(step) / steps)));
     std::printf("  from %s %.2f mm at the least; %g mm are asked of the tool's outside\n",
                 planned_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
   }
@@ -158,8 +160,8 @@ int show_plan(const PlanOptions& options, Console& console) {
     std::string names;
     for (const LabelReference& structure : distance.structures) {
       const auto* number = std::get_if<int>(&structure);
-      names += (names.empty() ? "" : ", ") +
-               (number ? "label " + std::to_string(*number) : printable_name(std::get<std::string>(structure)));
+      names += (names.empty() ? "" : ", ") + (number ? "label " + std::to_string(*number)
+                                                     : printable_name(std::get<std::string>(structure)));
     }
     std::printf("keep away       %g mm from %s\n", distance.distance_mm, names.c_str());
   }
@@ -222,8 +224,8 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     std::printf("%s%s%s%s\n", fitted("taken off, mm3", 27).c_str(), fitted("planned", 12).c_str(),
                 fitted("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
-      std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(), made.regions[n].planned_mm3,
-                  made.regions[n].taken_mm3, made.regions[n].left_mm3());
+      std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
+                  made.regions[n].planned_mm3, made.regions[n].taken_mm3, made.regions[n].left_mm3());
   }
   if (!made.volumes.empty()) {
     std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 27).c_str(), fitted("planned", 12).c_str(),
@@ -239,7 +241,11 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);
     std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
                 approach.nearest_mm, fitted(asked, 8).c_str(),
-                fitted(!approach.asked_mm ? "" : approach.kept() ? "kept" : "NOT KEPT", 10).c_str(),
+                fitted(!approach.asked_mm ? ""
+                       : approach.kept()  ? "kept"
+                                          : "NOT KEPT",
+                       10)
+                    .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }
   for (const DistanceBreach& breach : made.breaches)
@@ -251,7 +257,8 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     std::printf("  and %llu more\n", static_cast<unsigned long long>(made.more_breaches));
   if (made.cut_short) std::printf("the recording was cut short: what came after it nobody knows\n");
   if (made.missing_s > 0) std::printf("%.3f s are missing, for ticks were dropped\n", made.missing_s);
-  std::printf("%s\n", made.kept() ? "KEPT: all that the plan asks" : "NOT KEPT: something that the plan asks");
+  std::printf("%s\n",
+              made.kept() ? "KEPT: all that the plan asks" : "NOT KEPT: something that the plan asks");
 }
 
 int compare(const PlanOptions& options, Console& console) {
@@ -281,8 +288,7 @@ int compare(const PlanOptions& options, Console& console) {
   if (!options.json.empty()) {
     const auto replace = nlohmann::ordered_json::error_handler_t::replace;
     const std::string text = json_of(*scene, *made).dump(2, ' ', false, replace) + "\n";
-    if (const auto written = write_file(options.json, text); !written)
-      return console.fail(written.error());
+    if (const auto written = write_file(options.json, text); !written) return console.fail(written.error());
     console.note("comparison: " + options.json.string());
   }
   print_comparison(*scene, *made);

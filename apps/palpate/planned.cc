@@ -24,9 +24,8 @@ Json json_of(const PlannedFigure& figure) {
           {"kept", figure.kept()}};
 }
 Json json_of(const VolumeDone& volume) {
-  return {{"planned_mm3", volume.planned_mm3},
-          {"taken_mm3", volume.taken_mm3},
-          {"left_mm3", volume.left_mm3()}};
+  return {
+      {"planned_mm3", volume.planned_mm3}, {"taken_mm3", volume.taken_mm3}, {"left_mm3", volume.left_mm3()}};
 }
 
 Json json_of(const PlanTrajectory& planned, const TrajectoryDone& done) {
@@ -78,8 +77,8 @@ Result<PlanComparison> compare_run(const PlannedScene& scene, const RecordingSou
   };
   if (const auto same = check_recorded_model(recording.head().header, *scene.model); !same)
     return named(same.error());
-  auto made = compare_recording(scene.plan, *scene.model, scene.distances, recording, device,
-                                console.progress());
+  auto made =
+      compare_recording(scene.plan, *scene.model, scene.distances, recording, device, console.progress());
   if (!made) return named(made.error());
   return made;
 }

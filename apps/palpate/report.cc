@@ -56,8 +56,7 @@ int report_recording(const ReportOptions& options, Console& console) {
   }
   std::optional<RehearsedPlan> rehearsed;
   if (made) rehearsed.emplace(RehearsedPlan{scene->plan, *made});
-  const auto written =
-      write_report(output, *recording, **model, progress, rehearsed ? &*rehearsed : nullptr);
+  const auto written = write_report(output, *recording, **model, progress, rehearsed ? &*rehearsed : nullptr);
   if (!written) {
     Error error = written.error();
     if (error.where.empty()) error.where = options.recording.string();
@@ -78,8 +77,9 @@ void add_report(CLI::App& app, Run& run) {
                    "Scene file, volume or data set it was made with; not needed for data sets");
   add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
-  CLI::Option* plan = verb->add_option(
-      "-p,--plan", options->plan, "Plan file: what was done beside it gets a part of the page (palpate plan)");
+  CLI::Option* plan =
+      verb->add_option("-p,--plan", options->plan,
+                       "Plan file: what was done beside it gets a part of the page (palpate plan)");
   verb->add_option("--device", options->device, "Whose tool the plan is for, of several devices; default 1")
       ->check(whole_between(1, kMaxDevices))
       ->needs(plan);

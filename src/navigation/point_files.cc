@@ -102,11 +102,13 @@ Result<std::optional<NamedPoint>> control_point(const nlohmann::json& control, s
                kMarkupsRemedy);
   const Eigen::Vector3d at((*position)[0].get<double>(), (*position)[1].get<double>(),
                            (*position)[2].get<double>());
-  if (!at.allFinite()) return bad("control point " + std::to_string(number) + " is nowhere", where, kMarkupsRemedy);
+  if (!at.allFinite())
+    return bad("control point " + std::to_string(number) + " is nowhere", where, kMarkupsRemedy);
   std::string name;
   if (const auto label = control.find("label"); label != control.end() && label->is_string())
     name = label->get<std::string>();
-  return std::optional(NamedPoint{name.empty() ? std::to_string(number) : name, is_ras ? to_lps(at) : at, {}});
+  return std::optional(
+      NamedPoint{name.empty() ? std::to_string(number) : name, is_ras ? to_lps(at) : at, {}});
 }
 
 // a word, or one with its code: ["mm", "UCUM", "millimeter"]
@@ -115,8 +117,9 @@ Result<void> check_millimetres(const nlohmann::json& markup, const std::string& 
   if (unit == markup.end()) return {};
   const nlohmann::json& word = unit->is_array() && !unit->empty() ? unit->front() : *unit;
   if (word == "mm") return {};
-  return bad("its coordinates are in " + printable_name(word.is_string() ? word.get<std::string>() : word.dump()),
-             where, "save them in millimetres (mm)");
+  return bad(
+      "its coordinates are in " + printable_name(word.is_string() ? word.get<std::string>() : word.dump()),
+      where, "save them in millimetres (mm)");
 }
 
 std::string text_in(const nlohmann::json& markup, const char* key) {
@@ -150,7 +153,8 @@ Result<std::vector<Markup>> parse_markups(std::string_view text, const std::stri
       auto point = control_point(control, points + 1, says_ras(axes), where);
       if (!point) return point.error();
       if (!*point) continue;
-      if (points++ == kMost) return bad("has more than 100 000 points", where, "leave out what is not needed");
+      if (points++ == kMost)
+        return bad("has more than 100 000 points", where, "leave out what is not needed");
       made.points.push_back(**std::move(point));
     }
   }

@@ -87,7 +87,8 @@ TEST(ParseMarkups, KeepsThemApartWithTheirTypes) {
 
   const char* in_metres =
       R"({"markups": [{"type": "Line", "coordinateUnits": "m", "controlPoints": [{"position": [1, 2, 3]}]}]})";
-  for (const auto& refused : {parse_markups(in_metres, "m.mrk.json").error().message(), refused_points(in_metres)})
+  for (const auto& refused :
+       {parse_markups(in_metres, "m.mrk.json").error().message(), refused_points(in_metres)})
     EXPECT_THAT(refused, testing::AllOf(HasSubstr("in m\n"), HasSubstr("millimetres")));
 }
 

@@ -11,8 +11,8 @@ namespace palpate {
 class ClearanceMeter {
  public:
   /// @param distances  outlive it  @param parts  of the run, for what is told over time
-  ClearanceMeter(const std::vector<StructureDistance>& distances,
-                 const std::map<LabelId, double>& asked_mm, std::size_t parts);
+  ClearanceMeter(const std::vector<StructureDistance>& distances, const std::map<LabelId, double>& asked_mm,
+                 std::size_t parts);
 
   void see(const SeenTick& now);
   void finish(PlanComparison& to);

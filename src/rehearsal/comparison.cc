@@ -72,16 +72,15 @@ class RunMeter {
 
   Result<void> see(const TickRecord& tick) {
     if (!std::isfinite(tick.time_s) || (told_.ticks > 0 && tick.time_s < time_s_))
-      return Error{ErrorKind::kBadInput,
-                   "the clock does not go on at tick " + std::to_string(tick.tick), "",
+      return Error{ErrorKind::kBadInput, "the clock does not go on at tick " + std::to_string(tick.tick), "",
                    "record the run again"};
     if (told_.ticks == 0) begun_s_ = tick.time_s;
     const double dt_s = told_.ticks > 0 ? tick.time_s - time_s_ : 0;
     if (told_.ticks > 0 && tick.tick > last_tick_ + 1) told_.missing_s += dt_s;
     last_tick_ = tick.tick;
     time_s_ = tick.time_s;
-    const std::size_t part = static_cast<std::size_t>(std::min(told_.ticks++, all_ticks_ - 1) *
-                                                      parts_of(all_ticks_) / all_ticks_);
+    const std::size_t part =
+        static_cast<std::size_t>(std::min(told_.ticks++, all_ticks_ - 1) * parts_of(all_ticks_) / all_ticks_);
     if (part == told_.times_s.size()) told_.times_s.push_back(time_s_ - begun_s_);
 
     const DeviceTick& device = tick.device[device_];

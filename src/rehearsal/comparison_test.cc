@@ -13,13 +13,14 @@
 namespace palpate {
 namespace {
 
-using ::testing::HasSubstr;
 using std::numbers::pi;
+using ::testing::HasSubstr;
 
 constexpr double kDegree = pi / 180;
 
 /// A run whose tip goes as told, in memory.
-Recording run_along(const std::function<Point<Patient>(double)>& tip_at, double seconds, double rate_hz = 1000) {
+Recording run_along(const std::function<Point<Patient>(double)>& tip_at, double seconds,
+                    double rate_hz = 1000) {
   Recording run;
   run.header.rate_hz = rate_hz;
   const auto count = static_cast<std::uint64_t>(std::llround(seconds * rate_hz));
@@ -147,7 +148,8 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
 
 TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   const PlanInScene plan = scene_plan(kStraightDown);
-  // 4 mm beside, and deeper; then 1 mm beside, in three goes that never leave the hole by 10 mm; then beside again
+  // 4 mm beside, and deeper; then 1 mm beside, in three goes that never leave the hole by 10 mm; then beside
+  // again
   const auto in = [](double x, double z) { return Point<Patient>(x, 0, z); };
   const StraightWay way{{in(4, 40), in(4, 0), in(4, 40), in(1, 40), in(1, 12), in(1, 17), in(1, 9), in(1, 18),
                          in(1, 4), in(1, 40), in(-6, 40), in(-6, 9), in(-6, 40)}};
@@ -242,8 +244,8 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   way.speed_mm_s = 120;
   // every fourth corner lies in the ball
   for (int n = 0; n < 25; ++n)
-    way.corners.push_back(Point<Patient>() + Vector<Patient>(part(random), part(random), part(random)) *
-                                                 (n % 4 == 1 ? 5 : 50));
+    way.corners.push_back(Point<Patient>() +
+                          Vector<Patient>(part(random), part(random), part(random)) * (n % 4 == 1 ? 5 : 50));
   const Recording run = run_along(way);
   const PlanComparison made = compared(plan, run, model, *distances);
   ASSERT_EQ(made.approaches.size(), 2u);
@@ -284,8 +286,8 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
 TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
   // towards the ball and away as a sine: |p| = 20 + 4 cos, so the gap is 5 + 4 cos
   const PlanInScene plan = scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 3\n");
-  const Recording run = run_along(
-      [](double t) { return Point<Patient>(20 + 4 * std::cos(2 * pi * t), 0, 0); }, 3);
+  const Recording run =
+      run_along([](double t) { return Point<Patient>(20 + 4 * std::cos(2 * pi * t), 0, 0); }, 3);
   const PlanComparison made = compared(plan, run);
   ASSERT_EQ(made.breaches.size(), 3u);
   for (std::size_t n = 0; n < 3; ++n) {
@@ -315,7 +317,8 @@ TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
   model.tools[0].radius_mm = 1;
   model.tools[0].burr = BurrSettings{.length_mm = 8, .end_radius_mm = 2};
   const Vector<World> right = (model.X_WorldPatient * Vector<Patient>(-1, 0, 0)).normalized();
-  const Eigen::Quaterniond turned = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d(0, 0, 1), right.eigen());
+  const Eigen::Quaterniond turned =
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d(0, 0, 1), right.eigen());
   // the head lies along -x: its far end is 8 mm nearer to the ball than the tip, and wider
   Recording run = run_along([](double t) { return Point<Patient>(40 - 5 * t, 0, 0); }, 1);
   for (TickRecord& tick : run.ticks) {

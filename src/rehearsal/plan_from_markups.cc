@@ -76,7 +76,8 @@ Result<PlanOfMarkups> plan_from_markups(std::string_view text, const std::string
       }
     } else if (markup.type == "Line") {
       if (markup.points.size() != 2)
-        return no_trajectory("a Line has " + std::to_string(markup.points.size()) + " points, and not 2", where);
+        return no_trajectory("a Line has " + std::to_string(markup.points.size()) + " points, and not 2",
+                             where);
       auto added = add_trajectory(made.plan, name_of_line(markup, made.plan.trajectories.size() + 1),
                                   markup.points[0], markup.points[1]);
       if (!added) return added.error();

@@ -64,8 +64,10 @@ TEST(PlanFromMarkups, PointsCalledEntryAndTarget) {
 }
 
 TEST(PlanFromMarkups, NamesAreTheMarkupsOwnAndDiffer) {
-  const std::string one = std::string(R"({"type": "Line", "name": "Screw", "controlPoints": [)") + kPointsLps + "]}";
-  const std::string bare = R"({"type": "Line", "controlPoints": [{"position": [1, 2, 3]}, {"position": [4, 5, 6]}]})";
+  const std::string one =
+      std::string(R"({"type": "Line", "name": "Screw", "controlPoints": [)") + kPointsLps + "]}";
+  const std::string bare =
+      R"({"type": "Line", "controlPoints": [{"position": [1, 2, 3]}, {"position": [4, 5, 6]}]})";
   const auto made = plan_from_markups("{\"markups\": [" + one + ", " + one + ", " + bare + "]}", "plan", "m");
   ASSERT_TRUE(made) << made.error().message();
   ASSERT_EQ(made->plan.trajectories.size(), 3u);
@@ -78,7 +80,8 @@ TEST(PlanFromMarkups, WhatIsNoTrajectoryIsRefusedByItsName) {
   for (const char* type : {"Curve", "ClosedCurve", "ROI", "Plane", "Angle"})
     EXPECT_THAT(refused_markups(markups_of(type, "LPS", kPointsLps)),
                 AllOf(StartsWith("m.mrk.json: a markup is a " + std::string(type)), HasSubstr("a Line")));
-  EXPECT_THAT(refused_markups(R"({"markups": [{"controlPoints": []}]})"), HasSubstr("does not say what it is"));
+  EXPECT_THAT(refused_markups(R"({"markups": [{"controlPoints": []}]})"),
+              HasSubstr("does not say what it is"));
   const std::string one = R"({"label": "Entry", "position": [1, 2, 3]})";
   EXPECT_THAT(refused_markups(markups_of("Line", "LPS", one)), HasSubstr("a Line has 1 points, and not 2"));
   EXPECT_THAT(refused_markups(markups_of("Line", "LPS", std::string(kPointsLps) + ", " + one)),
@@ -91,10 +94,12 @@ TEST(PlanFromMarkups, WhatIsNoTrajectoryIsRefusedByItsName) {
               HasSubstr("no point is called Entry or Target"));
   EXPECT_THAT(refused_markups(markups_of("Fiducial", "LPS", one + ", " + one)),
               HasSubstr("2 points are called Entry"));
-  EXPECT_THAT(refused_markups(markups_of("Fiducial", "LPS", one + R"(, {"label": "Target", "position": [1, 2, 3.01]})")),
+  EXPECT_THAT(refused_markups(
+                  markups_of("Fiducial", "LPS", one + R"(, {"label": "Target", "position": [1, 2, 3.01]})")),
               AllOf(HasSubstr("the same place"), HasSubstr("0.1 mm")));
   EXPECT_THAT(refused_markups(markups_of("Line", "IJK", kPointsLps)), HasSubstr("\"IJK\""));
-  EXPECT_THAT(refused_markups(markups_of("Line", "LPS", R"({"position": [1, 2]})")), HasSubstr("three numbers"));
+  EXPECT_THAT(refused_markups(markups_of("Line", "LPS", R"({"position": [1, 2]})")),
+              HasSubstr("three numbers"));
   EXPECT_THAT(refused_markups("{"), HasSubstr("no JSON"));
 }
 

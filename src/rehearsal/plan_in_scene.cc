@@ -64,8 +64,7 @@ RegionInPlan::RegionInPlan(const PlanFile& plan, const PlanRegion& region, std::
   across_ = region.across;
   third_ = axis_.cross(across_);
   const bool is_long = shape_ != PlanShape::kSphere;
-  middle_ = trajectory.entry +
-            axis_ * (is_long ? 0.5 * (region.from_mm + region.depth_mm) : region.depth_mm);
+  middle_ = trajectory.entry + axis_ * (is_long ? 0.5 * (region.from_mm + region.depth_mm) : region.depth_mm);
   half_mm_ = 0.5 * Eigen::Vector3d(region.depth_mm - region.from_mm, region.width_mm, region.height_mm);
 }
 

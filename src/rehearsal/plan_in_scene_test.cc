@@ -13,9 +13,9 @@
 namespace palpate {
 namespace {
 
+using std::numbers::pi;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using std::numbers::pi;
 
 PlanFile plan_of(const std::string& text) {
   const auto plan = parse_plan("title = \"p\"\n" + text, "plan.toml");
@@ -129,11 +129,13 @@ TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
     return plan ? "accepted" : plan.error().message();
   };
   EXPECT_THAT(refused("[[keep_away]]\nstructures = [\"bal\"]\ndistance = 2\n"),
-              AllOf(HasSubstr("plan.toml:2: the scene has no structure \"bal\""), HasSubstr("did you mean \"ball\"?"),
-                    HasSubstr("its structures are ball, shell, fat")));
-  EXPECT_THAT(refused("[[region]]\nname = \"r\"\nstructures = [77]\n"), HasSubstr("the scene has no label 77"));
-  EXPECT_THAT(refused("[[trajectory]]\nname = \"t\"\nentry = [0,0,0]\ntarget = [0,0,9]\nenters = [\"shell\"]\n"),
-              AllOf(HasSubstr("plan.toml:2: the structure \"shell\" has no voxel"), HasSubstr("name another one")));
+              AllOf(HasSubstr("plan.toml:2: the scene has no structure \"bal\""),
+                    HasSubstr("did you mean \"ball\"?"), HasSubstr("its structures are ball, shell, fat")));
+  EXPECT_THAT(refused("[[region]]\nname = \"r\"\nstructures = [77]\n"),
+              HasSubstr("the scene has no label 77"));
+  EXPECT_THAT(
+      refused("[[trajectory]]\nname = \"t\"\nentry = [0,0,0]\ntarget = [0,0,9]\nenters = [\"shell\"]\n"),
+      AllOf(HasSubstr("plan.toml:2: the structure \"shell\" has no voxel"), HasSubstr("name another one")));
   const auto twice = look_up_plan(plan_of("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 2\n"
                                           "[[keep_away]]\nstructures = [5, \"fat\"]\ndistance = 1\n"),
                                   model);
@@ -141,8 +143,9 @@ TEST(PlanInScene, StructuresThatAreNotThereAreErrorsWithTheirLine) {
   EXPECT_EQ(twice->distances_mm, (std::map<LabelId, double>{{testing::kBone, 2}, {testing::kFat, 1}}));
   Model bare = model;
   bare.labels = nullptr;
-  EXPECT_THAT(look_up_plan(plan_of("[[keep_away]]\nstructures = [5]\ndistance = 1\n"), bare).error().message(),
-              HasSubstr("no label map"));
+  EXPECT_THAT(
+      look_up_plan(plan_of("[[keep_away]]\nstructures = [5]\ndistance = 1\n"), bare).error().message(),
+      HasSubstr("no label map"));
 }
 
 }  // namespace

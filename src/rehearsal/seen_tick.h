@@ -9,7 +9,7 @@ namespace palpate {
 struct SeenTick {
   PlaceInRun place;  ///< of the tip
   ToolHead head;
-  double dt_s = 0;  ///< since the tick before, 0 of the first
+  double dt_s = 0;       ///< since the tick before, 0 of the first
   std::size_t part = 0;  ///< of PlanComparison::times_s
   const DeviceTick* device = nullptr;
   std::optional<Vector<Patient>> shaft;  ///< from the tip to the handle, unit

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kBlock_mm = 8;       // edge of the cubes by which places are put together
+constexpr double kBlock_mm = 8;        // edge of the cubes by which places are put together
 constexpr double kLeastNear_mm = 0.5;  // the surface's own distance holds at least so far
 
 // where a surface cuts the edges of its grid, which are linear in between as it is read
@@ -51,8 +51,8 @@ double StructureDistance::Block::squared_mm2(const Eigen::Array3d& at) const {
 StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surface> surface)
     : label_(label), surface_(std::move(surface)) {
   // nearer to its reach a cell may have corners beyond it
-  near_mm_ = std::max(kLeastNear_mm,
-                      surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
+  near_mm_ =
+      std::max(kLeastNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
   for (const Eigen::Vector3f& place : edge_cuts(surface_->position(), surface_->steepest())) {
     const Eigen::Array3f cube = (place.array() / static_cast<float>(kBlock_mm)).floor();

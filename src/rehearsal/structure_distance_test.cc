@@ -51,7 +51,8 @@ TEST(StructureDistance, OfEveryStructureThatHasAVoxelFeltOrNot) {
     const double r = range(random);
     const double exact_mm = std::max(r - 24, testing::kBoneRadius_mm - r);
     // a surface between the voxels is as good as these are small
-    EXPECT_NEAR((*distances)[1].distance_mm(Point<Patient>(r * random_direction(random))), exact_mm, 0.35) << r;
+    EXPECT_NEAR((*distances)[1].distance_mm(Point<Patient>(r * random_direction(random))), exact_mm, 0.35)
+        << r;
   }
 }
 

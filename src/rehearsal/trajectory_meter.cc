@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-constexpr double kClear_mm = 10;       // so far outside a way has ended
-constexpr double kBeside_mm = 20;      // farther from the trajectory's line nothing counts as depth
+constexpr double kClear_mm = 10;         // so far outside a way has ended
+constexpr double kBeside_mm = 20;        // farther from the trajectory's line nothing counts as depth
 constexpr double kLeastPiece_mm = 0.05;  // a hand at rest goes to and fro by less, which is no way
 constexpr double kLeastFitted_mm = 1;
 
@@ -36,13 +36,14 @@ void LineFit::add(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const double length = way.norm();
   length_mm_ += length;
   sum_ += 0.5 * length * (from + to);
-  squares_ += length * (from * from.transpose() +
-                        0.5 * (from * way.transpose() + way * from.transpose()) + way * way.transpose() / 3);
+  squares_ += length * (from * from.transpose() + 0.5 * (from * way.transpose() + way * from.transpose()) +
+                        way * way.transpose() / 3);
 }
 
 LineFit::Line LineFit::line() const {
   const Eigen::Vector3d mean = sum_ / length_mm_;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(squares_ / length_mm_ - mean * mean.transpose());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(squares_ / length_mm_ -
+                                                              mean * mean.transpose());
   // the greatest is last; rounding may leave the others a little below 0
   const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0);
   return {solver.eigenvectors().col(2), std::sqrt(variances[0] + variances[1])};
@@ -55,7 +56,8 @@ TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool
     if (distance.label() < enters_.size() && enters_[distance.label()]) surfaces_.push_back(&distance);
 }
 
-// Of the structures' surface, else of the plane across the trajectory in its entry; far outside at least that.
+// Of the structures' surface, else of the plane across the trajectory in its entry; far outside at least
+// that.
 double TrajectoryMeter::outside_mm(const SeenTick& now) {
   if (surfaces_.empty()) return -along_mm(now.place.at);
   if (known_at_ && known_mm_ - (now.place.at - *known_at_).norm() > 2 * kClear_mm)
@@ -100,9 +102,8 @@ void TrajectoryMeter::look_for_entry(const SeenTick& now, double outside) {
     // between the ticks the distance is as good as straight, so near the surface
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
     begin(EntryMade::kPassed,
-          came_from_outside
-              ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
-              : now.place);
+          came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
+                            : now.place);
   } else if (way_.made == EntryMade::kNone && touches(*now.device)) {
     begin(EntryMade::kTouched, now.place);
   }

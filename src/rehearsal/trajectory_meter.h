@@ -9,8 +9,8 @@
 namespace palpate {
 
 /// The line that fits a way best, from sums over its pieces: least squares of the distances from the line,
-/// each piece by its length, solved by the covariance's eigenvectors (Pearson, "On lines and planes of closest
-/// fit", 1901).
+/// each piece by its length, solved by the covariance's eigenvectors (Pearson, "On lines and planes of
+/// closest fit", 1901).
 class LineFit {
  public:
   /// A straight piece; places from one origin that lies near them, mm.

@@ -116,10 +116,9 @@ std::string section_figure(Sections& shown, const View& view) {
     shown.most_strain = std::max(shown.most_strain, map.most);
     if (map.most >= kLeastStrain) strain = png_img("strain", encode_png(map.picture));
   }
-  return "<figure class=\"section\"><div class=\"picture\">" +
-         section_layers(model, plane, shown.style) + strain +
-         section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
-         position + "</span></figcaption></figure>\n";
+  return "<figure class=\"section\"><div class=\"picture\">" + section_layers(model, plane, shown.style) +
+         strain + section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name +
+         "</span> <span>" + position + "</span></figcaption></figure>\n";
 }
 
 /// How tissue that has yielded is shown; empty where it rests.

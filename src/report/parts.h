@@ -35,7 +35,8 @@ double arrow_mm_per_N(double limit_N);
 Result<std::string> contacts_html(const Run& run, std::span<const std::string> pictures,
                                   const Progress& progress);
 
-/// How sections of a run's model are drawn, and the layers of one as images, the overlay's SVG not among them.
+/// How sections of a run's model are drawn, and the layers of one as images, the overlay's SVG not among
+/// them.
 SectionStyle section_style(const Model& model);
 std::string section_layers(const Model& model, const SectionPlane& plane, const SectionStyle& style);
 /// Width and height of a section's picture.

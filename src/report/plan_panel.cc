@@ -12,7 +12,8 @@ namespace {
 constexpr std::size_t kMostPlottedApproaches = 8;
 
 std::string heading_cell(const std::string& text, const std::string& unit = "") {
-  return "<th scope=\"col\">" + text + (unit.empty() ? "" : " <span class=\"unit\">" + unit + "</span>") + "</th>";
+  return "<th scope=\"col\">" + text + (unit.empty() ? "" : " <span class=\"unit\">" + unit + "</span>") +
+         "</th>";
 }
 std::string table_begin(const std::string& cells) {
   return "<div class=\"scroll\"><table><thead><tr>" + cells + "</tr></thead><tbody>\n";
@@ -71,7 +72,8 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone
                      std::isnan(done.depth_mm) ? ""
                                                : number(done.depth_mm, 2) + " mm deep, planned " +
                                                      number(planned.length_mm(), 2) + " mm");
-  if (!std::isnan(done.shaft_deg)) html += figure_row("Shaft", "degrees", {done.shaft_deg, {}}, "at the deepest place");
+  if (!std::isnan(done.shaft_deg))
+    html += figure_row("Shaft", "degrees", {done.shaft_deg, {}}, "at the deepest place");
   return html + kTableEnd;
 }
 
@@ -80,9 +82,9 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
                                 const std::vector<Point<Patient>>& way, const SectionStyle& style) {
   constexpr double kLeastWidth_mm = 40, kMargin = 1.5;
   const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
-  SectionPlane plane = oblique_section(middle, planned.axis(), ObliqueView::kAlong,
-                                       std::max(kLeastWidth_mm, kMargin * planned.length_mm()), kSection_px,
-                                       kSection_px);
+  SectionPlane plane =
+      oblique_section(middle, planned.axis(), ObliqueView::kAlong,
+                      std::max(kLeastWidth_mm, kMargin * planned.length_mm()), kSection_px, kSection_px);
   SectionMarks marks;
   marks.contact = std::isnan(done.target_error_mm.value) ? planned.target : done.nearest.at;
   marks.side = run.side();
@@ -106,8 +108,8 @@ std::string volume_cells(const VolumeDone& volume) {
 
 std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
   const PlanComparison& made = rehearsed.made;
-  const std::string columns =
-      heading_cell("Planned", "mm\u00b3") + heading_cell("Taken", "mm\u00b3") + heading_cell("Left", "mm\u00b3");
+  const std::string columns = heading_cell("Planned", "mm\u00b3") + heading_cell("Taken", "mm\u00b3") +
+                              heading_cell("Left", "mm\u00b3");
   std::string html;
   if (!made.regions.empty()) {
     html += table_begin(heading_cell("To be taken off") + columns);
@@ -117,7 +119,8 @@ std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
     html += kTableEnd;
   }
   if (!made.volumes.empty()) {
-    html += table_begin(heading_cell("Structure") + columns + heading_cell("Outside of the plan", "mm\u00b3"));
+    html +=
+        table_begin(heading_cell("Structure") + columns + heading_cell("Outside of the plan", "mm\u00b3"));
     for (const StructureVolume& volume : made.volumes)
       html += "<tr><th scope=\"row\">" + swatch(run.colour(volume.label)) + escape(run.name(volume.label)) +
               "</th>" + volume_cells(volume.in_plan) + cell(number(volume.outside_mm3, 1)) + "</tr>\n";
@@ -144,14 +147,14 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
                       heading_cell("When it was nearest"));
   for (std::size_t n = 0; n < std::min(made.breaches.size(), kMostShownBreaches); ++n) {
     const DistanceBreach& breach = made.breaches[n];
-    html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) + "</th>" +
-            cell(number(breach.nearest_mm, 2)) +
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
+            "</th>" + cell(number(breach.nearest_mm, 2)) +
             cell(std::to_string(breach.begin.tick) + " to " + std::to_string(breach.last_tick)) + "<td>" +
             at_time(breach.nearest) + "</td></tr>\n";
   }
   html += kTableEnd;
-  const std::uint64_t more = made.more_breaches + made.breaches.size() -
-                             std::min(made.breaches.size(), kMostShownBreaches);
+  const std::uint64_t more =
+      made.more_breaches + made.breaches.size() - std::min(made.breaches.size(), kMostShownBreaches);
   return more == 0 ? html : html + "<p class=\"hint\">And " + grouped(more) + " more.</p>\n";
 }
 
@@ -199,13 +202,17 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
   }
   if (!made.trajectories.empty())
     html +=
-        "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. White: "
+        "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
+        "White: "
         "the way of the tip within " +
-        number(kWayReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target.</p>\n";
+        number(kWayReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
+        std::string(run.model.cuts() ? "Structures are as they were before anything was cut." : "") +
+        "</p>\n";
   html += volume_tables(run, rehearsed) + distance_tables(run, made);
   return html +
          "<div class=\"plot\"><h3 id=\"clearance-title\">Distance from structures <span class=\"unit\">mm"
-         "</span></h3><div class=\"canvas\" id=\"plot-clearance\" role=\"img\" aria-label=\"Least distance of "
+         "</span></h3><div class=\"canvas\" id=\"plot-clearance\" role=\"img\" aria-label=\"Least distance "
+         "of "
          "the tool from structures over " +
          number(made.time_s, 1) + " s\"></div></div>\n</section>\n";
 }

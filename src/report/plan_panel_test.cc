@@ -65,7 +65,8 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   for (const StructureApproach& approach : made->approaches)
     EXPECT_THAT(*html, HasSubstr(cell(number(approach.nearest_mm, 2))));
   for (const DistanceBreach& breach : made->breaches)
-    EXPECT_THAT(*html, HasSubstr(cell(std::to_string(breach.begin.tick) + " to " + std::to_string(breach.last_tick))));
+    EXPECT_THAT(*html, HasSubstr(cell(std::to_string(breach.begin.tick) + " to " +
+                                      std::to_string(breach.last_tick))));
   // two sections with the trajectory drawn
   std::size_t lines = 0;
   for (std::size_t at = html->find("class=\"planned\" x1"); at != std::string::npos;

@@ -64,8 +64,8 @@ Result<void> check_model(const RecordingHeader& header, const Model& model) {
 
 namespace {
 
-Result<std::string> page_html(const RecordingSource& recording, const Model& model,
-                              const Progress& progress, const RehearsedPlan* rehearsed) {
+Result<std::string> page_html(const RecordingSource& recording, const Model& model, const Progress& progress,
+                              const RehearsedPlan* rehearsed) {
   const RecordingHeader& header = recording.head().header;
   if (auto same = check_model(header, model); !same) return same.error();
   const auto read = read_run(recording, model, progress);
@@ -80,8 +80,8 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
   html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *planned + *contacts +
-          plots_html(run, rehearsed) + structure_table_html(run) + removal_html(run) + safety_table_html(run) +
-          loop_html(run) + provenance_html(run) + "</main>\n";
+          plots_html(run, rehearsed) + structure_table_html(run) + removal_html(run) +
+          safety_table_html(run) + loop_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")

@@ -145,8 +145,9 @@ void read_plan_regions(const TableReader& top, PlanFile& plan, Problems& problem
                      "write a depth that is greater than from");
       if (across) {
         const auto* vector = std::get_if<Eigen::Vector3d>(&*across);
-        const auto made = made_across(
-            vector ? Vector<Patient>(*vector) : direction_named(std::get<std::string>(*across)), along.axis());
+        const auto made =
+            made_across(vector ? Vector<Patient>(*vector) : direction_named(std::get<std::string>(*across)),
+                        along.axis());
         if (made)
           region.across = *made;
         else
@@ -244,7 +245,8 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   read_plan_regions(top, plan, problems);
   read_distances(top, plan, problems);
   if (plan.trajectories.empty() && plan.regions.empty() && plan.distances.empty())
-    problems.add_missing(1, "the plan plans nothing", "add a [[trajectory]], a [[region]] or a [[keep_away]]");
+    problems.add_missing(1, "the plan plans nothing",
+                         "add a [[trajectory]], a [[region]] or a [[keep_away]]");
   if (problems.any()) return problems.first();
   return plan;
 }

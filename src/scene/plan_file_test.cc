@@ -123,8 +123,17 @@ TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
     const Vector<Patient> axis = made.trajectories[0].axis();
     Vector<Patient> across = Vector<Patient>(1, 0.3, -0.2);
     across = (across - axis * across.dot(axis)).normalized();
-    made.regions.push_back({"box", PlanShape::kBox, 0, {}, 0, -part(random), part(random), part(random),
-                            part(random), across, 0});
+    made.regions.push_back({"box",
+                            PlanShape::kBox,
+                            0,
+                            {},
+                            0,
+                            -part(random),
+                            part(random),
+                            part(random),
+                            part(random),
+                            across,
+                            0});
     made.distances.push_back({{"nerve"}, part(random), 0});
     const auto read = parse_plan(plan_text(made), "made.toml");
     ASSERT_TRUE(read) << read.error().message() << "\n" << plan_text(made);
@@ -150,8 +159,9 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(StartsWith("plan.toml:2: "), HasSubstr("without entry")));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, 3.45]")),
               AllOf(StartsWith("plan.toml:5: entry and target are the same place"), HasSubstr("0.1 mm")));
-  EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, -1026.5]")),
-              AllOf(StartsWith("plan.toml:5: entry and target are 1030 mm apart"), HasSubstr("1000 mm long")));
+  EXPECT_THAT(
+      refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, -1026.5]")),
+      AllOf(StartsWith("plan.toml:5: entry and target are 1030 mm apart"), HasSubstr("1000 mm long")));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2]")),
               StartsWith("plan.toml:5: "));
   EXPECT_THAT(refused_plan(changed_plan("target = [1, 2, -26.5]", "target = [1, 2, nan]")),
@@ -161,13 +171,15 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
   EXPECT_THAT(refused_plan(changed_plan("angle_within = 5", "angle_within = 91")),
               AllOf(StartsWith("plan.toml:9: "), HasSubstr("outside 0.1 ... 90 degrees")));
   EXPECT_THAT(refused_plan(changed_plan("trajectory = \"way in\"", "trajectory = \"wayin\"")),
-              AllOf(StartsWith("plan.toml:14: there is no trajectory \"wayin\""), HasSubstr("did you mean \"way in\"?")));
+              AllOf(StartsWith("plan.toml:14: there is no trajectory \"wayin\""),
+                    HasSubstr("did you mean \"way in\"?")));
   EXPECT_THAT(refused_plan(changed_plan("shape = \"cylinder\"", "shape = \"cylinde\"")),
               AllOf(StartsWith("plan.toml:13: "), HasSubstr("cylinder")));
   EXPECT_THAT(refused_plan(changed_plan("radius = 4\n", "")),
               AllOf(StartsWith("plan.toml:11: "), HasSubstr("\"cylinder\" without radius")));
-  EXPECT_THAT(refused_plan(changed_plan("structures = [\"nodule\"]", "structures = [\"nodule\"]\nradius = 3")),
-              AllOf(HasSubstr("radius of a region whose shape is \"structures\""), HasSubstr("take it out")));
+  EXPECT_THAT(
+      refused_plan(changed_plan("structures = [\"nodule\"]", "structures = [\"nodule\"]\nradius = 3")),
+      AllOf(HasSubstr("radius of a region whose shape is \"structures\""), HasSubstr("take it out")));
   EXPECT_THAT(refused_plan(changed_plan("structures = [\"nodule\"]\n", "")),
               HasSubstr("without structures and without a shape"));
   EXPECT_THAT(refused_plan(changed_plan("depth = 20", "depth = -3")),
@@ -176,15 +188,18 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(HasSubstr("across points along the trajectory"), HasSubstr("5 degrees")));
   EXPECT_THAT(refused_plan(changed_plan("name = \"nodule\"", "name = \"hole\"")),
               AllOf(HasSubstr("a second region \"hole\""), HasSubstr("another name")));
-  EXPECT_THAT(refused_plan(changed_plan("distance = 2.5\n", "")), HasSubstr("[[keep_away]] without distance"));
-  EXPECT_THAT(refused_plan(changed_plan("distance = 2.5", "distance = -1")), HasSubstr("outside 0 ... 100 mm"));
+  EXPECT_THAT(refused_plan(changed_plan("distance = 2.5\n", "")),
+              HasSubstr("[[keep_away]] without distance"));
+  EXPECT_THAT(refused_plan(changed_plan("distance = 2.5", "distance = -1")),
+              HasSubstr("outside 0 ... 100 mm"));
   EXPECT_THAT(refused_plan("title = \"a\"\n[[tissue]]\n"),
               AllOf(StartsWith("plan.toml:2: this is a scene"), HasSubstr("docs/rehearsal.md")));
   EXPECT_THAT(refused_plan(" {\"markups\": []}"), HasSubstr("palpate plan from-markups"));
   EXPECT_THAT(refused_plan("title = "), StartsWith("plan.toml:1"));
   std::string many = "title = \"a\"\n";
   for (int n = 0; n < 201; ++n) many += "[[keep_away]]\nstructures = [1]\ndistance = 1\n";
-  EXPECT_THAT(refused_plan(many), AllOf(HasSubstr("more than 200 [[keep_away]]"), HasSubstr("split the plan")));
+  EXPECT_THAT(refused_plan(many),
+              AllOf(HasSubstr("more than 200 [[keep_away]]"), HasSubstr("split the plan")));
 }
 
 }  // namespace

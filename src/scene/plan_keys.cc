@@ -49,8 +49,9 @@ PlanKeys declared_plan_keys() {
              .min = 0.1,
              .max = 90,
              .meaning = "Allowed angle between the way made and the trajectory."},
-            allowed_mm("depth_within", "Allowed difference of the depth made from the trajectory's length, "
-                                       "either way.")}},
+            allowed_mm("depth_within",
+                       "Allowed difference of the depth made from the trajectory's length, "
+                       "either way.")}},
       .region =
           {"[[region]]",
            "All of some structures, or what of them lies in a shape on a trajectory.",

@@ -42,8 +42,8 @@ Result<std::vector<bool>> labels_in_model(const Model& model, const std::vector<
       meant = did_you_mean(*name, names, "\"");
     }
     return Error{ErrorKind::kBadInput,
-                 "the scene has no " + (name != nullptr ? "structure \"" + *name + "\""
-                                                        : "label " + std::to_string(*number)),
+                 "the scene has no " +
+                     (name != nullptr ? "structure \"" + *name + "\"" : "label " + std::to_string(*number)),
                  where, meant + structures_there(model)};
   }
   return has;

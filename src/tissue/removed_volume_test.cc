@@ -122,7 +122,8 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
     // the first place that is gone lies in a sweep
     const int first = std::countr_zero(places);
     const Point<Patient> at = X_PatientVoxel * RemovedVolume::place(i, j, k, first);
-    EXPECT_TRUE(std::ranges::any_of(cuts, [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }));
+    EXPECT_TRUE(
+        std::ranges::any_of(cuts, [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }));
   });
   ASSERT_EQ(by_places.size(), volumes.size());
   for (const auto& [label, mm3] : by_places) EXPECT_NEAR(mm3, volumes.at(label), 1e-6 * mm3);

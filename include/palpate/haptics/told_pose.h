@@ -5,8 +5,8 @@
 
 namespace palpate {
 
-/// What is fixed to the workspace in a recorded tick, turned into the patient as the object was felt then; zero
-/// where one of them is no rotation or not finite.
+/// What is fixed to the workspace in a recorded tick, turned into the patient as the object was felt then;
+/// zero where one of them is no rotation or not finite.
 inline Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vector<World>& v) {
   const auto& w = tick.rotation_felt_wxyz;
   const Eigen::Quaterniond felt(w[0], w[1], w[2], w[3]);

@@ -16,14 +16,14 @@
 /// is. Places are the patient's, LPS, mm; times count from the recording's first tick.
 ///
 /// **The tip** is that of one device's tool: where the hand held it, of a burr or shaver where its head was
-/// held (the middle of the ball at its tip), which is where it cuts. The tool's *head* is the ball at its tip,
-/// of a cylinder or cone all of the row.
+/// held (the middle of the ball at its tip), which is where it cuts. The tool's *head* is the ball at its
+/// tip, of a cylinder or cone all of the row.
 namespace palpate {
 
 /// A figure with what the plan allows of it.
 struct PlannedFigure {
   double value = kNotKnown;
-  std::optional<double> allowed;  ///< of its amount, either way
+  std::optional<double> allowed;                                         ///< of its amount, either way
   bool kept() const { return !allowed || std::abs(value) <= *allowed; }  ///< what is not known is not kept
 };
 
@@ -44,8 +44,8 @@ struct PlaceInRun {
 };
 
 /// Of a PlanTrajectory. A *way* begins with the entry and ends where the tip is 10 mm clear of the structures
-/// (or of the plane across the trajectory in its entry). Of several ways in a run the one that came nearest to
-/// the target counts.
+/// (or of the plane across the trajectory in its entry). Of several ways in a run the one that came nearest
+/// to the target counts.
 struct TrajectoryDone {
   EntryMade entry_made = EntryMade::kNone;
   PlaceInRun entry, nearest, deepest;  ///< the last: nearest to the target; farthest along the trajectory
@@ -56,9 +56,9 @@ struct TrajectoryDone {
   /// Between the trajectory and the line that fits the way from the entry to the deepest place best (least
   /// squares of the distances from it, each piece of the way by its length), 0 ... 180. Not known below 1 mm.
   PlannedFigure angle_deg;
-  double off_line_mm = kNotKnown;   ///< root of the mean square of these distances
-  double depth_mm = kNotKnown;      ///< from the entry made to the deepest place, along the trajectory
-  PlannedFigure depth_error_mm;     ///< that less the trajectory's length: positive too deep
+  double off_line_mm = kNotKnown;  ///< root of the mean square of these distances
+  double depth_mm = kNotKnown;     ///< from the entry made to the deepest place, along the trajectory
+  PlannedFigure depth_error_mm;    ///< that less the trajectory's length: positive too deep
   /// Between the trajectory and the tool's shaft at the deepest place; of tools that have one (a burr's
   /// spindle, else the longest capsule), where the device told how the tool was turned.
   double shaft_deg = kNotKnown;
@@ -104,21 +104,21 @@ struct DistanceBreach {
 
 struct PlanComparison {
   std::uint64_t ticks = 0;
-  std::uint64_t without_place = 0;  ///< of them: the tip was not finite
-  double time_s = 0;                ///< from the first to the last
-  bool cut_short = false;           ///< the recording was
-  double missing_s = 0;             ///< in gaps of more than one tick's number
-  std::vector<TrajectoryDone> trajectories;  ///< as the plan has them
-  std::vector<VolumeDone> regions;           ///< likewise
-  std::vector<StructureVolume> volumes;      ///< of structures that are in the plan or of which was taken
+  std::uint64_t without_place = 0;            ///< of them: the tip was not finite
+  double time_s = 0;                          ///< from the first to the last
+  bool cut_short = false;                     ///< the recording was
+  double missing_s = 0;                       ///< in gaps of more than one tick's number
+  std::vector<TrajectoryDone> trajectories;   ///< as the plan has them
+  std::vector<VolumeDone> regions;            ///< likewise
+  std::vector<StructureVolume> volumes;       ///< of structures that are in the plan or of which was taken
   std::vector<StructureApproach> approaches;  ///< of every structure, as structure_distances() has them
-  std::vector<double> times_s;                ///< where parts of the run begin: kMostPlanTimes equal ones at most
-  std::vector<DistanceBreach> breaches;       ///< the first kMostBreaches, in the order in which they begin
-  std::uint64_t more_breaches = 0;            ///< beyond these
-  std::vector<Point<Patient>> way;            ///< of the tip, thinned out to kMostWayPlaces
+  std::vector<double> times_s;           ///< where parts of the run begin: kMostPlanTimes equal ones at most
+  std::vector<DistanceBreach> breaches;  ///< the first kMostBreaches, in the order in which they begin
+  std::uint64_t more_breaches = 0;       ///< beyond these
+  std::vector<Point<Patient>> way;       ///< of the tip, thinned out to kMostWayPlaces
 
-  /// All that the plan asks was kept, the recording was not cut short, and no tick is missing: what nobody saw
-  /// may have been beyond a bound. Volumes have no bound.
+  /// All that the plan asks was kept, the recording was not cut short, and no tick is missing: what nobody
+  /// saw may have been beyond a bound. Volumes have no bound.
   bool kept() const;
 };
 inline constexpr std::size_t kMostPlanTimes = 400, kMostBreaches = 1000, kMostWayPlaces = 4000;

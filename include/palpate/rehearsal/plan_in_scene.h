@@ -39,13 +39,13 @@ class RegionInPlan {
 
 struct PlanInScene {
   PlanFile file;
-  std::vector<std::vector<bool>> enters;  ///< by LabelId, as file.trajectories; empty: the entry is a place
-  std::vector<RegionInPlan> regions;      ///< as file.regions
+  std::vector<std::vector<bool>> enters;   ///< by LabelId, as file.trajectories; empty: the entry is a place
+  std::vector<RegionInPlan> regions;       ///< as file.regions
   std::map<LabelId, double> distances_mm;  ///< to keep away; the greatest where a structure is named twice
 };
 
-/// Errors: kBadInput with the line of a structure that the scene does not have, or that has no voxel, and for a
-/// model without labels.
+/// Errors: kBadInput with the line of a structure that the scene does not have, or that has no voxel, and for
+/// a model without labels.
 Result<PlanInScene> look_up_plan(const PlanFile& plan, const Model& model);
 
 /// mm3 of what a burr could take off, by structure.

@@ -14,8 +14,8 @@ namespace palpate {
 /// How far a place is from a structure's surface, however far that is. Near the surface it is the surface's
 /// own distance (Surface::distance_mm). Beyond its reach it is the distance to the nearest of the places in
 /// which the surface cuts the edges of its grid, which is at most sqrt(d^2 + s^2 / 2) - d too much where
-/// the surface is flat, d the distance and s the greatest edge: 0.03 mm for 4 mm and voxels of 0.7 mm. Immutable; a query allocates
-/// nothing.
+/// the surface is flat, d the distance and s the greatest edge: 0.03 mm for 4 mm and voxels of 0.7 mm.
+/// Immutable; a query allocates nothing.
 class StructureDistance {
  public:
   StructureDistance(LabelId label, std::shared_ptr<const Surface> surface);

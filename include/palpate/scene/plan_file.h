@@ -27,7 +27,9 @@ struct PlanTrajectory {
   std::optional<double> entry_within_mm, target_within_mm, angle_within_deg, depth_within_mm;
   int line = 0;
 
-  double length_mm() const { return (target - entry).norm(); }  ///< kLeastTrajectory_mm ... kMostTrajectory_mm
+  double length_mm() const {
+    return (target - entry).norm();
+  }  ///< kLeastTrajectory_mm ... kMostTrajectory_mm
   Vector<Patient> axis() const { return (target - entry).normalized(); }
 };
 
