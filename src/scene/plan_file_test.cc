@@ -186,6 +186,9 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
               AllOf(HasSubstr("ends at -3 mm, where it has not begun"), HasSubstr("greater than from")));
   EXPECT_THAT(refused_plan(changed_plan("across = [1, 0, 1]", "across = [0.05, 0, 1]")),
               AllOf(HasSubstr("across points along the trajectory"), HasSubstr("5 degrees")));
+  // its length is no number, so that it has no direction; found by the fuzzer
+  EXPECT_THAT(refused_plan(changed_plan("across = [1, 0, 1]", "across = [1e300, 0, 1]")),
+              HasSubstr("across points nowhere"));
   EXPECT_THAT(refused_plan(changed_plan("name = \"nodule\"", "name = \"hole\"")),
               AllOf(HasSubstr("a second region \"hole\""), HasSubstr("another name")));
   EXPECT_THAT(refused_plan(changed_plan("distance = 2.5\n", "")),

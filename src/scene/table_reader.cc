@@ -1,6 +1,7 @@
 #include "scene/table_reader.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -381,8 +382,8 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction
   }
   const auto vector = vector3(*spec, *value, value->line);
   if (!vector) return std::nullopt;
-  // shorter than this a direction is noise, and normalising it could divide by zero
-  if (vector->norm() < 1e-6) {
+  // shorter than this a direction is noise, and normalising it could divide by zero; and so by infinity
+  if (vector->norm() < 1e-6 || !std::isfinite(vector->norm())) {
     problems_.add(value->line, std::string(key) + " points nowhere", remedy_text(*spec));
     return std::nullopt;
   }
