@@ -12,36 +12,10 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-PlanInScene example_plan(const Model& model) {
-  // onto the patella, which the example's hand presses at about (0, -35, 13)
-  const auto plan = parse_plan(R"(title = "A <plan>"
-[[trajectory]]
-name = "way & target"
-entry = [1, -35, 13]
-target = [1, -30, 13]
-enters = ["patella"]
-entry_within = 0.5
-depth_within = 20
-[[region]]
-name = "piece"
-shape = "sphere"
-trajectory = "way & target"
-radius = 2
-[[keep_away]]
-structures = ["fibula"]
-distance = 2
-)",
-                               "plan.toml");
-  PALPATE_CHECK(plan.ok());
-  auto found = look_up_plan(*plan, model);
-  PALPATE_CHECK(found.ok());
-  return *std::move(found);
-}
-
 TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   const Model model = example::model();
   const Recording run = example::recording(model);
-  const PlanInScene plan = example_plan(model);
+  const PlanInScene plan = example::plan(model);
   const auto distances = structure_distances(model);
   ASSERT_TRUE(distances) << distances.error().message();
   const auto made = compare_recording(plan, model, *distances, run);
