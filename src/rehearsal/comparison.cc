@@ -85,12 +85,13 @@ class RunMeter {
 
     const DeviceTick& device = tick.device[device_];
     see_turn(device);
-    const SeenTick now{{tick.tick, time_s_ - begun_s_, tip_of(tool_, device)},
-                       head_of(model_, tool_, tick, device),
-                       dt_s,
-                       part,
-                       &device,
-                       shaft_ ? std::optional(tool_in_patient(model_, tick, device, *shaft_)) : std::nullopt};
+    const SeenTick now{
+        {tick.tick, time_s_ - begun_s_, tip_of(tool_, device)},
+        head_of(model_, tool_, tick, device),
+        dt_s,
+        part,
+        &device,
+        shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
     if (!now.place.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
       ++told_.without_place;
       return {};

@@ -32,7 +32,8 @@ inline ToolHead head_of(const Model& model, const Tool& tool, const TickRecord& 
                                     [](const Eigen::Vector3d& point) { return point.norm() < 1e-9; });
   ToolHead head{tip, tip, has_ball ? tool.radius_mm : 0, has_ball ? tool.radius_mm : 0};
   if (tool.burr && tool.burr->length_mm > 0) {
-    head.to = tip + tool_in_patient(model, tick, device, tool.burr->spindle * tool.burr->length_mm);
+    head.to =
+        tip + tool_in_patient(model.X_WorldPatient, tick, device, tool.burr->spindle * tool.burr->length_mm);
     head.end_radius_mm = tool.burr->end_radius_mm;
   }
   return head;

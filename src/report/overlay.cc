@@ -214,7 +214,7 @@ void WayFollower::thin_out() {
 
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {
   const auto& f = tick.device[device].force_N;
-  return in_patient(model, tick, Vector<World>(f[0], f[1], f[2]));
+  return in_patient(model.X_WorldPatient, tick, Vector<World>(f[0], f[1], f[2]));
 }
 
 std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device) {
@@ -226,7 +226,7 @@ std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int
   std::vector<ToolPart> parts;
   if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return parts;
   const auto turned = [&](const Eigen::Vector3d& of_tool) {
-    return tool_in_patient(model, tick, told, of_tool);
+    return tool_in_patient(model.X_WorldPatient, tick, told, of_tool);
   };
   for (const Eigen::Vector3d& point : tool.points_mm)
     parts.push_back({proxy + turned(point), tool.radius_mm});
