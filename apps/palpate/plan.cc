@@ -42,8 +42,11 @@ int from_markups(const PlanOptions& options, Console& console) {
   if (!made) return console.fail(made.error());
   for (const std::string& name : made->left_out)
     console.warn()(printable_name(name) + " says nothing of a trajectory: left out");
-  if (const auto written = write_file(options.output, plan_text(made->plan)); !written)
-    return console.fail(written.error());
+  // what could not be read again, as a title without a letter, is not written
+  const std::string plan = plan_text(made->plan);
+  if (const auto again = parse_plan(plan, options.output.string()); !again)
+    return console.fail(again.error());
+  if (const auto written = write_file(options.output, plan); !written) return console.fail(written.error());
   console.note("plan: " + options.output.string());
   return kExitOk;
 }

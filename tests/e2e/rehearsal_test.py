@@ -112,6 +112,8 @@ class Rehearsal(cli.PalpateTest):
         before = plan.read_bytes()
         self.fail_clearly(cli.BAD_INPUT, "plan", "from-markups", self.write("c.mrk.json", self.markups("Curve", [("C-1", entry)])),
                           "-o", self.folder / "none.toml", says="a Curve")
+        self.fail_clearly(cli.BAD_INPUT, "plan", "from-markups", self.folder / "hole.mrk.json", "--title", "",
+                          "-o", self.folder / "none.toml", says="title is empty")
         self.assertFalse((self.folder / "none.toml").exists())
         self.fail_clearly(cli.BAD_INPUT, "plan", "compare", run, "--scene", scene, "--json", self.folder / "none.json",
                           "--plan", self.write("w.toml", planned.replace('"tibia"', '"tibja"')), says='did you mean "tibia"?')
