@@ -121,6 +121,8 @@ constexpr OtherWord kOtherWords[] = {
     {"score", "palpate task score RECORDING --task TASK"},
     {"grade", "palpate task score RECORDING --task TASK"},
     {"tasks", "palpate task list"},
+    {"rehearse", "palpate plan compare RECORDING --plan PLAN"},
+    {"rehearsal", "palpate plan compare RECORDING --plan PLAN"},
     {"training", "palpate task list"},
     {"calibrate", "palpate task calibrate RECORDING... --task TASK"},
     {"password", "palpate token"},
@@ -249,7 +251,7 @@ int run(int argc, char** argv) {
   for (const auto add : {add_info,     add_data,    add_cache,  add_scene,    add_prepare, add_forces,
                          add_hold,     add_section, add_render, add_simulate, add_explore, add_devices,
                          add_doctor,   add_token,   add_replay, add_export,   add_report,  add_cohort,
-                         add_register, add_pivot,   add_task,   add_records,  add_verify})
+                         add_register, add_pivot,   add_plan,   add_task,     add_records, add_verify})
     add(app, verb);
   if (const auto helped = help_on(app, {argv + std::min(argc, 1), argv + argc}, console)) return *helped;
   try {

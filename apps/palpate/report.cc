@@ -6,6 +6,7 @@
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpation.h"
+#include "planned.h"
 #include "report_model.h"
 #include "verb.h"
 
@@ -13,19 +14,27 @@ namespace palpate::app {
 namespace {
 
 struct ReportOptions {
-  std::filesystem::path recording, output;
+  std::filesystem::path recording, output, plan;
   std::string target;
   std::optional<int> volume;
+  int device = 1;
 };
 
 int report_recording(const ReportOptions& options, Console& console) {
   std::filesystem::path output = options.output;
   if (output.empty()) output = std::filesystem::path(options.recording).replace_extension(".html");
   const Progress progress = console.progress();
+  std::optional<PlanFile> plan;
+  if (!options.plan.empty()) {
+    auto read = load_plan(options.plan);
+    if (!read) return console.fail(read.error());
+    plan = *std::move(read);
+  }
   const auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
   auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
   inputs.push_back(options.recording);
+  if (plan) inputs.push_back(options.plan);
   const auto claimed = claim_output(output, inputs);
   if (!claimed) return console.fail(claimed.error());
   const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
@@ -34,7 +43,20 @@ int report_recording(const ReportOptions& options, Console& console) {
 
   const auto model = report_model(loaded->model, progress);
   if (!model) return console.fail(model.error());
-  const auto written = write_report(output, *recording, **model, progress);
+  std::optional<PlannedScene> scene;
+  std::optional<PlanComparison> made;
+  if (plan) {
+    auto looked_up = scene_of_plan(*plan, *model, console);
+    if (!looked_up) return console.fail(looked_up.error());
+    scene = *std::move(looked_up);
+    auto compared = compare_run(*scene, *recording, options.recording.string(),
+                                static_cast<std::size_t>(options.device - 1), console);
+    if (!compared) return console.fail(compared.error());
+    made = *std::move(compared);
+  }
+  std::optional<RehearsedPlan> rehearsed;
+  if (made) rehearsed.emplace(RehearsedPlan{scene->plan, *made});
+  const auto written = write_report(output, *recording, **model, progress, rehearsed ? &*rehearsed : nullptr);
   if (!written) {
     Error error = written.error();
     if (error.where.empty()) error.where = options.recording.string();
@@ -55,9 +77,16 @@ void add_report(CLI::App& app, Run& run) {
                    "Scene file, volume or data set it was made with; not needed for data sets");
   add_volume_option(*verb, options->volume);
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
+  CLI::Option* plan =
+      verb->add_option("-p,--plan", options->plan,
+                       "Plan file: what was done beside it gets a part of the page (palpate plan)");
+  verb->add_option("--device", options->device, "Whose tool the plan is for, of several devices; default 1")
+      ->check(whole_between(1, kMaxDevices))
+      ->needs(plan);
   verb->footer(
       "Examples:\n"
       "  palpate report run.h5\n"
+      "  palpate report run.h5 --plan plan.toml\n"
       "  palpate report run.h5 scene.toml -o palpation.html\n\n"
       "The page loads nothing from anywhere. A scene that changed since the recording is refused.");
   verb->callback(

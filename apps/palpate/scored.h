@@ -41,6 +41,10 @@ class Scorer {
   std::optional<TaskInScene> in_scene_;
 };
 
+/// What is not known is null.
+nlohmann::ordered_json number_or_null(double value);
+nlohmann::ordered_json number_or_null(const std::optional<double>& value);
+
 /// A score in text. @param name  of the run
 void print_score(const TaskFile& task, const TaskScore& score, const std::string& name);
 

@@ -72,6 +72,7 @@ void add_replay(CLI::App& app, Run& run);
 void add_report(CLI::App& app, Run& run);
 void add_register(CLI::App& app, Run& run);
 void add_pivot(CLI::App& app, Run& run);
+void add_plan(CLI::App& app, Run& run);
 void add_records(CLI::App& app, Run& run);
 void add_task(CLI::App& app, Run& run);
 void add_verify(CLI::App& app, Run& run);

@@ -86,52 +86,91 @@ Eigen::Vector3d to_lps(const Eigen::Vector3d& ras) {
   return {-ras.x(), -ras.y(), ras.z()};
 }
 
-Result<std::vector<NamedPoint>> slicer_markups(std::string_view text, const std::string& where) {
-  const char* kRemedy = "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
+constexpr const char* kMarkupsRemedy =
+    "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
+
+/// A control point that is placed; nothing where it is not. @param number  of its file's, from 1
+Result<std::optional<NamedPoint>> control_point(const nlohmann::json& control, std::size_t number,
+                                                bool is_ras, const std::string& where) {
+  if (!control.is_object()) return bad("a control point is no object", where, kMarkupsRemedy);
+  if (const auto status = control.find("positionStatus"); status != control.end() && *status != "defined")
+    return std::optional<NamedPoint>();
+  const auto position = control.find("position");
+  if (position == control.end() || !position->is_array() || position->size() != 3 ||
+      !std::all_of(position->begin(), position->end(), [](const auto& each) { return each.is_number(); }))
+    return bad("control point " + std::to_string(number) + " has no position of three numbers", where,
+               kMarkupsRemedy);
+  const Eigen::Vector3d at((*position)[0].get<double>(), (*position)[1].get<double>(),
+                           (*position)[2].get<double>());
+  if (!at.allFinite())
+    return bad("control point " + std::to_string(number) + " is nowhere", where, kMarkupsRemedy);
+  std::string name;
+  if (const auto label = control.find("label"); label != control.end() && label->is_string())
+    name = label->get<std::string>();
+  return std::optional(
+      NamedPoint{name.empty() ? std::to_string(number) : name, is_ras ? to_lps(at) : at, {}});
+}
+
+// a word, or one with its code: ["mm", "UCUM", "millimeter"]
+Result<void> check_millimetres(const nlohmann::json& markup, const std::string& where) {
+  const auto unit = markup.find("coordinateUnits");
+  if (unit == markup.end()) return {};
+  const nlohmann::json& word = unit->is_array() && !unit->empty() ? unit->front() : *unit;
+  if (word == "mm") return {};
+  return bad(
+      "its coordinates are in " + printable_name(word.is_string() ? word.get<std::string>() : word.dump()),
+      where, "save them in millimetres (mm)");
+}
+
+std::string text_in(const nlohmann::json& markup, const char* key) {
+  const auto text = markup.find(key);
+  return text != markup.end() && text->is_string() ? text->get<std::string>() : "";
+}
+
+}  // namespace
+
+Result<std::vector<Markup>> parse_markups(std::string_view text, const std::string& where) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (json.is_discarded() || !json.is_object()) return bad("is no JSON of Slicer's markups", where, kRemedy);
+  if (json.is_discarded() || !json.is_object())
+    return bad("is no JSON of Slicer's markups", where, kMarkupsRemedy);
   const auto markups = json.find("markups");
   if (markups == json.end() || !markups->is_array() || markups->empty())
-    return bad("has no markups", where, kRemedy);
-  std::vector<NamedPoint> points;
+    return bad("has no markups", where, kMarkupsRemedy);
+  std::vector<Markup> found;
+  std::size_t points = 0;
   for (const auto& markup : *markups) {
-    if (!markup.is_object() || !markup.contains("controlPoints") || !markup["controlPoints"].is_array())
-      continue;
+    if (!markup.is_object()) continue;
+    Markup& made = found.emplace_back(Markup{text_in(markup, "type"), text_in(markup, "name"), {}});
+    const auto controls = markup.find("controlPoints");
+    if (controls == markup.end() || !controls->is_array()) continue;
     std::string axes = "LPS";
     if (const auto says = markup.find("coordinateSystem"); says != markup.end())
       axes = says->is_string() ? says->get<std::string>() : says->dump();
     if (!says_lps(axes) && !says_ras(axes))
       return bad("its coordinate system is \"" + printable_name(axes) + "\"", where, "LPS and RAS are known");
-    for (const auto& control : markup["controlPoints"]) {
-      if (!control.is_object()) return bad("a control point is no object", where, kRemedy);
-      if (const auto status = control.find("positionStatus"); status != control.end() && *status != "defined")
-        continue;
-      const auto position = control.find("position");
-      if (position == control.end() || !position->is_array() || position->size() != 3 ||
-          !std::all_of(position->begin(), position->end(), [](const auto& each) { return each.is_number(); }))
-        return bad("control point " + std::to_string(points.size() + 1) + " has no position of three numbers",
-                   where, kRemedy);
-      const Eigen::Vector3d at((*position)[0].template get<double>(), (*position)[1].template get<double>(),
-                               (*position)[2].template get<double>());
-      if (!at.allFinite())
-        return bad("control point " + std::to_string(points.size() + 1) + " is nowhere", where, kRemedy);
-      if (points.size() == kMost)
+    if (auto known = check_millimetres(markup, where); !known) return known.error();
+    for (const auto& control : *controls) {
+      auto point = control_point(control, points + 1, says_ras(axes), where);
+      if (!point) return point.error();
+      if (!*point) continue;
+      if (points++ == kMost)
         return bad("has more than 100 000 points", where, "leave out what is not needed");
-      std::string name;
-      if (const auto label = control.find("label"); label != control.end() && label->is_string())
-        name = label->template get<std::string>();
-      points.push_back(
-          {name.empty() ? std::to_string(points.size() + 1) : name, says_ras(axes) ? to_lps(at) : at, {}});
+      made.points.push_back(**std::move(point));
     }
   }
-  if (points.empty()) return bad("has no point that is placed", where, kRemedy);
-  return points;
+  return found;
 }
 
-}  // namespace
-
 Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::string& where) {
-  if (trimmed_text(text).starts_with('{')) return slicer_markups(text, where);
+  if (trimmed_text(text).starts_with('{')) {
+    auto markups = parse_markups(text, where);
+    if (!markups) return markups.error();
+    std::vector<NamedPoint> points;
+    for (Markup& markup : *markups)
+      for (NamedPoint& point : markup.points) points.push_back(std::move(point));
+    if (points.empty()) return bad("has no point that is placed", where, kMarkupsRemedy);
+    return points;
+  }
   const char* kRemedy = "a line for each point: name, x, y, z in millimetres";
   // of Slicer's .fcsv: id, x, y, z, four of an orientation, three switches, the label
   constexpr std::size_t kFcsvLabel = 11;

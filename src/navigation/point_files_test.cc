@@ -64,6 +64,34 @@ TEST(ParsePoints, OfSlicer) {
   EXPECT_EQ((*ras)[0].at_mm, Eigen::Vector3d(-1, -2, 3));
 }
 
+TEST(ParseMarkups, KeepsThemApartWithTheirTypes) {
+  const auto markups = parse_markups(R"({"markups": [
+    {"type": "Line", "name": "L", "coordinateSystem": "LPS", "coordinateUnits": "mm", "controlPoints": [
+      {"label": "L-1", "position": [1, 2, 3], "positionStatus": "defined"},
+      {"label": "L-2", "position": [4, 5, 6]}]},
+    {"type": "Fiducial", "coordinateSystem": "RAS", "coordinateUnits": ["mm", "UCUM", "millimeter"],
+     "controlPoints": [{"position": [7, 8, 9]}, {"label": "x", "position": [0, 0, 0], "positionStatus": "preview"}]},
+    {"type": "ROI", "center": [0, 0, 0]}]})",
+                                     "m.mrk.json");
+  ASSERT_TRUE(markups) << markups.error().message();
+  ASSERT_EQ(markups->size(), 3u);
+  EXPECT_EQ((*markups)[0].type, "Line");
+  EXPECT_EQ((*markups)[0].name, "L");
+  ASSERT_EQ((*markups)[0].points.size(), 2u);
+  EXPECT_EQ((*markups)[0].points[1].at_mm, Eigen::Vector3d(4, 5, 6));
+  ASSERT_EQ((*markups)[1].points.size(), 1u);
+  EXPECT_EQ((*markups)[1].points[0].name, "3");
+  EXPECT_EQ((*markups)[1].points[0].at_mm, Eigen::Vector3d(-7, -8, 9));
+  EXPECT_EQ((*markups)[2].type, "ROI");
+  EXPECT_TRUE((*markups)[2].points.empty());
+
+  const char* in_metres =
+      R"({"markups": [{"type": "Line", "coordinateUnits": "m", "controlPoints": [{"position": [1, 2, 3]}]}]})";
+  for (const auto& refused :
+       {parse_markups(in_metres, "m.mrk.json").error().message(), refused_points(in_metres)})
+    EXPECT_THAT(refused, testing::AllOf(HasSubstr("in m\n"), HasSubstr("millimetres")));
+}
+
 TEST(ParsePoints, RefusesByTheLine) {
   EXPECT_THAT(refused_points(""), HasSubstr("has no point"));
   EXPECT_THAT(refused_points("name,x,y,z\n"), HasSubstr("has no point"));

@@ -13,7 +13,6 @@
 namespace palpate::report {
 namespace {
 
-constexpr int kSection_px = 400;
 constexpr int kGreyLevels = 64;  // enough beside colours, and a third smaller than 256
 constexpr double kLongestArrow_mm = 20;
 
@@ -66,6 +65,28 @@ std::string png_img(const std::string& css_class, const std::vector<std::uint8_t
          "\" src=\"data:image/png;base64," + base64(png) + "\">";
 }
 
+}  // namespace
+
+SectionStyle section_style(const Model& model) {
+  SectionStyle style;
+  style.grey_levels = kGreyLevels;
+  if (model.scan == nullptr) {
+    style.label_opacity = 0.8;  // nothing beneath to be seen
+  } else {
+    const auto window = scan_window(*model.scan);
+    style.window_low = window[0];
+    style.window_high = window[1];
+  }
+  return style;
+}
+
+std::string section_layers(const Model& model, const SectionPlane& plane, const SectionStyle& style) {
+  return png_img("scan", encode_png(render_scan_layer(model, plane, style))) +
+         png_img("structures", encode_png(render_structure_layer(model, plane, style)));
+}
+
+namespace {
+
 /// What a panel's sections show, and what they found.
 struct Sections {
   const Model& model;  ///< the run's, or what a burr had left of it
@@ -95,11 +116,9 @@ std::string section_figure(Sections& shown, const View& view) {
     shown.most_strain = std::max(shown.most_strain, map.most);
     if (map.most >= kLeastStrain) strain = png_img("strain", encode_png(map.picture));
   }
-  return "<figure class=\"section\"><div class=\"picture\">" +
-         png_img("scan", encode_png(render_scan_layer(model, plane, shown.style))) +
-         png_img("structures", encode_png(render_structure_layer(model, plane, shown.style))) + strain +
-         section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name + "</span> <span>" +
-         position + "</span></figcaption></figure>\n";
+  return "<figure class=\"section\"><div class=\"picture\">" + section_layers(model, plane, shown.style) +
+         strain + section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name +
+         "</span> <span>" + position + "</span></figcaption></figure>\n";
 }
 
 /// How tissue that has yielded is shown; empty where it rests.
@@ -260,15 +279,7 @@ Result<std::string> contacts_html(const Run& run, std::span<const std::string> p
     html += "<p class=\"hint\">Sections of the " + std::to_string(run.shown.size()) +
             " structures touched longest; the table below lists all.</p>\n";
   }
-  SectionStyle style;
-  style.grey_levels = kGreyLevels;
-  if (run.model.scan == nullptr) {
-    style.label_opacity = 0.8;  // nothing beneath to be seen
-  } else {
-    const auto window = scan_window(*run.model.scan);
-    style.window_low = window[0];
-    style.window_high = window[1];
-  }
+  const SectionStyle style = section_style(run.model);
   const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N);
   std::string panels;
   for (std::size_t i = 0; i < run.shown.size(); ++i) {

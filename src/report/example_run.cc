@@ -355,4 +355,29 @@ Recording milled_recording(const Model& model) {
   return recording;
 }
 
+PlanInScene plan(const Model& model) {
+  const auto file = parse_plan(R"(title = "A <plan>"
+[[trajectory]]
+name = "way & target"
+entry = [1, -35, 13]
+target = [1, -30, 13]
+enters = ["patella"]
+entry_within = 0.5
+depth_within = 20
+[[region]]
+name = "piece"
+shape = "sphere"
+trajectory = "way & target"
+radius = 2
+[[keep_away]]
+structures = ["fibula"]
+distance = 2
+)",
+                               "plan.toml");
+  PALPATE_CHECK(file.ok());
+  auto found = look_up_plan(*file, model);
+  PALPATE_CHECK(found.ok());
+  return *std::move(found);
+}
+
 }  // namespace palpate::report::example

@@ -2,6 +2,7 @@
 
 #include "palpate/haptics/haptics.h"
 #include "palpate/recording/recording.h"
+#include "palpate/rehearsal/plan_in_scene.h"
 
 /// A made-up left knee of spheres and capsules, and a made-up run over it, for the tests of the page: what
 /// is in them is known exactly, and they need no servo.
@@ -31,5 +32,9 @@ Model with_burr(Model model);
 /// The first run with that burr, whose motor runs for a second each while the tibia and the patella are
 /// pressed, and takes what it is led through: versions 2 ... 51 of the model.
 Recording milled_recording(const Model& model);
+
+/// A plan of a way into the patella, a millimetre beside where the first run presses it, of a ball to be
+/// taken off there, and of a distance from the fibula, which is not kept.
+PlanInScene plan(const Model& model);
 
 }  // namespace palpate::report::example

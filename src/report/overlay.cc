@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "palpate/haptics/told_pose.h"
 #include "report/html.h"
 
 namespace palpate::report {
@@ -144,6 +145,20 @@ std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
   return "<polygon class=\"tool-halo\" " + shape + "<polygon class=\"tool\" " + shape;
 }
 
+/// A line with a bar across it at the entry and a ring around the target.
+std::string draw_planned(const SectionPlane& plane, const std::array<Point<Patient>, 2>& planned) {
+  constexpr double kBar_px = 7;
+  const Pixel entry = to_drawing(plane, planned[0]), target = to_drawing(plane, planned[1]);
+  const double length = std::max(1.0, std::hypot(target.x - entry.x, target.y - entry.y));
+  const Pixel across{kBar_px * (entry.y - target.y) / length, kBar_px * (target.x - entry.x) / length};
+  const Pixel left{entry.x - across.x, entry.y - across.y}, right{entry.x + across.x, entry.y + across.y};
+  const std::string ring = "cx=\"" + number(target.x, 1) + "\" cy=\"" + number(target.y, 1) + "\" r=\"7\"/>";
+  std::string svg;
+  for (const std::string kind : {"planned-halo", "planned"})
+    svg += line(kind, entry, target) + line(kind, left, right) + "<circle class=\"" + kind + "\" " + ring;
+  return svg;
+}
+
 std::string draw_scale_bar(const SectionPlane& plane) {
   const double length = kScaleBar_mm / plane.mm_per_px();
   const Pixel left{14, plane.height_px - 16.0}, right{left.x + length, left.y};
@@ -197,16 +212,9 @@ void WayFollower::thin_out() {
   }
 }
 
-Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vector<World>& v) {
-  const auto& w = tick.rotation_felt_wxyz;
-  const Eigen::Quaterniond felt(w[0], w[1], w[2], w[3]);
-  if (!v.all_finite() || !felt.coeffs().allFinite() || !(felt.squaredNorm() > 0)) return {};
-  return model.X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * v);
-}
-
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device) {
   const auto& f = tick.device[device].force_N;
-  return in_patient(model, tick, Vector<World>(f[0], f[1], f[2]));
+  return in_patient(model.X_WorldPatient, tick, Vector<World>(f[0], f[1], f[2]));
 }
 
 std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device) {
@@ -218,7 +226,7 @@ std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int
   std::vector<ToolPart> parts;
   if (!proxy.all_finite() || !held.coeffs().allFinite() || !(held.squaredNorm() > 0)) return parts;
   const auto turned = [&](const Eigen::Vector3d& of_tool) {
-    return in_patient(model, tick, Vector<World>(held.normalized() * of_tool));
+    return tool_in_patient(model.X_WorldPatient, tick, told, of_tool);
   };
   for (const Eigen::Vector3d& point : tool.points_mm)
     parts.push_back({proxy + turned(point), tool.radius_mm});
@@ -237,6 +245,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
   std::string svg = "<svg viewBox=\"0 0 " + std::to_string(plane.width_px) + " " +
                     std::to_string(plane.height_px) + "\" role=\"img\" aria-label=\"" + escape(description) +
                     "\"><g class=\"marks\">";
+  if (marks.planned) svg += draw_planned(plane, *marks.planned);
   // touching parts on top of free ones
   for (const bool touching : {false, true}) {
     for (const Way& way : marks.ways) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,8 +38,6 @@ class WayFollower {
   std::size_t points_ = 0, step_ = 1;  // every step_th tick is kept
 };
 
-/// What is fixed to the workspace in one tick, turned into the patient as the object was felt then.
-Vector<Patient> in_patient(const Model& model, const TickRecord& tick, const Vector<World>& v);
 /// The force sent in one tick, turned from the workspace into the patient as the object was felt then.
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
 
@@ -59,6 +59,8 @@ struct SectionMarks {
   bool oriented = true;  ///< false: how the volume lies in the patient is not known
   std::vector<Way> ways;
   std::vector<ToolPart> tool;  ///< drawn as the plane cuts them
+  /// Entry and target of a planned trajectory, which lie in the plane.
+  std::optional<std::array<Point<Patient>, 2>> planned = {};
 };
 
 /// Ways farther than this from the plane are not drawn.

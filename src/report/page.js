@@ -140,7 +140,7 @@
     }
     return "rgb(" + mixed.join() + ")";
   };
-  const layers = (decimals, unit) => run.layers.map((structure, i) => ({
+  const ofStructures = (structures, decimals, unit) => structures.map((structure, i) => ({
     label: structure.name,
     stroke: legible(structure.colour),
     width: 1.4,
@@ -209,11 +209,13 @@
     ];
     // where tissue yields
     if (run.layers) {
-      plots.push(makePlot("layer-force", layers(3, "N"), run.layerForce, withZero(0.1)));
-      plots.push(makePlot("layer-depth", layers(2, "mm"), run.layerDepth, withZero(0.1)));
+      plots.push(makePlot("layer-force", ofStructures(run.layers, 3, "N"), run.layerForce, withZero(0.1)));
+      plots.push(makePlot("layer-depth", ofStructures(run.layers, 2, "mm"), run.layerDepth, withZero(0.1)));
     }
     // where a burr was at work
     if (run.removed) plots.push(makePlot("removed", removals(), run.removed, withZero(0.1)));
+    // beside a plan
+    if (run.clearance) plots.push(makePlot("clearance", ofStructures(run.clearanceOf, 2, "mm"), run.clearance, withZero(0.1)));
     // on the real clock
     if (run.lateness) plots.push(makePlot("lateness", curves("lateness", 1, "\u00b5s"), run.lateness, withZero(0.1)));
     if (shown) zoom(shown.min, shown.max);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/report/report.h"
 #include "report/run.h"
 
 /// The parts of the page, top to bottom. Everything that comes from a file is escaped in them.
@@ -34,8 +35,24 @@ double arrow_mm_per_N(double limit_N);
 Result<std::string> contacts_html(const Run& run, std::span<const std::string> pictures,
                                   const Progress& progress);
 
+/// How sections of a run's model are drawn, and the layers of one as images, the overlay's SVG not among
+/// them.
+SectionStyle section_style(const Model& model);
+std::string section_layers(const Model& model, const SectionPlane& plane, const SectionStyle& style);
+/// Width and height of a section's picture.
+inline constexpr int kSection_px = 400;
+
+/// Plan against done: figures, sections along each trajectory, volumes, distances. Error kInterrupted.
+Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress);
+/// Of its plot: the structures that it shows, those to keep away from first, and of each the distance on the
+/// plots' times.
+std::vector<std::size_t> plotted_approaches(const PlanComparison& made);
+std::vector<double> approach_at(const PlanComparison& made, std::size_t approach, double begin_s,
+                                const std::vector<double>& times_s);
+
 /// The plots' places, and their data as a JSON block that page.js reads.
-std::string plots_html(const Run& run);
+/// @param rehearsed  null: there was no plan
+std::string plots_html(const Run& run, const RehearsedPlan* rehearsed);
 
 std::string structure_table_html(const Run& run);
 /// What a burr took away; empty where none was at work. Its plot's data stand in plots_html().

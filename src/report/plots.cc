@@ -74,7 +74,20 @@ std::string layers_json(const Run& run) {
   return "\"layers\":" + of + "],\"layerForce\":" + force + "],\"layerDepth\":" + depth + "]";
 }
 
-std::string data_json(const Run& run) {
+/// How near the tool came to structures, on the plots' times.
+std::string clearance_json(const Run& run, const PlanComparison& made) {
+  std::string mm = "[", of = "[";
+  for (const std::size_t n : plotted_approaches(made)) {
+    if (of.size() > 1) mm += ',', of += ',';
+    const LabelId label = made.approaches[n].label;
+    mm += json_array(approach_at(made, n, run.first.time_s, run.plots.x), 2);
+    of += "{\"colour\":" + json_string(css_colour(run.colour(label))) +
+          ",\"name\":" + json_string(run.name(label)) + "}";
+  }
+  return "\"clearance\":" + mm + "],\"clearanceOf\":" + of + "]";
+}
+
+std::string data_json(const Run& run, const RehearsedPlan* rehearsed) {
   const PlotData& data = run.plots;
   std::string json = "{\"time\":" + json_array(data.x, 4);
   json += ",\"limit\":" + devices_json(data, 0, 3);
@@ -84,6 +97,7 @@ std::string data_json(const Run& run) {
   if (run.real_clock()) json += ",\"lateness\":[" + json_array(data.series.back(), 1) + "]";
   if (!run.removal.structures.empty()) json += "," + removed_json(run);
   if (!run.layers.series.empty()) json += "," + layers_json(run);
+  if (rehearsed != nullptr) json += "," + clearance_json(run, rehearsed->made);
   json += ",\"contacts\":" + contacts_json(run);
   json += ",\"shown\":" + shown_json(run);
   return json + "}";
@@ -107,7 +121,7 @@ std::string deepest_text(const Run& run) {
 
 }  // namespace
 
-std::string plots_html(const Run& run) {
+std::string plots_html(const Run& run, const RehearsedPlan* rehearsed) {
   std::string html =
       "<section class=\"card\" aria-labelledby=\"plots-title\"><h2 id=\"plots-title\">Over time</h2>\n";
   if (run.recording.ticks == 0) {
@@ -141,7 +155,7 @@ std::string plots_html(const Run& run) {
   return html +
          "</ul>\n<noscript><p class=\"empty\">The plots need JavaScript.</p></noscript>\n"
          "<script type=\"application/json\" id=\"run-data\">" +
-         data_json(run) + "</script></section>\n";
+         data_json(run, rehearsed) + "</script></section>\n";
 }
 
 }  // namespace palpate::report

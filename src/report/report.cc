@@ -64,8 +64,8 @@ Result<void> check_model(const RecordingHeader& header, const Model& model) {
 
 namespace {
 
-Result<std::string> page_html(const RecordingSource& recording, const Model& model,
-                              const Progress& progress) {
+Result<std::string> page_html(const RecordingSource& recording, const Model& model, const Progress& progress,
+                              const RehearsedPlan* rehearsed) {
   const RecordingHeader& header = recording.head().header;
   if (auto same = check_model(header, model); !same) return same.error();
   const auto read = read_run(recording, model, progress);
@@ -73,13 +73,15 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   const Run& run = *read;
   const auto volume = volume_pictures(run, progress);
   if (!volume.ok()) return volume.error();
+  const auto planned = rehearsed != nullptr ? plan_html(run, *rehearsed, progress) : Result<std::string>("");
+  if (!planned.ok()) return planned.error();
   const auto contacts = contacts_html(run, volume->of_contact, progress);
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *contacts +
-          plots_html(run) + structure_table_html(run) + removal_html(run) + safety_table_html(run) +
-          loop_html(run) + provenance_html(run) + "</main>\n";
+  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *planned + *contacts +
+          plots_html(run, rehearsed) + structure_table_html(run) + removal_html(run) +
+          safety_table_html(run) + loop_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")
@@ -94,13 +96,13 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
 namespace palpate {
 
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
-                                const Progress& progress) {
-  return report::page_html(recording, model, progress);
+                                const Progress& progress, const RehearsedPlan* rehearsed) {
+  return report::page_html(recording, model, progress, rehearsed);
 }
 
 Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
-                          const Model& model, const Progress& progress) {
-  const auto html = report_html(recording, model, progress);
+                          const Model& model, const Progress& progress, const RehearsedPlan* rehearsed) {
+  const auto html = report_html(recording, model, progress, rehearsed);
   if (!html.ok()) return html.error();
   return write_file(file, *html);
 }

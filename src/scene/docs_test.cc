@@ -3,6 +3,7 @@
 #include <fstream>
 
 #include "palpate/base/file.h"
+#include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
 #include "palpate/scene/task_file.h"
 
@@ -53,6 +54,10 @@ TEST(Docs, TasksListEveryMetric) {
   check_section("tasks.md", "metrics", metric_table());
 }
 
+TEST(Docs, RehearsalListsEveryKey) {
+  check_section("rehearsal.md", "keys", plan_keys());
+}
+
 /// The fenced TOML blocks of a document.
 std::vector<std::string> examples(const std::string& file) {
   const auto text = read_file(std::string(PALPATE_SOURCE_DIR "/docs/") + file);
@@ -80,6 +85,15 @@ TEST(Docs, ExamplesOfTasksParse) {
   for (const std::string& block : blocks) {
     const auto task = parse_task(block, "tasks.md");
     EXPECT_TRUE(task.ok()) << task.error().message() << "\n" << block;
+  }
+}
+
+TEST(Docs, ExamplesOfPlansParse) {
+  const auto blocks = examples("rehearsal.md");
+  EXPECT_GE(blocks.size(), 1u);
+  for (const std::string& block : blocks) {
+    const auto plan = parse_plan(block, "rehearsal.md");
+    EXPECT_TRUE(plan.ok()) << plan.error().message() << "\n" << block;
   }
 }
 

@@ -783,6 +783,16 @@ const ScriptKeys& script_key_tables() {
   return keys;
 }
 
+std::vector<std::string_view> direction_names() {
+  std::vector<std::string_view> names;
+  for (const auto& [name, direction] : kPatientDirections) names.push_back(name);
+  return names;
+}
+
+KeySpec structures_key(std::string_view meaning) {
+  return {.name = "structures", .type = KeyType::kLabels, .min = 1, .max = 65535, .meaning = meaning};
+}
+
 std::string number_text(double value) {
   // plain digits where a person would write them
   const double size = std::abs(value);

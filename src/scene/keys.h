@@ -62,6 +62,11 @@ struct ScriptKeys {
 };
 const ScriptKeys& script_key_tables();
 
+/// The names of kPatientDirections.
+std::vector<std::string_view> direction_names();
+/// The key `structures`: labels by name or number.
+KeySpec structures_key(std::string_view meaning);
+
 /// A table's keys with what they take and mean, for the documents.
 std::string table_markdown(const TableSpec& table);
 

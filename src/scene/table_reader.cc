@@ -1,6 +1,7 @@
 #include "scene/table_reader.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -381,8 +382,8 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::direction
   }
   const auto vector = vector3(*spec, *value, value->line);
   if (!vector) return std::nullopt;
-  // shorter than this a direction is noise, and normalising it could divide by zero
-  if (vector->norm() < 1e-6) {
+  // shorter than this a direction is noise, and normalising it could divide by zero; and so by infinity
+  if (vector->norm() < 1e-6 || !std::isfinite(vector->norm())) {
     problems_.add(value->line, std::string(key) + " points nowhere", remedy_text(*spec));
     return std::nullopt;
   }
@@ -416,6 +417,40 @@ std::vector<const TomlTable*> TableReader::tables(std::string_view key) const {
     }
   }
   return tables;
+}
+
+Vector<Patient> direction_named(std::string_view name) {
+  for (const auto& [known, direction] : kPatientDirections)
+    if (known == name) return {direction[0], direction[1], direction[2]};
+  PALPATE_CHECK(false);
+  return {};
+}
+
+std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, std::size_t most,
+                                         std::string_view remedy, Problems& problems) {
+  auto tables = top.tables(key);
+  if (tables.size() > most) {
+    problems.add(tables[most]->line, "more than " + std::to_string(most) + " [[" + std::string(key) + "]]",
+                 std::string(remedy));
+    tables.resize(most);
+  }
+  return tables;
+}
+
+std::string name_of_part(const TableReader& reader, std::string_view heading, Problems& problems) {
+  auto name = reader.text("name");
+  if (!name && !reader.has("name"))
+    problems.add_missing(reader.line(), std::string(heading) + " without a name", "add name = \"...\"");
+  return name.value_or("");
+}
+
+std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,
+                                          Problems& problems) {
+  auto labels = reader.labels("structures");
+  if (needed && !reader.has("structures"))
+    problems.add_missing(reader.line(), std::string(heading) + " without structures",
+                         "add structures = [\"...\"], by name or number");
+  return labels ? std::move(labels->references) : std::vector<LabelReference>();
 }
 
 }  // namespace palpate

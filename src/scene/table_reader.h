@@ -89,4 +89,16 @@ class TableReader {
   Problems& problems_;
 };
 
+/// A direction of kPatientDirections by its name, which is one of them.
+Vector<Patient> direction_named(std::string_view name);
+
+/// Tables of a kind; the first `most` of them, and a problem, where there are more.
+std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, std::size_t most,
+                                         std::string_view remedy, Problems& problems);
+/// The key `name`, which has to be there. @param heading  what the table is, for errors: "a [[region]]"
+std::string name_of_part(const TableReader& reader, std::string_view heading, Problems& problems);
+/// The key `structures`. @param needed  it has to be there
+std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,
+                                          Problems& problems);
+
 }  // namespace palpate

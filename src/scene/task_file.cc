@@ -12,47 +12,12 @@
 namespace palpate {
 namespace {
 
-Vector<Patient> direction_named(std::string_view name) {
-  for (const auto& [known, direction] : kPatientDirections)
-    if (known == name) return {direction[0], direction[1], direction[2]};
-  PALPATE_CHECK(false);
-  return {};
-}
-
-/// Tables of a kind, at most kMaxTaskParts.
-std::vector<const TomlTable*> few_tables(const TableReader& top, std::string_view key, Problems& problems) {
-  auto tables = top.tables(key);
-  if (tables.size() > kMaxTaskParts) {
-    problems.add(tables[kMaxTaskParts]->line,
-                 "more than " + std::to_string(kMaxTaskParts) + " [[" + std::string(key) + "]]",
-                 "split the task");
-    tables.resize(kMaxTaskParts);
-  }
-  return tables;
-}
-
-std::string named(const TableReader& reader, std::string_view heading, Problems& problems) {
-  auto name = reader.text("name");
-  if (!name && !reader.has("name"))
-    problems.add_missing(reader.line(), std::string(heading) + " without a name", "add name = \"...\"");
-  return name.value_or("");
-}
-
-std::vector<LabelReference> structures_of(const TableReader& reader, std::string_view heading, bool needed,
-                                          Problems& problems) {
-  auto labels = reader.labels("structures");
-  if (needed && !reader.has("structures"))
-    problems.add_missing(reader.line(), std::string(heading) + " without structures",
-                         "add structures = [\"...\"], by name or number");
-  return labels ? std::move(labels->references) : std::vector<LabelReference>();
-}
-
 void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "region", problems)) {
+  for (const TomlTable* table : few_tables(top, "region", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().region, problems);
     TaskRegion region;
     region.line = table->line;
-    region.name = named(reader, "a [[region]]", problems);
+    region.name = name_of_part(reader, "a [[region]]", problems);
     region.structures = structures_of(reader, "a [[region]]", false, problems);
     if (const auto point = reader.point("point")) region.point = Point<Patient>(*point);
     if (const auto landmark = reader.choice("landmark")) region.landmark = direction_named(*landmark);
@@ -88,11 +53,11 @@ void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
 void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems) {
   std::vector<std::string_view> known;
   for (const TaskRegion& region : task.regions) known.push_back(region.name);
-  for (const TomlTable* table : few_tables(top, "step", problems)) {
+  for (const TomlTable* table : few_tables(top, "step", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().step, problems);
     TaskStep step;
     step.line = table->line;
-    step.name = named(reader, "a [[step]]", problems);
+    step.name = name_of_part(reader, "a [[step]]", problems);
     const auto region = reader.text("region");
     if (!reader.has("region"))
       problems.add_missing(reader.line(), "a [[step]] without a region", "add region = \"...\"");
@@ -131,7 +96,7 @@ void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems)
 }
 
 void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "force", problems)) {
+  for (const TomlTable* table : few_tables(top, "force", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().force, problems);
     TaskForce force;
     force.line = table->line;
@@ -142,7 +107,7 @@ void read_forces(const TableReader& top, TaskFile& task, Problems& problems) {
       problems.add_missing(reader.line(), "a [[force]] without band and limit", "add one of them");
     task.forces.push_back(std::move(force));
   }
-  for (const TomlTable* table : few_tables(top, "protected", problems)) {
+  for (const TomlTable* table : few_tables(top, "protected", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().protection, problems);
     TaskProtected protection;
     protection.line = table->line;
@@ -181,7 +146,7 @@ std::string missing_for(Metric metric, const TaskFile& task) {
 }
 
 void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
-  const auto tables = few_tables(top, "metric", problems);
+  const auto tables = few_tables(top, "metric", kMaxTaskParts, "split the task", problems);
   if (tables.empty() && !top.has("metric"))
     problems.add_missing(top.line("metric"), "the task measures nothing",
                          "add a [[metric]] with name = \"...\"");
@@ -219,7 +184,7 @@ bool is_key_of_data_set(const std::string& key) {
 }
 
 void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
-  for (const TomlTable* table : few_tables(top, "drawn", problems)) {
+  for (const TomlTable* table : few_tables(top, "drawn", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().drawn, problems);
     TaskDraw draw;
     const auto key = reader.text("key");

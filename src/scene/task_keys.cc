@@ -13,16 +13,6 @@ std::vector<std::string_view> metric_names() {
   return names;
 }
 
-std::vector<std::string_view> direction_names() {
-  std::vector<std::string_view> names;
-  for (const auto& [name, direction] : kPatientDirections) names.push_back(name);
-  return names;
-}
-
-KeySpec structures_key(std::string_view meaning) {
-  return {.name = "structures", .type = kLabels, .min = 1, .max = 65535, .meaning = meaning};
-}
-
 constexpr double kFar_mm = 100000;
 
 TaskKeys declared_task_keys() {

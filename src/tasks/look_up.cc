@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "palpate/scene/structures.h"
 #include "palpate/tasks/task.h"
 
 namespace palpate {
@@ -18,44 +19,6 @@ std::uint64_t key_of(const Eigen::Vector3d& cube) {
   };
   return part(cube[0]) | part(cube[1]) << 21 | part(cube[2]) << 42;
 }
-
-struct Lookup {
-  const TaskFile& task;
-  const Model& model;
-
-  Result<std::vector<bool>> labels(const std::vector<LabelReference>& references, int line) const {
-    std::vector<bool> has;
-    for (const LabelReference& reference : references) {
-      std::vector<LabelId> found;
-      std::string told;
-      if (const auto* number = std::get_if<int>(&reference)) {
-        told = "label " + std::to_string(*number);
-        if (model.find(static_cast<LabelId>(*number))) found.push_back(static_cast<LabelId>(*number));
-      } else {
-        told = "structure \"" + std::get<std::string>(reference) + "\"";
-        for (const Segment& segment : model.segments)
-          if (segment.name == std::get<std::string>(reference)) found.push_back(segment.id);
-      }
-      if (found.empty())
-        return Error{ErrorKind::kBadInput, "the scene has no " + told, task.where(line), names()};
-      for (const LabelId label : found) {
-        if (has.size() <= label) has.resize(label + 1u);
-        has[label] = true;
-      }
-    }
-    return has;
-  }
-
-  std::string names() const {
-    std::string text = "its structures are ";
-    std::size_t told = 0;
-    for (const Segment& segment : model.segments) {
-      if (told == 30) return text + ", ...";
-      text += (told++ ? ", " : "") + model.name_of(segment.id);
-    }
-    return text;
-  }
-};
 
 /// Calls visit(i, j, k, place) for every voxel of some labels.
 template <class Visit>
@@ -224,13 +187,15 @@ RegionView view_of(const RegionInScene& region, const Model& model) {
 }
 
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
-  const Lookup lookup{task, model};
+  const auto labels_of = [&](const std::vector<LabelReference>& structures, int line) {
+    return labels_in_model(model, structures, task.where(line));
+  };
   TaskInScene found{task, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
     const TaskRegion& asked = task.regions[n];
     RegionInScene region;
-    auto labels = lookup.labels(asked.structures, asked.line);
+    auto labels = labels_of(asked.structures, asked.line);
     if (!labels) return labels.error();
     region.has_label = *std::move(labels);
     region.radius_mm = asked.radius_mm.value_or(0);
@@ -258,7 +223,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
   }
   const auto add = [&](const auto& parts, std::vector<std::vector<bool>>& to) -> Result<void> {
     for (const auto& part : parts) {
-      auto labels = lookup.labels(part.structures, part.line);
+      auto labels = labels_of(part.structures, part.line);
       if (!labels) return labels.error();
       to.push_back(*std::move(labels));
     }
@@ -268,7 +233,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
   if (auto added = add(task.protections, found.protections); !added) return added.error();
   if (auto added = add(task.metrics, found.metrics); !added) return added.error();
   if (task.answer) {
-    auto labels = lookup.labels(task.answer->structures, task.answer->line);
+    auto labels = labels_of(task.answer->structures, task.answer->line);
     if (!labels) return labels.error();
     found.answer_mm = centroid(*model.labels, *labels);
     if (!found.answer_mm)

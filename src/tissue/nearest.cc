@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "palpate/haptics/told_pose.h"
 #include "palpate/tissue/feel.h"
 #include "tissue/swept_voxels.h"
 
@@ -42,13 +43,8 @@ void NearestMeter::see(const TickRecord& tick) {
 // as the hand turned it, in the object as it was turned
 Vector<Patient> NearestMeter::row_mm(const BurrSettings& burr, const TickRecord& tick,
                                      const DeviceTick& device) const {
-  const auto quaternion = [](const std::array<double, 4>& wxyz) {
-    return Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
-  };
   if (!(burr.length_mm > 0)) return {};
-  const Eigen::Vector3d in_world = quaternion(device.orientation_wxyz) * burr.spindle;
-  const Vector<World> unturned(quaternion(tick.rotation_felt_wxyz).conjugate() * in_world);
-  return X_WorldPatient_.inverse() * unturned * burr.length_mm;
+  return tool_in_patient(X_WorldPatient_, tick, device, burr.spindle * burr.length_mm);
 }
 
 void NearestMeter::see(const Sweep& sweep) {

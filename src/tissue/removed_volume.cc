@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr int kPlaces = 4;  // along each axis
+constexpr int kAlong = 4;  // places along each axis
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
 }  // namespace
@@ -44,11 +44,21 @@ bool RemovedVolume::redo() {
   return true;
 }
 
-LabelId RemovedVolume::label_of(std::size_t voxel) const {
+Point<Voxel> RemovedVolume::place(int i, int j, int k, int n) {
+  const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kAlong - 0.5; };
+  return {along(i, n % kAlong), along(j, n / kAlong % kAlong), along(k, n / (kAlong * kAlong))};
+}
+
+std::array<int, 3> RemovedVolume::voxel_at(std::size_t index) const {
   const auto& [ni, nj, nk] = labels_->geometry().dims;
-  const auto row = voxel / static_cast<std::size_t>(ni), rows = static_cast<std::size_t>(nj);
-  return labels_->at(static_cast<int>(voxel % static_cast<std::size_t>(ni)), static_cast<int>(row % rows),
-                     static_cast<int>(row / rows));
+  const auto row = index / static_cast<std::size_t>(ni), rows = static_cast<std::size_t>(nj);
+  return {static_cast<int>(index % static_cast<std::size_t>(ni)), static_cast<int>(row % rows),
+          static_cast<int>(row / rows)};
+}
+
+LabelId RemovedVolume::label_of(std::size_t voxel) const {
+  const auto [i, j, k] = voxel_at(voxel);
+  return labels_->at(i, j, k);
 }
 
 void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
@@ -75,12 +85,8 @@ void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
         std::uint64_t now = kAll;
         if (depth_mm < half_diagonal_mm) {
           now = 0;
-          const auto along = [](int voxel, int place) { return voxel + (place + 0.5) / kPlaces - 0.5; };
-          for (int place = 0; place < kPlaces * kPlaces * kPlaces; ++place) {
-            const Point<Voxel> at(along(i, place % kPlaces), along(j, place / kPlaces % kPlaces),
-                                  along(k, place / (kPlaces * kPlaces)));
-            if (shape.depth_mm(X_PatientVoxel * at) > 0) now |= std::uint64_t{1} << place;
-          }
+          for (int n = 0; n < kPlaces; ++n)
+            if (shape.depth_mm(X_PatientVoxel * place(i, j, k, n)) > 0) now |= std::uint64_t{1} << n;
         }
         now &= ~swept;
         if (now == 0) continue;
@@ -91,10 +97,9 @@ void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
 }
 
 std::map<LabelId, double> RemovedVolume::by_label_mm3() const {
-  const double place_mm3 = labels_->geometry().spacing_mm.prod() / (kPlaces * kPlaces * kPlaces);
   std::map<LabelId, double> volumes;
   for (const auto& [label, places] : places_)
-    if (places > 0) volumes[label] = static_cast<double>(places) * place_mm3;
+    if (places > 0) volumes[label] = static_cast<double>(places) * place_mm3(geometry());
   return volumes;
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -114,6 +115,18 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
         }
       }
   const auto volumes = once.by_label_mm3();
+  std::map<LabelId, double> by_places;
+  once.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t places) {
+    EXPECT_EQ(label, model.labels->at(i, j, k));
+    by_places[label] += std::popcount(places) * RemovedVolume::place_mm3(grid);
+    // the first place that is gone lies in a sweep
+    const int first = std::countr_zero(places);
+    const Point<Patient> at = X_PatientVoxel * RemovedVolume::place(i, j, k, first);
+    EXPECT_TRUE(
+        std::ranges::any_of(cuts, [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }));
+  });
+  ASSERT_EQ(by_places.size(), volumes.size());
+  for (const auto& [label, mm3] : by_places) EXPECT_NEAR(mm3, volumes.at(label), 1e-6 * mm3);
   ASSERT_EQ(volumes.size(), expected.size());
   for (const auto& [label, mm3] : expected) EXPECT_NEAR(volumes.at(label), mm3, 1e-6 * mm3);
 }

@@ -280,6 +280,35 @@ class MilledReportInABrowser(unittest.TestCase):
             self.assertEqual(page.log(), [])
 
 
+class PlannedReportInABrowser(unittest.TestCase):
+    def test_plan_and_way_are_drawn_with_their_distances(self):
+        with tempfile.TemporaryDirectory(prefix="palpate-report-") as folder, browser.Browser() as page:
+            file = os.path.join(folder, "planned.html")
+            subprocess.run([program, file, "planned"], check=True)
+            page.resize(1280, 900)
+            page.open(file)
+            page.wait("document.querySelectorAll('.uplot').length === 4")
+            legend, lines, text = page.run(
+                """const card = document.querySelector("section[aria-labelledby=plan-title]");
+                   const lines = [...card.querySelectorAll("line.planned")].map((line) => {
+                     const { width, height } = line.getBoundingClientRect();
+                     return [Math.max(width, height), getComputedStyle(line).stroke];
+                   });
+                   const names = document.querySelectorAll("#plot-clearance .u-legend .u-label");
+                   return [[...names].map((name) => name.textContent), lines, card.innerText];""")
+            # what is to be kept away from comes first
+            self.assertEqual([name.strip(": ") for name in legend][:2], ["Time", "fibula"])
+            self.assertEqual(len(legend), 6)
+            # in each of two sections the trajectory, 5 of 40 mm, and the bar at its entry
+            self.assertEqual(len(lines), 4)
+            for length, stroke in lines:
+                self.assertGreater(length, 8)
+                self.assertEqual(stroke, "rgb(92, 224, 138)")
+            for words in ("Plan against done", "way & target", "not kept", "Planned mm\u00b3"):
+                self.assertIn(words, text)
+            self.assertEqual(page.log(), [])
+
+
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)

@@ -18,6 +18,18 @@ struct NamedPoint {
   std::optional<double> fle_mm;  ///< see PointPair
 };
 
+/// What a file of Slicer's (.mrk.json) holds together.
+struct Markup {
+  std::string type;  ///< "Line", "Fiducial", "Curve", "ROI", ... as the file has it; empty: it does not say
+  std::string name;  ///< empty where the file gives none
+  std::vector<NamedPoint> points;  ///< its control points that are placed; LPS, mm
+};
+/// The markups of a .mrk.json, in their order, those without control points too. RAS is turned into LPS.
+///
+/// Errors: kBadInput for JSON that is none, no markup, axes other than LPS and RAS, another unit than
+/// millimetres, and those of parse_points. @param where  the file's name, for errors
+Result<std::vector<Markup>> parse_markups(std::string_view text, const std::string& where);
+
 /// Points of text: Slicer's markups (.mrk.json: its control points that are placed; .fcsv), else a line for
 /// each: `x y z`, `name x y z` (the name may be a number) or that with the point's error (mm) behind, parted
 /// by commas, tabs, semicolons or spaces; `#` begins a comment, and a first line without numbers is a

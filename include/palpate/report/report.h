@@ -6,8 +6,15 @@
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/recording/recording.h"
+#include "palpate/rehearsal/comparison.h"
 
 namespace palpate {
+
+/// What was planned for a run, and what was made of it (compare_recording).
+struct RehearsedPlan {
+  const PlanInScene& plan;
+  const PlanComparison& made;
+};
 
 /// One self-contained HTML page about a run: sections through each contact, force, depth and speed over
 /// time, contact per structure, what a burr took away, counts of the safety stage, how a loop on the real
@@ -16,10 +23,12 @@ namespace palpate {
 /// @param model  as the recording began with; where a burr was at work with the proxy's surfaces (ready_for
 /// in
 ///               palpate/palpation/palpation.h), without which the page says nothing of how deep it cut
+/// @param rehearsed  gives the page a part of its own; null: there was no plan
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
-                                const Progress& progress = {});
+                                const Progress& progress = {}, const RehearsedPlan* rehearsed = nullptr);
 /// Written whole or not at all.
 Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
-                          const Model& model, const Progress& progress = {});
+                          const Model& model, const Progress& progress = {},
+                          const RehearsedPlan* rehearsed = nullptr);
 
 }  // namespace palpate

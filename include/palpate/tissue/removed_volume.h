@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -30,10 +31,29 @@ class RemovedVolume {
   /// mm3, of what is not 0.
   std::map<LabelId, double> by_label_mm3() const;
 
+  // ---- place by place
+  static constexpr int kPlaces = 64;  ///< of a voxel, each a bit of `places` below
+  /// Where a voxel's place is. @param n  0 ... kPlaces - 1
+  static Point<Voxel> place(int i, int j, int k, int n);
+  static double place_mm3(const GridGeometry& grid) { return grid.spacing_mm.prod() / kPlaces; }
+  const GridGeometry& geometry() const { return labels_->geometry(); }
+  /// Whether a label counts: it is felt and not kept.
+  bool counts(LabelId label) const { return is_cut_[label]; }
+  /// Calls visit(i, j, k, label, places) for every voxel of which something is swept, in no order.
+  template <class Visit>
+  void for_each_swept(const Visit& visit) const {
+    for (const auto& [index, places] : swept_) {
+      if (places == 0) continue;
+      const auto [i, j, k] = voxel_at(index);
+      visit(i, j, k, labels_->at(i, j, k), places);
+    }
+  }
+
  private:
   // what a stroke was the first to sweep: places of a voxel, by its index
   using Stroke = std::vector<std::pair<std::size_t, std::uint64_t>>;
   void add(const Sweep& sweep, Stroke& stroke);
+  std::array<int, 3> voxel_at(std::size_t index) const;
   LabelId label_of(std::size_t voxel) const;
 
   std::shared_ptr<const Bricks<LabelId>> labels_;

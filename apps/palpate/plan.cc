@@ -1,0 +1,359 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+
+#include "inputs.h"
+#include "palpate/base/file.h"
+#include "palpate/base/output.h"
+#include "palpate/base/printable.h"
+#include "palpate/rehearsal/plan_from_markups.h"
+#include "palpation.h"
+#include "planned.h"
+#include "text.h"
+#include "verb.h"
+
+/// Rehearsal: plans, and what was done beside them.
+namespace palpate::app {
+namespace {
+
+constexpr std::size_t kMostMarkups_bytes = std::size_t{1} << 24;
+
+struct PlanOptions {
+  std::filesystem::path markups, plan, recording, output, json;
+  std::string target, title;
+  std::optional<int> volume;
+  int device = 1;
+};
+
+std::string planned_name(const std::string& name) {
+  return fitted(printable_name(name), 24) + " ";
+}
+
+// ---- from-markups
+
+int from_markups(const PlanOptions& options, Console& console) {
+  const auto claimed = claim_output(options.output, std::array{options.markups});
+  if (!claimed) return console.fail(claimed.error());
+  const auto text = read_file(options.markups, kMostMarkups_bytes);
+  if (!text) return console.fail(text.error());
+  const auto made = plan_from_markups(*text, options.title, options.markups.string());
+  if (!made) return console.fail(made.error());
+  for (const std::string& name : made->left_out)
+    console.warn()(printable_name(name) + " says nothing of a trajectory: left out");
+  // what could not be read again, as a title without a letter, is not written
+  const std::string plan = plan_text(made->plan);
+  if (const auto again = parse_plan(plan, options.output.string()); !again)
+    return console.fail(again.error());
+  if (const auto written = write_file(options.output, plan); !written) return console.fail(written.error());
+  console.note("plan: " + options.output.string());
+  return kExitOk;
+}
+
+// ---- show
+
+std::string allowed_text(const std::optional<double>& allowed, const char* unit) {
+  if (!allowed) return "not asked";
+  char text[64];
+  std::snprintf(text, sizeof text, "at most %g %s", *allowed, unit);
+  return text;
+}
+
+void print_trajectory(const PlanTrajectory& trajectory) {
+  std::printf("trajectory %s\n", printable_name(trajectory.name).c_str());
+  std::printf("  entry           %.2f, %.2f, %.2f mm\n", trajectory.entry.x(), trajectory.entry.y(),
+              trajectory.entry.z());
+  std::printf("  target          %.2f, %.2f, %.2f mm\n", trajectory.target.x(), trajectory.target.y(),
+              trajectory.target.z());
+  std::printf("  depth           %.2f mm\n", trajectory.length_mm());
+  std::printf("  allowed errors  entry %s, target %s, angle %s, depth %s\n",
+              allowed_text(trajectory.entry_within_mm, "mm").c_str(),
+              allowed_text(trajectory.target_within_mm, "mm").c_str(),
+              allowed_text(trajectory.angle_within_deg, "degrees").c_str(),
+              allowed_text(trajectory.depth_within_mm, "mm").c_str());
+}
+
+// what the planned way goes through, in the order in which it does, each with its length
+void print_structures_on_way(const PlannedScene& scene, std::size_t n) {
+  constexpr double kStep_mm = 0.1;
+  const PlanTrajectory& trajectory = scene.plan.file.trajectories[n];
+  const Bricks<LabelId>& labels = *scene.model->labels;
+  const auto X_VoxelPatient = labels.geometry().X_PatientVoxel().inverse();
+  const int steps = static_cast<int>(std::ceil(trajectory.length_mm() / kStep_mm));
+  std::vector<std::pair<LabelId, double>> through;
+  for (int step = 0; step < steps; ++step) {
+    const Point<Patient> at =
+        trajectory.entry + trajectory.axis() * (trajectory.length_mm() * (step + 0.5) / steps);
+    const Eigen::Array3d voxel = (X_VoxelPatient * at).eigen().array().round().max(-1e9).min(1e9);
+    const LabelId label =
+        labels.anywhere(static_cast<int>(voxel[0]), static_cast<int>(voxel[1]), static_cast<int>(voxel[2]));
+    if (through.empty() || through.back().first != label) through.emplace_back(label, 0);
+    through.back().second += trajectory.length_mm() / steps;
+  }
+  std::string text;
+  for (const auto& [label, mm] : through) {
+    char length[32];
+    std::snprintf(length, sizeof length, " %.1f mm", mm);
+    text += (text.empty() ? "" : ", ") +
+            (label == 0 ? std::string("nothing") : printable_name(scene.model->name_of(label))) + length;
+  }
+  std::printf("  goes through    %s\n", text.c_str());
+}
+
+void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
+  constexpr double kStep_mm = 0.1;
+  const PlanTrajectory& trajectory = scene.plan.file.trajectories[n];
+  const std::vector<bool>& enters = scene.plan.enters[n];
+  double entry_mm = std::numeric_limits<double>::infinity();
+  const int steps = static_cast<int>(std::ceil(trajectory.length_mm() / kStep_mm));
+  for (const StructureDistance& distance : scene.distances) {
+    if (distance.label() < enters.size() && enters[distance.label()])
+      entry_mm = std::min(entry_mm, distance.distance_mm(trajectory.entry));
+    const auto asked = scene.plan.distances_mm.find(distance.label());
+    if (asked == scene.plan.distances_mm.end()) continue;
+    double least_mm = std::numeric_limits<double>::infinity();
+    for (int step = 0; step <= steps; ++step)
+      least_mm = std::min(least_mm,
+                          distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
+                                                                      (static_cast<double>(step) / steps)));
+    std::printf("  from %s %.2f mm at the least; %g mm are asked of the tool's outside\n",
+                planned_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
+  }
+  if (std::isfinite(entry_mm))
+    std::printf("  its entry lies  %.2f mm %s the surface that it enters\n", std::abs(entry_mm),
+                entry_mm > 0 ? "outside of" : "below");
+}
+
+double all_mm3(const VolumesByLabel& volumes) {
+  double sum_mm3 = 0;
+  for (const auto& [label, mm3] : volumes) sum_mm3 += mm3;
+  return sum_mm3;
+}
+
+int show_plan(const PlanOptions& options, Console& console) {
+  const auto plan = load_plan(options.plan);
+  if (!plan) return console.fail(plan.error());
+  std::optional<PlannedScene> scene;
+  std::optional<PlannedVolumes> volumes;
+  if (!options.target.empty()) {
+    const auto loaded = load_target(options.target, console, {}, options.volume);
+    if (!loaded) return console.fail(loaded.error());
+    auto looked_up = scene_of_plan(*plan, loaded->model, console);
+    if (!looked_up) return console.fail(looked_up.error());
+    scene = *std::move(looked_up);
+    auto counted = planned_volumes(scene->plan, *scene->model, console.progress());
+    if (!counted) return console.fail(counted.error());
+    volumes = *std::move(counted);
+  }
+  std::printf("%s\n", printable_name(plan->title).c_str());
+  for (std::size_t n = 0; n < plan->trajectories.size(); ++n) {
+    print_trajectory(plan->trajectories[n]);
+    if (!scene) continue;
+    print_structures_on_way(*scene, n);
+    print_distances_of_way(*scene, n);
+  }
+  for (std::size_t n = 0; n < plan->regions.size(); ++n) {
+    const PlanRegion& region = plan->regions[n];
+    std::printf("take off        %s", printable_name(region.name).c_str());
+    if (volumes) std::printf("  %.1f mm3", all_mm3(volumes->of_regions[n]));
+    std::printf("\n");
+  }
+  for (const PlanDistance& distance : plan->distances) {
+    std::string names;
+    for (const LabelReference& structure : distance.structures) {
+      const auto* number = std::get_if<int>(&structure);
+      names += (names.empty() ? "" : ", ") + (number ? "label " + std::to_string(*number)
+                                                     : printable_name(std::get<std::string>(structure)));
+    }
+    std::printf("keep away       %g mm from %s\n", distance.distance_mm, names.c_str());
+  }
+  return kExitOk;
+}
+
+// ---- compare
+
+std::string verdict(const PlannedFigure& figure) {
+  return !figure.allowed ? "" : figure.kept() ? "kept" : "NOT KEPT";
+}
+
+void print_figure(const char* name, const PlannedFigure& figure, const char* unit, const std::string& more) {
+  char value[48];
+  if (std::isnan(figure.value))
+    std::snprintf(value, sizeof value, "none");
+  else
+    std::snprintf(value, sizeof value, "%.2f %s", figure.value, unit);
+  std::printf("  %s%s%s%s%s\n", fitted(name, 16).c_str(), fitted(value, 16).c_str(),
+              fitted(figure.allowed ? allowed_text(figure.allowed, unit) : "", 20).c_str(),
+              fitted(verdict(figure), 10).c_str(), more.c_str());
+}
+
+std::string at_tick(const PlaceInRun& place) {
+  char text[64];
+  std::snprintf(text, sizeof text, "at %.3f s, tick %llu", place.time_s,
+                static_cast<unsigned long long>(place.tick));
+  return text;
+}
+
+void print_made(const PlanTrajectory& planned, const TrajectoryDone& done) {
+  std::printf("trajectory %s\n", printable_name(planned.name).c_str());
+  const bool is_entered = done.entry_made != EntryMade::kNone;
+  print_figure("entry error", done.entry_error_mm, "mm",
+               is_entered ? std::string(word_of(done.entry_made)) + " " + at_tick(done.entry)
+                          : "the structures were not reached");
+  char parts[96];
+  std::snprintf(parts, sizeof parts, "%.2f mm across, %.2f mm %s, ", done.lateral_mm, std::abs(done.along_mm),
+                done.along_mm > 0 ? "beyond" : "before");
+  print_figure("target error", done.target_error_mm, "mm",
+               std::isnan(done.target_error_mm.value) ? "" : parts + at_tick(done.nearest));
+  char line[64] = "";
+  if (!std::isnan(done.off_line_mm))
+    std::snprintf(line, sizeof line, "%.2f mm off its own line", done.off_line_mm);
+  print_figure("angle", done.angle_deg, "degrees", line);
+  char depth[64] = "";
+  if (!std::isnan(done.depth_mm))
+    std::snprintf(depth, sizeof depth, "%.2f of %.2f mm", done.depth_mm, planned.length_mm());
+  print_figure("depth error", done.depth_error_mm, "mm", depth);
+  if (!std::isnan(done.shaft_deg)) std::printf("  shaft           %.2f degrees\n", done.shaft_deg);
+}
+
+void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
+  const PlanFile& plan = scene.plan.file;
+  std::printf("%s: %llu ticks, %.3f s\n", printable_name(plan.title).c_str(),
+              static_cast<unsigned long long>(made.ticks), made.time_s);
+  for (std::size_t n = 0; n < made.trajectories.size(); ++n)
+    print_made(plan.trajectories[n], made.trajectories[n]);
+  if (!made.regions.empty()) {
+    std::printf("%s%s%s%s\n", fitted("taken off, mm3", 27).c_str(), fitted("planned", 12).c_str(),
+                fitted("taken", 12).c_str(), "left");
+    for (std::size_t n = 0; n < made.regions.size(); ++n)
+      std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
+                  made.regions[n].planned_mm3, made.regions[n].taken_mm3, made.regions[n].left_mm3());
+  }
+  if (!made.volumes.empty()) {
+    std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 27).c_str(), fitted("planned", 12).c_str(),
+                fitted("taken", 12).c_str(), fitted("left", 12).c_str(), "outside the plan");
+    for (const StructureVolume& volume : made.volumes)
+      std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
+                  volume.in_plan.planned_mm3, volume.in_plan.taken_mm3, volume.in_plan.left_mm3(),
+                  volume.outside_mm3);
+  }
+  std::printf("%s%s%s\n", fitted("nearest to", 27).c_str(), fitted("mm", 12).c_str(), "asked");
+  for (const StructureApproach& approach : made.approaches) {
+    char asked[32] = "";
+    if (approach.asked_mm) std::snprintf(asked, sizeof asked, "%g", *approach.asked_mm);
+    std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
+                approach.nearest_mm, fitted(asked, 8).c_str(),
+                fitted(!approach.asked_mm ? ""
+                       : approach.kept()  ? "kept"
+                                          : "NOT KEPT",
+                       10)
+                    .c_str(),
+                std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
+  }
+  for (const DistanceBreach& breach : made.breaches)
+    std::printf("  %.2f mm from %s (%g asked): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
+                printable_name(scene.model->name_of(breach.label)).c_str(), breach.asked_mm,
+                static_cast<unsigned long long>(breach.begin.tick),
+                static_cast<unsigned long long>(breach.last_tick), at_tick(breach.nearest).c_str());
+  if (made.more_breaches > 0)
+    std::printf("  and %llu more\n", static_cast<unsigned long long>(made.more_breaches));
+  if (made.cut_short) std::printf("the recording was cut short: what came after it nobody knows\n");
+  if (made.missing_s > 0) std::printf("%.3f s are missing, for ticks were dropped\n", made.missing_s);
+  std::printf("%s\n",
+              made.kept() ? "KEPT: all that the plan asks" : "NOT KEPT: something that the plan asks");
+}
+
+int compare(const PlanOptions& options, Console& console) {
+  const auto plan = load_plan(options.plan);
+  if (!plan) return console.fail(plan.error());
+  const Progress progress = console.progress();
+  const auto recording = RecordingSource::open(options.recording, progress);
+  if (!recording) return console.fail(recording.error());
+  const RecordingHeader& header = recording->head().header;
+  std::optional<OutputClaim> claim;
+  if (!options.json.empty()) {
+    auto inputs = input_files(options.target.empty() ? header.data_set : options.target);
+    inputs.push_back(options.recording);
+    inputs.push_back(options.plan);
+    auto claimed = claim_output(options.json, inputs);
+    if (!claimed) return console.fail(claimed.error());
+    claim.emplace(std::move(*claimed));
+  }
+  const auto loaded =
+      load_scene_of_recording(header, options.target, progress, console.warn(), options.volume);
+  if (!loaded) return console.fail(loaded.error());
+  const auto scene = scene_of_plan(*plan, loaded->model, console);
+  if (!scene) return console.fail(scene.error());
+  const auto made = compare_run(*scene, *recording, options.recording.string(),
+                                static_cast<std::size_t>(options.device - 1), console);
+  if (!made) return console.fail(made.error());
+  if (!options.json.empty()) {
+    const auto replace = nlohmann::ordered_json::error_handler_t::replace;
+    const std::string text = json_of(*scene, *made).dump(2, ' ', false, replace) + "\n";
+    if (const auto written = write_file(options.json, text); !written) return console.fail(written.error());
+    console.note("comparison: " + options.json.string());
+  }
+  print_comparison(*scene, *made);
+  return made->kept() ? kExitOk : kExitLimit;
+}
+
+}  // namespace
+
+void add_plan(CLI::App& app, Run& run) {
+  auto options = std::make_shared<PlanOptions>();
+  CLI::App* verb = app.add_subcommand("plan", "Rehearsal: a plan, and what was done beside it");
+  verb->require_subcommand(1);
+  const auto when = [&run, options](CLI::App* sub, int (*what)(const PlanOptions&, Console&)) {
+    sub->callback([options, &run, what] {
+      run = [options, what](Console& console) { return what(*options, console); };
+    });
+  };
+
+  CLI::App* markups = verb->add_subcommand("from-markups", "Make a plan of Slicer's markups");
+  markups
+      ->add_option("markups", options->markups,
+                   "Slicer's lines, each first its entry and then its target, or points called Entry and "
+                   "Target (.mrk.json)")
+      ->required();
+  markups->add_option("-o,--output", options->output, "Plan to write (TOML)")->required();
+  markups->add_option("--title", options->title, "Title of the plan; default: Plan")->default_val("Plan");
+  markups->footer(
+      "Example: palpate plan from-markups tunnel.mrk.json -o plan.toml\n\n"
+      "Curves, regions of interest and planes are refused. What is allowed, what is to be taken off and what "
+      "to keep\naway from is then written into the plan by hand: docs/rehearsal.md has every key.");
+  when(markups, from_markups);
+
+  CLI::App* show = verb->add_subcommand("show", "What a plan asks, and what it is in a scene");
+  show->add_option("plan", options->plan, "Plan file")->required();
+  show->add_option("--scene", options->target, kTargetHelp);
+  add_volume_option(*show, options->volume);
+  show->footer(
+      "Examples:\n"
+      "  palpate plan show plan.toml\n"
+      "  palpate plan show plan.toml --scene knee-phantom\n\n"
+      "In a scene it says what each trajectory goes through, how near it comes to what is to be kept away "
+      "from, and\nhow much is to be taken off.");
+  when(show, show_plan);
+
+  CLI::App* comparison = verb->add_subcommand("compare", "What was done in a recording, beside a plan");
+  comparison->add_option("recording", options->recording, "Recording of palpate simulate or explore")
+      ->required();
+  comparison->add_option("-p,--plan", options->plan, "Plan file")->required();
+  comparison->add_option("--scene", options->target,
+                         "Scene file or volume that the recording was made with; not needed for data sets");
+  add_volume_option(*comparison, options->volume);
+  comparison->add_option("--device", options->device, "Whose tool it is, of several devices; default 1")
+      ->check(whole_between(1, kMaxDevices));
+  comparison->add_option("--json", options->json, "Writes every figure, distances over time too (JSON)");
+  comparison->footer(
+      "Examples:\n"
+      "  palpate plan compare run.h5 --plan plan.toml\n"
+      "  palpate plan compare run.h5 --plan plan.toml --scene scene.toml --json done.json\n"
+      "  palpate report run.h5 --plan plan.toml                 the same figures in the page\n\n"
+      "Exit code 3: something that the plan asks was not kept, the recording was cut short, or ticks are "
+      "missing.\ndocs/rehearsal.md says what each figure is.");
+  when(comparison, compare);
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/scene/scene.h"
+
+/// The plan file, TOML: what is to be done in a scene and rehearsed there: trajectories, what is to be taken
+/// off, and from what to keep away. Read as scenes and tasks are: unknown keys, wrong types and values out of
+/// range are errors with their line. docs/rehearsal.md documents every key. Structures are named and looked
+/// up later, where a scene is at hand (palpate/rehearsal/plan_in_scene.h).
+namespace palpate {
+
+inline constexpr std::size_t kMaxPlanParts = 200;  ///< of trajectories, regions, distances each
+inline constexpr double kLeastTrajectory_mm = 0.1, kMostTrajectory_mm = 1000;
+
+/// A straight way into the patient, mm, LPS.
+struct PlanTrajectory {
+  std::string name;
+  Point<Patient> entry, target;
+  /// Whose surface it enters; empty: the entry is a place alone.
+  std::vector<LabelReference> enters;
+  /// What is allowed: distance from the entry and from the target, angle to the trajectory, 0 ... 90 degrees,
+  /// and how much too deep or too shallow. Absent: it is told and does not count.
+  std::optional<double> entry_within_mm, target_within_mm, angle_within_deg, depth_within_mm;
+  int line = 0;
+
+  double length_mm() const {
+    return (target - entry).norm();
+  }  ///< kLeastTrajectory_mm ... kMostTrajectory_mm
+  Vector<Patient> axis() const { return (target - entry).normalized(); }
+};
+
+enum class PlanShape {
+  kStructures,  ///< all of some structures
+  kSphere,
+  kCylinder,  ///< with flat ends
+  kBox,
+};
+/// Something to be taken off.
+struct PlanRegion {
+  std::string name;
+  PlanShape shape = PlanShape::kStructures;
+  std::size_t trajectory = 0;  ///< of a shape: place in PlanFile::trajectories
+  /// Of a shape: it is of these alone, or of all that can be taken off.
+  std::vector<LabelReference> structures;
+  double radius_mm = 0;  ///< of a sphere, a cylinder
+  /// Of a cylinder, a box: it goes from here to depth_mm, along the trajectory, 0 the entry.
+  double from_mm = 0;
+  double depth_mm = 0;  ///< likewise; of a sphere where its middle is
+  /// Of a box across the trajectory: along `across`, and along what is perpendicular to both.
+  double width_mm = 0, height_mm = 0;
+  Vector<Patient> across;  ///< unit, perpendicular to the trajectory
+  int line = 0;
+};
+
+struct PlanDistance {
+  std::vector<LabelReference> structures;
+  double distance_mm = 0;  ///< from each of them the tool is to keep away so far
+  int line = 0;
+};
+
+struct PlanFile {
+  std::string title;
+  std::vector<PlanTrajectory> trajectories;
+  std::vector<PlanRegion> regions;
+  std::vector<PlanDistance> distances;
+  std::string source;
+
+  std::string where(int line) const { return source + ":" + std::to_string(line); }
+};
+
+/// @param source  names the text in errors ("plan.toml:12: ...")
+Result<PlanFile> parse_plan(std::string_view text, const std::string& source);
+Result<PlanFile> load_plan(const std::filesystem::path& file);
+
+/// The plan as a text that parse_plan reads as the same plan, every number to its last bit. Names are UTF-8.
+std::string plan_text(const PlanFile& plan);
+
+/// Every key of a plan file as Markdown tables: those of docs/rehearsal.md.
+std::string plan_keys();
+
+}  // namespace palpate

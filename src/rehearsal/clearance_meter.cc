@@ -1,0 +1,91 @@
+#include "rehearsal/clearance_meter.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+// far from a structure a gap is not looked up again that can be less by no more than this
+constexpr double kFarTolerance_mm = 0.05;
+
+}  // namespace
+
+ClearanceMeter::ClearanceMeter(const std::vector<StructureDistance>& distances,
+                               const std::map<LabelId, double>& asked_mm, std::size_t parts) {
+  for (const StructureDistance& distance : distances) {
+    Structure& structure = structures_.emplace_back();
+    structure.distance = &distance;
+    structure.approach.label = distance.label();
+    structure.approach.over_time_mm.assign(parts, std::numeric_limits<float>::quiet_NaN());
+    if (const auto asked = asked_mm.find(distance.label()); asked != asked_mm.end())
+      structure.approach.asked_mm = asked->second;
+  }
+}
+
+void ClearanceMeter::see(const SeenTick& now) {
+  for (Structure& structure : structures_) see(now, structure);
+}
+
+void ClearanceMeter::see(const SeenTick& now, Structure& structure) {
+  StructureApproach& approach = structure.approach;
+  float& in_part = approach.over_time_mm[now.part];
+  // A gap that is beyond what is read from the surface changes by no more than the head moves: while it
+  // cannot be the least, and no distance is at stake, it is not looked up.
+  if (structure.known && !std::isnan(in_part)) {
+    const double at_least_mm = structure.gap_mm - now.head.moved_mm(structure.head);
+    const double widest_mm = std::max(now.head.radius_mm, now.head.end_radius_mm);
+    if (at_least_mm > structure.distance->near_mm() + widest_mm &&
+        at_least_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
+        at_least_mm >= approach.asked_mm.value_or(0))
+      return end_breach(structure);
+  }
+  const double gap = gap_mm(*structure.distance, now.head);
+  structure.known = true;
+  structure.head = now.head;
+  structure.gap_mm = gap;
+  in_part = std::fmin(in_part, static_cast<float>(gap));
+  if (!(gap >= approach.nearest_mm)) {
+    approach.nearest_mm = gap;
+    approach.nearest = now.place;
+  }
+  follow_breach(now, gap, structure);
+}
+
+void ClearanceMeter::follow_breach(const SeenTick& now, double gap, Structure& structure) {
+  StructureApproach& approach = structure.approach;
+  if (!approach.asked_mm || gap >= *approach.asked_mm) return end_breach(structure);
+  if (!structure.breach) {
+    structure.breach = DistanceBreach{approach.label, *approach.asked_mm, gap, now.place, now.place, 0, 0};
+  } else {
+    approach.below_s += now.dt_s;
+  }
+  DistanceBreach& breach = *structure.breach;
+  breach.last_tick = now.place.tick;
+  breach.end_s = now.place.time_s;
+  if (gap < breach.nearest_mm) {
+    breach.nearest_mm = gap;
+    breach.nearest = now.place;
+  }
+}
+
+void ClearanceMeter::end_breach(Structure& structure) {
+  if (!structure.breach) return;
+  if (breaches_.size() < kMostBreaches)
+    breaches_.push_back(*structure.breach);
+  else
+    ++more_breaches_;
+  structure.breach.reset();
+}
+
+void ClearanceMeter::finish(PlanComparison& to) {
+  for (Structure& structure : structures_) {
+    end_breach(structure);
+    to.approaches.push_back(std::move(structure.approach));
+  }
+  std::ranges::stable_sort(breaches_, {}, [](const DistanceBreach& breach) { return breach.begin.tick; });
+  to.breaches = std::move(breaches_);
+  to.more_breaches = more_breaches_;
+}
+
+}  // namespace palpate

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "rehearsal/seen_tick.h"
+
+namespace palpate {
+
+/// How near a tool's head comes to each structure.
+class ClearanceMeter {
+ public:
+  /// @param distances  outlive it  @param parts  of the run, for what is told over time
+  ClearanceMeter(const std::vector<StructureDistance>& distances, const std::map<LabelId, double>& asked_mm,
+                 std::size_t parts);
+
+  void see(const SeenTick& now);
+  void finish(PlanComparison& to);
+
+ private:
+  struct Structure {
+    const StructureDistance* distance;
+    StructureApproach approach;
+    std::optional<DistanceBreach> breach;  // that goes on
+    // what is known of some tick before
+    bool known = false;
+    ToolHead head;
+    double gap_mm = 0;
+  };
+  void see(const SeenTick& now, Structure& structure);
+  void follow_breach(const SeenTick& now, double gap_mm, Structure& structure);
+  void end_breach(Structure& structure);
+
+  std::vector<Structure> structures_;
+  std::vector<DistanceBreach> breaches_;
+  std::uint64_t more_breaches_ = 0;
+};
+
+}  // namespace palpate

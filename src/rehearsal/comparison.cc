@@ -1,0 +1,215 @@
+#include "palpate/rehearsal/comparison.h"
+
+#include <algorithm>
+
+#include "palpate/model/changed_model.h"
+#include "rehearsal/clearance_meter.h"
+#include "rehearsal/trajectory_meter.h"
+
+namespace palpate {
+namespace {
+
+/// The tip's way, of which every second, fourth, eighth ... tick is kept.
+class ThinnedWay {
+ public:
+  void see(const Point<Patient>& at) {
+    last_ = at;
+    if (seen_++ % step_ != 0) return;
+    places_.push_back(at);
+    if (places_.size() < kMostWayPlaces) return;
+    step_ *= 2;
+    std::size_t kept = 0;
+    for (std::size_t n = 0; n < places_.size(); n += 2) places_[kept++] = places_[n];
+    places_.resize(kept);
+  }
+  std::vector<Point<Patient>> finish() {
+    if (last_ && places_.back() != *last_) places_.push_back(*last_);
+    return std::move(places_);
+  }
+
+ private:
+  std::vector<Point<Patient>> places_;
+  std::optional<Point<Patient>> last_;
+  std::uint64_t seen_ = 0, step_ = 1;
+};
+
+/// What all burrs took, in the order in which the model's versions came.
+class RemovalFollower {
+ public:
+  explicit RemovalFollower(const Model& model) : removed_(model) {}
+
+  void hear(const RecordingEvent& event) {
+    if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(cut_of(event.sweep));
+    if (event.kind != RecordingEvent::Kind::kModel) return;
+    // of a version that no tick is known to have felt nothing is cut yet
+    if (event.change.tissue == ModelChange::kCut) {
+      removed_.add(waiting_);
+      waiting_.clear();
+    }
+    follow(event.change, removed_);
+  }
+  const RemovedVolume& removed() const { return removed_; }
+
+ private:
+  RemovedVolume removed_;
+  std::vector<Cut> waiting_;
+};
+
+/// Everything that is told of a run but its volumes.
+class RunMeter {
+ public:
+  RunMeter(const PlanInScene& plan, const Model& model, const std::vector<StructureDistance>& distances,
+           std::size_t device, std::uint64_t ticks)
+      : model_(model),
+        tool_(model.tool_of(device)),
+        shaft_(shaft_of(tool_)),
+        device_(device),
+        all_ticks_(std::max<std::uint64_t>(ticks, 1)),
+        clearance_(distances, plan.distances_mm, parts_of(all_ticks_)) {
+    for (std::size_t n = 0; n < plan.file.trajectories.size(); ++n)
+      trajectories_.emplace_back(plan.file.trajectories[n], plan.enters[n], distances);
+  }
+
+  Result<void> see(const TickRecord& tick) {
+    if (!std::isfinite(tick.time_s) || (told_.ticks > 0 && tick.time_s < time_s_))
+      return Error{ErrorKind::kBadInput, "the clock does not go on at tick " + std::to_string(tick.tick), "",
+                   "record the run again"};
+    if (told_.ticks == 0) begun_s_ = tick.time_s;
+    const double dt_s = told_.ticks > 0 ? tick.time_s - time_s_ : 0;
+    if (told_.ticks > 0 && tick.tick > last_tick_ + 1) told_.missing_s += dt_s;
+    last_tick_ = tick.tick;
+    time_s_ = tick.time_s;
+    const std::size_t part =
+        static_cast<std::size_t>(std::min(told_.ticks++, all_ticks_ - 1) * parts_of(all_ticks_) / all_ticks_);
+    if (part == told_.times_s.size()) told_.times_s.push_back(time_s_ - begun_s_);
+
+    const DeviceTick& device = tick.device[device_];
+    see_turn(device);
+    const SeenTick now{
+        {tick.tick, time_s_ - begun_s_, tip_of(tool_, device)},
+        head_of(model_, tool_, tick, device),
+        dt_s,
+        part,
+        &device,
+        shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
+    if (!now.place.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
+      ++told_.without_place;
+      return {};
+    }
+    clearance_.see(now);
+    for (TrajectoryMeter& trajectory : trajectories_) trajectory.see(now);
+    way_.see(now.place.at);
+    return {};
+  }
+
+  PlanComparison finish() {
+    told_.time_s = told_.ticks > 0 ? time_s_ - begun_s_ : 0;
+    for (TrajectoryMeter& trajectory : trajectories_)
+      told_.trajectories.push_back(trajectory.finish(tells_turn_));
+    clearance_.finish(told_);
+    told_.way = way_.finish();
+    return std::move(told_);
+  }
+
+ private:
+  static std::size_t parts_of(std::uint64_t ticks) {
+    return static_cast<std::size_t>(std::min<std::uint64_t>(ticks, kMostPlanTimes));
+  }
+  // a device that tells no orientation tells the same one always
+  void see_turn(const DeviceTick& device) {
+    if (!first_turn_) first_turn_ = device.orientation_wxyz;
+    tells_turn_ = tells_turn_ || *first_turn_ != device.orientation_wxyz;
+  }
+
+  const Model& model_;
+  const Tool& tool_;
+  std::optional<Eigen::Vector3d> shaft_;
+  std::size_t device_;
+  std::uint64_t all_ticks_, last_tick_ = 0;
+  double begun_s_ = 0, time_s_ = 0;
+  std::optional<std::array<double, 4>> first_turn_;
+  bool tells_turn_ = false;
+  ClearanceMeter clearance_;
+  std::vector<TrajectoryMeter> trajectories_;
+  ThinnedWay way_;
+  PlanComparison told_;
+};
+
+double sum_of(const VolumesByLabel& volumes) {
+  double sum_mm3 = 0;
+  for (const auto& [label, mm3] : volumes) sum_mm3 += mm3;
+  return sum_mm3;
+}
+
+double of_label(const VolumesByLabel& volumes, LabelId label) {
+  const auto found = volumes.find(label);
+  return found != volumes.end() ? found->second : 0;
+}
+
+void tell_volumes(const PlannedVolumes& planned, const TakenVolumes& taken, PlanComparison& to) {
+  for (std::size_t n = 0; n < planned.of_regions.size(); ++n)
+    to.regions.push_back({sum_of(planned.of_regions[n]), sum_of(taken.in_plan.of_regions[n])});
+  std::map<LabelId, StructureVolume> by_label;
+  for (const VolumesByLabel* volumes : {&planned.of_plan, &taken.outside})
+    for (const auto& [label, mm3] : *volumes) by_label[label].label = label;
+  for (auto& [label, volume] : by_label) {
+    volume.in_plan = {of_label(planned.of_plan, label), of_label(taken.in_plan.of_plan, label)};
+    volume.outside_mm3 = of_label(taken.outside, label);
+    to.volumes.push_back(volume);
+  }
+}
+
+}  // namespace
+
+const char* word_of(EntryMade made) {
+  switch (made) {
+    case EntryMade::kPassed:
+      return "passed";
+    case EntryMade::kTouched:
+      return "touched";
+    case EntryMade::kNearest:
+      return "nearest";
+    case EntryMade::kNone:
+      break;
+  }
+  return "none";
+}
+
+bool PlanComparison::kept() const {
+  return ticks > 0 && !cut_short && missing_s == 0 &&
+         std::ranges::all_of(trajectories, [](const TrajectoryDone& done) { return done.kept(); }) &&
+         std::ranges::all_of(approaches, [](const StructureApproach& approach) { return approach.kept(); });
+}
+
+Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& model,
+                                         const std::vector<StructureDistance>& distances,
+                                         const RecordingSource& recording, std::size_t device,
+                                         const Progress& progress) {
+  const RecordingHead& head = recording.head();
+  if (device >= static_cast<std::size_t>(std::max(head.header.devices, 1)))
+    return Error{ErrorKind::kBadInput, "it has no device " + std::to_string(device + 1), "",
+                 "its devices are 1 to " + std::to_string(head.header.devices)};
+  if (head.ticks == 0) return Error{ErrorKind::kBadInput, "it has no tick", "", "record a run first"};
+  RunMeter run(plan, model, distances, device, head.ticks);
+  RemovalFollower removal(model);
+  double seen = 0;
+  const auto read = recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        for (const RecordingEvent& event : part.events) removal.hear(event);
+        for (const TickRecord& tick : part.ticks)
+          if (auto known = run.see(tick); !known) return known;
+        seen += static_cast<double>(part.ticks.size());
+        progress.report("comparing", seen / static_cast<double>(head.ticks));
+        return {};
+      },
+      progress);
+  if (!read) return read.error();
+  PlanComparison told = run.finish();
+  told.cut_short = !head.summary.has_value();
+  const auto planned = planned_volumes(plan, model, progress);
+  if (!planned) return planned.error();
+  tell_volumes(*planned, taken_volumes(plan, removal.removed()), told);
+  return told;
+}
+
+}  // namespace palpate

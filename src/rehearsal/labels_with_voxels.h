@@ -1,0 +1,19 @@
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "palpate/haptics/haptics.h"
+
+namespace palpate {
+
+/// By LabelId, for all that there can be: those that a model has a voxel of.
+inline std::vector<bool> labels_with_voxels(const Model& model) {
+  std::vector<bool> has(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
+    for (int n = 0; n < (piece.uniform ? 1 : piece.count); ++n) has[piece.voxels[n]] = true;
+  });
+  return has;
+}
+
+}  // namespace palpate

@@ -1,0 +1,181 @@
+#include "rehearsal/trajectory_meter.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace palpate {
+namespace {
+
+constexpr double kClear_mm = 10;         // so far outside a way has ended
+constexpr double kBeside_mm = 20;        // farther from the trajectory's line nothing counts as depth
+constexpr double kLeastPiece_mm = 0.05;  // a hand at rest goes to and fro by less, which is no way
+constexpr double kLeastFitted_mm = 1;
+
+double angle_between_deg(const Vector<Patient>& a, const Vector<Patient>& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
+}
+
+/// A part of the way between two ticks' places.
+PlaceInRun between(const PlaceInRun& from, const PlaceInRun& to, double part) {
+  return {to.tick, from.time_s + part * (to.time_s - from.time_s), from.at + (to.at - from.at) * part};
+}
+
+/// Where the straight way between two places is nearest to a third.
+PlaceInRun nearest_between(const PlaceInRun& from, const PlaceInRun& to, const Point<Patient>& place) {
+  const Vector<Patient> way = to.at - from.at;
+  const double squared = way.squared_norm();
+  return between(from, to, squared > 0 ? std::clamp((place - from.at).dot(way) / squared, 0.0, 1.0) : 1.0);
+}
+
+}  // namespace
+
+void LineFit::add(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d way = to - from;
+  const double length = way.norm();
+  length_mm_ += length;
+  sum_ += 0.5 * length * (from + to);
+  squares_ += length * (from * from.transpose() + 0.5 * (from * way.transpose() + way * from.transpose()) +
+                        way * way.transpose() / 3);
+}
+
+LineFit::Line LineFit::line() const {
+  const Eigen::Vector3d mean = sum_ / length_mm_;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(squares_ / length_mm_ -
+                                                              mean * mean.transpose());
+  // the greatest is last; rounding may leave the others a little below 0
+  const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0);
+  return {solver.eigenvectors().col(2), std::sqrt(variances[0] + variances[1])};
+}
+
+TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
+                                 const std::vector<StructureDistance>& distances)
+    : planned_(planned), axis_(planned.axis()), enters_(std::move(enters)) {
+  for (const StructureDistance& distance : distances)
+    if (distance.label() < enters_.size() && enters_[distance.label()]) surfaces_.push_back(&distance);
+}
+
+// Of the structures' surface, else of the plane across the trajectory in its entry; far outside at least
+// that.
+double TrajectoryMeter::outside_mm(const SeenTick& now) {
+  if (surfaces_.empty()) return -along_mm(now.place.at);
+  if (known_at_ && known_mm_ - (now.place.at - *known_at_).norm() > 2 * kClear_mm)
+    return known_mm_ - (now.place.at - *known_at_).norm();
+  known_mm_ = std::numeric_limits<double>::infinity();
+  for (const StructureDistance* surface : surfaces_)
+    known_mm_ = std::min(known_mm_, surface->distance_mm(now.place.at));
+  known_at_ = now.place.at;
+  return known_mm_;
+}
+
+bool TrajectoryMeter::touches(const DeviceTick& device) const {
+  const auto is_of_them = [&](LabelId label) { return label < enters_.size() && enters_[label]; };
+  if ((device.flags & kFlagContact) == 0) return false;
+  return is_of_them(device.label) || std::ranges::any_of(device.contact_label, is_of_them);
+}
+
+void TrajectoryMeter::see(const SeenTick& now) {
+  const double outside = outside_mm(now);
+  if (outside > kClear_mm)
+    end_way();
+  else
+    look_for_entry(now, outside);
+  if (way_.made != EntryMade::kNone) go_on(now);
+  const PlaceInRun near = nearest_between(last_.value_or(now.place), now.place, planned_.target);
+  if (const double mm = (near.at - planned_.target).norm(); mm < nearest_mm_) {
+    nearest_mm_ = mm;
+    nearest_ = near;
+  }
+  last_ = now.place;
+  last_outside_mm_ = outside;
+}
+
+void TrajectoryMeter::look_for_entry(const SeenTick& now, double outside) {
+  if (surfaces_.empty()) {
+    const PlaceInRun near = nearest_between(last_.value_or(now.place), now.place, planned_.entry);
+    const double mm = (near.at - planned_.entry).norm();
+    if (mm >= nearest_entry_mm_) return;
+    begin(EntryMade::kNearest, near);
+    nearest_entry_mm_ = mm;
+  } else if (way_.made != EntryMade::kPassed && outside <= 0) {
+    // between the ticks the distance is as good as straight, so near the surface
+    const bool came_from_outside = last_ && last_outside_mm_ > 0;
+    begin(EntryMade::kPassed,
+          came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
+                            : now.place);
+  } else if (way_.made == EntryMade::kNone && touches(*now.device)) {
+    begin(EntryMade::kTouched, now.place);
+  }
+}
+
+void TrajectoryMeter::begin(EntryMade made, const PlaceInRun& entry) {
+  end_way();
+  way_.made = made;
+  way_.entry = entry;
+  way_.fitted_to = entry.at;
+}
+
+void TrajectoryMeter::go_on(const SeenTick& now) {
+  const Point<Patient>& at = now.place.at;
+  // of the piece in which the way began, what lies behind the entry
+  const PlaceInRun& from = last_ && last_->time_s >= way_.entry.time_s ? *last_ : way_.entry;
+  const PlaceInRun near = nearest_between(from, now.place, planned_.target);
+  if (const double mm = (near.at - planned_.target).norm(); mm < way_.nearest_mm) {
+    way_.nearest_mm = mm;
+    way_.nearest = near;
+  }
+  if ((at - way_.fitted_to).norm() >= kLeastPiece_mm) {
+    way_.fit.add((way_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
+    way_.fitted_to = at;
+  }
+  const double along = along_mm(at);
+  const double beside = (at - planned_.entry - axis_ * along).norm();
+  if (along <= way_.deepest_mm || beside > kBeside_mm) return;
+  way_.deepest_mm = along;
+  way_.deepest = now.place;
+  way_.to_deepest = way_.fit;
+  way_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNotKnown;
+}
+
+void TrajectoryMeter::end_way() {
+  if (way_.made != EntryMade::kNone && way_.nearest_mm <= best_.nearest_mm) best_ = way_;
+  way_ = Way();
+  nearest_entry_mm_ = std::numeric_limits<double>::infinity();
+}
+
+TrajectoryDone TrajectoryMeter::finish(bool tells_turn) {
+  end_way();
+  TrajectoryDone done;
+  done.entry_error_mm.allowed = planned_.entry_within_mm;
+  done.target_error_mm.allowed = planned_.target_within_mm;
+  done.angle_deg.allowed = planned_.angle_within_deg;
+  done.depth_error_mm.allowed = planned_.depth_within_mm;
+  const bool made = best_.made != EntryMade::kNone;
+  done.entry_made = best_.made;
+  done.nearest = made ? best_.nearest : nearest_;
+  if (last_) {
+    const Vector<Patient> off = done.nearest.at - planned_.target;
+    done.target_error_mm.value = off.norm();
+    done.along_mm = off.dot(axis_);
+    done.lateral_mm = (off - axis_ * done.along_mm).norm();
+  }
+  if (!made) return done;
+  done.entry = best_.entry;
+  done.entry_error_mm.value = (best_.entry.at - planned_.entry).norm();
+  if (!std::isfinite(best_.deepest_mm)) return done;
+  done.deepest = best_.deepest;
+  done.depth_mm = (best_.deepest.at - best_.entry.at).dot(axis_);
+  done.depth_error_mm.value = done.depth_mm - planned_.length_mm();
+  if (tells_turn) done.shaft_deg = best_.shaft_deg;
+  const Vector<Patient> chord = best_.deepest.at - best_.entry.at;
+  if (chord.norm() < kLeastFitted_mm || best_.to_deepest.length_mm() < kLeastFitted_mm) return done;
+  const LineFit::Line line = best_.to_deepest.line();
+  Vector<Patient> direction(line.direction);
+  if (direction.dot(chord) < 0) direction = -direction;
+  done.angle_deg.value = angle_between_deg(direction, axis_);
+  done.off_line_mm = line.off_mm;
+  return done;
+}
+
+}  // namespace palpate

@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "palpate/rendering/rendering.h"
+#include "report/html.h"
+#include "report/parts.h"
+
+namespace palpate::report {
+namespace {
+
+constexpr std::size_t kMostPlottedApproaches = 8;
+
+std::string heading_cell(const std::string& text, const std::string& unit = "") {
+  return "<th scope=\"col\">" + text + (unit.empty() ? "" : " <span class=\"unit\">" + unit + "</span>") +
+         "</th>";
+}
+std::string table_begin(const std::string& cells) {
+  return "<div class=\"scroll\"><table><thead><tr>" + cells + "</tr></thead><tbody>\n";
+}
+constexpr const char* kTableEnd = "</tbody></table></div>\n";
+
+std::string kept_text(bool is_asked, bool is_kept) {
+  return !is_asked ? "" : is_kept ? "kept" : "<strong>not kept</strong>";
+}
+/// "at most 2.00, kept"
+std::string asked_text(const PlannedFigure& figure) {
+  return !figure.allowed ? ""
+                         : "at most " + number(*figure.allowed, 2) + ", " + kept_text(true, figure.kept());
+}
+
+std::string figure_row(const std::string& name, const std::string& unit, const PlannedFigure& figure,
+                       const std::string& more) {
+  return "<tr><th scope=\"row\">" + name + " <span class=\"unit\">" + unit + "</span></th>" +
+         cell(number(figure.value, 2)) + cell(asked_text(figure)) + "<td>" + more + "</td></tr>\n";
+}
+
+std::string at_time(const PlaceInRun& place) {
+  return "at " + number(place.time_s, 3) + " s, tick " + std::to_string(place.tick);
+}
+
+std::string entry_text(const TrajectoryDone& done) {
+  switch (done.entry_made) {
+    case EntryMade::kPassed:
+      return "passed the surface " + at_time(done.entry);
+    case EntryMade::kTouched:
+      return "touched and never passed " + at_time(done.entry);
+    case EntryMade::kNearest:
+      return "nearest place of the way " + at_time(done.entry);
+    case EntryMade::kNone:
+      break;
+  }
+  return "its structures were not reached";
+}
+
+std::string target_text(const TrajectoryDone& done) {
+  if (std::isnan(done.target_error_mm.value)) return "";
+  return number(done.lateral_mm, 2) + " mm across the trajectory, " + number(std::abs(done.along_mm), 2) +
+         " mm " + (done.along_mm > 0 ? "beyond" : "before") + " the target, " + at_time(done.nearest);
+}
+
+std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone& done) {
+  std::string html = table_begin(heading_cell("Figure") + heading_cell("Made") + heading_cell("Allowed") +
+                                 heading_cell("In detail"));
+  html += figure_row("Entry error", "mm", done.entry_error_mm, entry_text(done));
+  html += figure_row("Target error", "mm", done.target_error_mm, target_text(done));
+  html += figure_row("Angle", "degrees", done.angle_deg,
+                     std::isnan(done.off_line_mm)
+                         ? ""
+                         : "the way lies " + number(done.off_line_mm, 2) + " mm off its own line");
+  html += figure_row("Depth error", "mm", done.depth_error_mm,
+                     std::isnan(done.depth_mm) ? ""
+                                               : number(done.depth_mm, 2) + " mm deep, planned " +
+                                                     number(planned.length_mm(), 2) + " mm");
+  if (!std::isnan(done.shaft_deg))
+    html += figure_row("Shaft", "degrees", {done.shaft_deg, {}}, "at the deepest place");
+  return html + kTableEnd;
+}
+
+/// Two sections that contain the trajectory, across each other, with the trajectory and the way.
+std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryDone& done,
+                                const std::vector<Point<Patient>>& way, const SectionStyle& style) {
+  constexpr double kLeastWidth_mm = 40, kMargin = 1.5;
+  const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
+  SectionPlane plane =
+      oblique_section(middle, planned.axis(), ObliqueView::kAlong,
+                      std::max(kLeastWidth_mm, kMargin * planned.length_mm()), kSection_px, kSection_px);
+  SectionMarks marks;
+  marks.contact = std::isnan(done.target_error_mm.value) ? planned.target : done.nearest.at;
+  marks.side = run.side();
+  marks.oriented = run.model.oriented;
+  marks.ways = {{false, way}};
+  marks.planned = {planned.entry, planned.target};
+  std::string html = "<div class=\"sections\">\n";
+  for (const std::string name : {"Along the trajectory", "Along the trajectory, turned by 90 degrees"}) {
+    html += "<figure class=\"section\"><div class=\"picture\">" + section_layers(run.model, plane, style) +
+            section_svg(plane, marks, name + ": " + planned.name + ", with the way of the tip") +
+            "</div><figcaption><span>" + name + "</span></figcaption></figure>\n";
+    plane.right = plane.right.cross(plane.down);
+  }
+  return html + "</div>\n";
+}
+
+std::string volume_cells(const VolumeDone& volume) {
+  return cell(number(volume.planned_mm3, 1)) + cell(number(volume.taken_mm3, 1)) +
+         cell(number(volume.left_mm3(), 1));
+}
+
+std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
+  const PlanComparison& made = rehearsed.made;
+  const std::string columns = heading_cell("Planned", "mm\u00b3") + heading_cell("Taken", "mm\u00b3") +
+                              heading_cell("Left", "mm\u00b3");
+  std::string html;
+  if (!made.regions.empty()) {
+    html += table_begin(heading_cell("To be taken off") + columns);
+    for (std::size_t n = 0; n < made.regions.size(); ++n)
+      html += "<tr><th scope=\"row\">" + escape(rehearsed.plan.file.regions[n].name) + "</th>" +
+              volume_cells(made.regions[n]) + "</tr>\n";
+    html += kTableEnd;
+  }
+  if (!made.volumes.empty()) {
+    html +=
+        table_begin(heading_cell("Structure") + columns + heading_cell("Outside of the plan", "mm\u00b3"));
+    for (const StructureVolume& volume : made.volumes)
+      html += "<tr><th scope=\"row\">" + swatch(run.colour(volume.label)) + escape(run.name(volume.label)) +
+              "</th>" + volume_cells(volume.in_plan) + cell(number(volume.outside_mm3, 1)) + "</tr>\n";
+    html += kTableEnd;
+  }
+  return html;
+}
+
+std::string distance_tables(const Run& run, const PlanComparison& made) {
+  std::string html = table_begin(heading_cell("Structure") + heading_cell("Nearest", "mm") +
+                                 heading_cell("Keep away", "mm") + heading_cell("Nearer than that", "s") +
+                                 heading_cell("") + heading_cell("When"));
+  for (const StructureApproach& approach : made.approaches)
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(approach.label)) + escape(run.name(approach.label)) +
+            "</th>" + cell(number(approach.nearest_mm, 2)) +
+            cell(approach.asked_mm ? number(*approach.asked_mm, 2) : "") +
+            cell(approach.asked_mm ? number(approach.below_s, 3) : "") +
+            cell(kept_text(approach.asked_mm.has_value(), approach.kept())) + "<td>" +
+            (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
+  html += kTableEnd;
+  if (made.breaches.empty()) return html;
+  constexpr std::size_t kMostShownBreaches = 50;
+  html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
+                      heading_cell("When it was nearest"));
+  for (std::size_t n = 0; n < std::min(made.breaches.size(), kMostShownBreaches); ++n) {
+    const DistanceBreach& breach = made.breaches[n];
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
+            "</th>" + cell(number(breach.nearest_mm, 2)) +
+            cell(std::to_string(breach.begin.tick) + " to " + std::to_string(breach.last_tick)) + "<td>" +
+            at_time(breach.nearest) + "</td></tr>\n";
+  }
+  html += kTableEnd;
+  const std::uint64_t more =
+      made.more_breaches + made.breaches.size() - std::min(made.breaches.size(), kMostShownBreaches);
+  return more == 0 ? html : html + "<p class=\"hint\">And " + grouped(more) + " more.</p>\n";
+}
+
+}  // namespace
+
+std::vector<std::size_t> plotted_approaches(const PlanComparison& made) {
+  std::vector<std::size_t> order(made.approaches.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, {}, [&](std::size_t n) {
+    const StructureApproach& approach = made.approaches[n];
+    return std::pair(!approach.asked_mm, approach.nearest_mm);
+  });
+  order.resize(std::min(order.size(), kMostPlottedApproaches));
+  return order;
+}
+
+std::vector<double> approach_at(const PlanComparison& made, std::size_t approach, double begin_s,
+                                const std::vector<double>& times_s) {
+  std::vector<double> values;
+  std::size_t part = 0;
+  for (const double time_s : times_s) {
+    while (part + 1 < made.times_s.size() && made.times_s[part + 1] <= time_s - begin_s) ++part;
+    values.push_back(made.approaches[approach].over_time_mm[part]);
+  }
+  return values;
+}
+
+Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress) {
+  const PlanFile& plan = rehearsed.plan.file;
+  const PlanComparison& made = rehearsed.made;
+  std::string html =
+      "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan against "
+      "done</h2>\n<p class=\"hint\">" +
+      escape(plan.title) + ": " +
+      (made.kept() ? "all that the plan asks was kept." : "something that the plan asks was not kept.") +
+      (made.cut_short ? " The recording was cut short." : "") +
+      (made.missing_s > 0 ? " " + number(made.missing_s, 3) + " s are missing." : "") + "</p>\n";
+  const SectionStyle style = section_style(run.model);
+  for (std::size_t n = 0; n < made.trajectories.size(); ++n) {
+    if (progress.stopped()) return Progress::interrupted();
+    html += "<h3>" + escape(plan.trajectories[n].name) + "</h3>\n" +
+            trajectory_table(plan.trajectories[n], made.trajectories[n]);
+    if (run.model.labels != nullptr)
+      html += trajectory_sections(run, plan.trajectories[n], made.trajectories[n], made.way, style);
+  }
+  if (!made.trajectories.empty())
+    html +=
+        "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
+        "White: "
+        "the way of the tip within " +
+        number(kWayReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
+        std::string(run.model.cuts() ? "Structures are as they were before anything was cut." : "") +
+        "</p>\n";
+  html += volume_tables(run, rehearsed) + distance_tables(run, made);
+  return html +
+         "<div class=\"plot\"><h3 id=\"clearance-title\">Distance from structures <span class=\"unit\">mm"
+         "</span></h3><div class=\"canvas\" id=\"plot-clearance\" role=\"img\" aria-label=\"Least distance "
+         "of "
+         "the tool from structures over " +
+         number(made.time_s, 1) + " s\"></div></div>\n</section>\n";
+}
+
+}  // namespace palpate::report
