@@ -1,5 +1,8 @@
 #include "haply/connection.h"
 
+#include <poll.h>
+
+#include <algorithm>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -11,6 +14,7 @@
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/stream.hpp>
+#include <cerrno>
 #include <chrono>
 
 #include "palpate/base/clock.h"
@@ -118,77 +122,119 @@ Result<ServiceVersion> find_service(const HaplySettings& settings) {
   return not_there(settings);
 }
 
-class Connection::Stream {
+/// A socket for Beast's blocking calls, which end when their time is over. Every tick waits for an answer,
+/// and by Asio's reactor it came some 10 us later.
+class TimedSocket {
  public:
-  Stream() : context_(1), socket_(context_) {}
-  ~Stream() {
-    boost::system::error_code ignored;
-    beast::get_lowest_layer(socket_).close(ignored);
-    context_.restart();
-    context_.run();
+  /// Nothing came in time. Beast has changed nothing then and can be asked again, which it cannot after an
+  /// error.
+  struct NothingYet {};
+  using executor_type = tcp::socket::executor_type;
+
+  explicit TimedSocket(asio::io_context& context) : socket_(context) {}
+  executor_type get_executor() { return socket_.get_executor(); }
+  tcp::socket& socket() { return socket_; }
+  void wait_until(Clock::time_point until) { until_ = until; }
+
+  template <class Buffers>
+  std::size_t read_some(const Buffers& buffers, boost::system::error_code& error) {
+    if (!wait_for(POLLIN)) throw NothingYet();
+    return socket_.receive(buffers, 0, error);
+  }
+  template <class Buffers>
+  std::size_t write_some(const Buffers& buffers, boost::system::error_code& error) {
+    std::size_t sent = socket_.send(buffers, 0, error);
+    while (error == asio::error::would_block && wait_for(POLLOUT)) sent = socket_.send(buffers, 0, error);
+    return sent;
+  }
+  template <class Buffers>
+  std::size_t read_some(const Buffers& buffers) {
+    return checked([&](auto& error) { return read_some(buffers, error); });
+  }
+  template <class Buffers>
+  std::size_t write_some(const Buffers& buffers) {
+    return checked([&](auto& error) { return write_some(buffers, error); });
+  }
+  /// Beast closes a failed connection by this.
+  friend void teardown(beast::role_type /*role*/, TimedSocket& socket, boost::system::error_code& error) {
+    socket.socket_.close(error);
   }
 
-  bool open(const HaplySettings& settings, std::uint16_t port) {
+ private:
+  template <class Call>
+  static std::size_t checked(const Call& call) {
+    boost::system::error_code error;
+    const std::size_t count = call(error);
+    if (error) throw boost::system::system_error(error);
+    return count;
+  }
+  /// False: the time is over.
+  bool wait_for(short event) {
+    pollfd one{socket_.native_handle(), event, 0};
+    for (;;) {
+      const auto left = std::max(Clock::duration::zero(), until_ - Clock::now());
+      const auto whole = std::chrono::duration_cast<std::chrono::seconds>(left);
+      const timespec wait{whole.count(), std::chrono::nanoseconds(left - whole).count()};
+      const int ready = ppoll(&one, 1, &wait, nullptr);
+      if (ready > 0) return true;
+      if (ready == 0 || errno != EINTR) return false;
+    }
+  }
+
+  tcp::socket socket_;
+  Clock::time_point until_;
+};
+
+class Connection::Stream {
+ public:
+  Stream() : context_(1), stream_(context_) {}
+
+  bool open(const HaplySettings& settings, std::uint16_t port) try {
     const auto until = Clock::now() + kConnectPatience;
-    tcp::socket& socket = beast::get_lowest_layer(socket_);
-    if (!connect(context_, socket, settings.host, port, until)) return false;
-    socket_.read_message_max(kMostMessage_bytes);
-    bool done = false;
-    boost::system::error_code failed;
-    socket_.async_handshake(settings.host + ":" + std::to_string(port), "/",
-                            [&](const boost::system::error_code& error) {
-                              failed = error;
-                              done = true;
-                            });
-    return run_until(context_, socket, until, [&] { return done; }) && !failed;
+    TimedSocket& timed = stream_.next_layer();
+    boost::system::error_code error;
+    if (!connect(context_, timed.socket(), settings.host, port, until)) return false;
+    // what waits is wait_for()
+    timed.socket().non_blocking(true, error);
+    if (error) return false;
+    timed.wait_until(until);
+    stream_.read_message_max(kMostMessage_bytes);
+    stream_.handshake(settings.host + ":" + std::to_string(port), "/", error);
+    return !error;
+  } catch (const TimedSocket::NothingYet&) {
+    return false;
   }
 
   Received receive(std::string& text, std::int64_t until_ns) {
     if (lost_) return Received::kLost;
-    if (!reading_) {
-      reading_ = true;
-      read_ = false;
-      socket_.async_read(buffer_, [this](const boost::system::error_code& error, std::size_t) {
-        reading_ = false;
-        read_ = !error;
-        lost_ = lost_ || error;
-      });
+    boost::system::error_code error;
+    try {
+      stream_.next_layer().wait_until(at(until_ns));
+      stream_.read(buffer_, error);
+    } catch (const TimedSocket::NothingYet&) {
+      return Received::kNothing;
     }
-    run(at(until_ns), [this] { return !reading_; });
-    if (reading_) return Received::kNothing;
-    if (!read_) return Received::kLost;
-    read_ = false;
+    lost_ = static_cast<bool>(error);
+    if (lost_) return Received::kLost;
     text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
     return Received::kMessage;
   }
 
   bool send(std::string_view text) {
-    if (lost_ || writing_) return false;
-    writing_ = true;
-    // it is sent later where the service does not read
-    out_ = text;
-    socket_.async_write(asio::buffer(out_), [this](const boost::system::error_code& error, std::size_t) {
-      writing_ = false;
-      lost_ = lost_ || error;
-    });
-    run(Clock::now() + kSendPatience, [this] { return !writing_; });
-    return !writing_ && !lost_;
+    if (lost_) return false;
+    boost::system::error_code error;
+    stream_.next_layer().wait_until(Clock::now() + kSendPatience);
+    stream_.write(asio::buffer(text), error);
+    lost_ = static_cast<bool>(error);
+    return !lost_;
   }
 
  private:
-  template <class Done>
-  void run(Clock::time_point until, const Done& done) {
-    context_.restart();
-    while (!done() && context_.run_one_until(until) > 0) {
-    }
-  }
-
   asio::io_context context_;
-  beast::websocket::stream<tcp::socket> socket_;
+  beast::websocket::stream<TimedSocket> stream_;
   beast::flat_buffer buffer_;
-  std::string out_;
-  bool reading_ = false, read_ = false, writing_ = false, lost_ = false;
+  bool lost_ = false;
 };
 
 Connection::Connection(std::unique_ptr<Stream> stream) : stream_(std::move(stream)) {}

@@ -59,7 +59,8 @@ TEST(HaplyMessages, WhatIsNoNumberIsNotThere) {
 
 TEST(HaplyMessages, AreStrictJson) {
   const std::string whole = kInventory;
-  for (const std::string& after : {std::string("x"), std::string("{}"), std::string("\0", 1), std::string("\0x", 2)})
+  for (const std::string& after :
+       {std::string("x"), std::string("{}"), std::string("\0", 1), std::string("\0x", 2)})
     EXPECT_FALSE(parse_state(whole + after));
   for (const char* broken : {"\xff", "\xc3", "\xed\xa0\x80", "\n", R"(\x)", R"(\ud800)", R"(\u12)"})
     EXPECT_FALSE(parse_state(std::string(R"({"inverse3":[{"device_id":")") + broken + "\"}]}")) << broken;
@@ -105,7 +106,8 @@ void expect_places_of(const State& state, const nlohmann::json& message) {
   }
 }
 
-// an inventory with some of its bytes changed or cut: what comes out can be used, and is what another library reads
+// an inventory with some of its bytes changed or cut: what comes out can be used, and is what another library
+// reads
 TEST(HaplyMessages, NoBytesOfThemDoHarm) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

@@ -1,12 +1,12 @@
 #include "haply/messages.h"
 
+#include <rapidjson/document.h>
+#include <rapidjson/stringbuffer.h>
+#include <rapidjson/writer.h>
 #include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <rapidjson/document.h>
-#include <rapidjson/stringbuffer.h>
-#include <rapidjson/writer.h>
 
 namespace palpate::haply {
 namespace {
@@ -25,8 +25,8 @@ class Message {
   explicit Message(std::string_view text) {
     // the parser ends at a zero byte, whatever comes after it
     if (text.find('\0') != std::string_view::npos) return;
-    constexpr unsigned kStrict =
-        rapidjson::kParseIterativeFlag | rapidjson::kParseValidateEncodingFlag | rapidjson::kParseFullPrecisionFlag;
+    constexpr unsigned kStrict = rapidjson::kParseIterativeFlag | rapidjson::kParseValidateEncodingFlag |
+                                 rapidjson::kParseFullPrecisionFlag;
     document_.Parse<kStrict>(text.data(), text.size());
     is_json_ = !document_.HasParseError();
   }

@@ -296,8 +296,10 @@ CubesView Leaps::view(int x, int y, int z) const {
 /// A box of voxels, and all that decides how they look.
 class Encoding::Tile {
  public:
-  /// @param changed  where voxels look otherwise than the encoding's blocks say; beyond it only normals may differ
-  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box, const VoxelBox& changed)
+  /// @param changed  where voxels look otherwise than the encoding's blocks say; beyond it only normals may
+  /// differ
+  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box,
+       const VoxelBox& changed)
       : encoding_(encoding), box_(box), margin_(margins(encoding)), labels_(widened(box.size, margin_)) {
     for (std::size_t a = 0; a < 3; ++a) {
       changed_[a][0] = std::clamp(changed.first[a] - box.first[a], 0, box.size[a]);
@@ -339,8 +341,8 @@ class Encoding::Tile {
           const bool is_in = is_changed(across, c) && is_changed(2, k);
           const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
           for (int b = 0; b < size[a]; b += kBlock) {
-            const std::array<int, 3> at{box_.first[0] + (along == 0 ? b : c), box_.first[1] + (along == 0 ? c : b),
-                                        box_.first[2] + k};
+            const std::array<int, 3> at{box_.first[0] + (along == 0 ? b : c),
+                                        box_.first[1] + (along == 0 ? c : b), box_.first[2] + k};
             const int end = std::min(b + kBlock, size[a]), from = std::max(b, changed[0]),
                       to = std::min(end, changed[1]);
             const bool is_whole = from == b && to == end;
@@ -559,7 +561,8 @@ class Encoding::Tile {
         static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
     // of what is not seen, there is no colour
     for (std::size_t a = 0; a < 3; ++a)
-      block.colour[a][place] = look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
+      block.colour[a][place] =
+          look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
   }
   /// None where nothing is seen.
   void fill_normals(VoxelBlock& block, int count, std::size_t first_voxel, std::size_t step) const {
@@ -613,7 +616,8 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
   const bool is_all = is_new_ || scan_.scan != nullptr;
   for (std::size_t a = 0; a < 3; ++a) {
     changed.first[a] = is_all ? from[a] : std::max(0, box.first[a] - 1);
-    changed.size[a] = (is_all ? to[a] : std::min(grid_.dims[a], box.first[a] + box.size[a] + 1)) - changed.first[a];
+    changed.size[a] =
+        (is_all ? to[a] : std::min(grid_.dims[a], box.first[a] + box.size[a] + 1)) - changed.first[a];
   }
   // what is too small to be a tile for each worker is cut in thinner ones
   int thickness = kTileSide;
@@ -645,12 +649,13 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.size[a] = std::min(side, to[a] - part.first[a]);
     }
     std::vector<Made> made;
-    Tile(*this, labels, part, changed).for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
-      // at first all are empty
-      const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
-                                        [](auto e) { return e == 0; });
-      if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
-    });
+    Tile(*this, labels, part, changed)
+        .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
+          // at first all are empty
+          const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
+                                            [](auto e) { return e == 0; });
+          if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
+        });
     if (is_new_) {
       const std::lock_guard lock(putting);
       put_all(made);
