@@ -57,13 +57,13 @@ std::vector<Shape> distance_shapes(std::mt19937& random) {
     balls.push_back({{x, y, z}, radius(random)});
   }
   return {{"sphere", [](const Eigen::Vector3d& p) { return (p - Eigen::Vector3d(0.1, -0.2, 0.15)).norm() - 5; }},
-          {"plate", [](const Eigen::Vector3d& p) { return box_mm(p, {6, 5, 0.8}); }},
+          {"plate", [](const Eigen::Vector3d& p) { return box_mm(p, {6.03, 5.11, 0.83}); }},
           {"edge",
            [](const Eigen::Vector3d& p) {
              // of 90 degrees, whose planes lie along no axis
              const double a = p.dot(Eigen::Vector3d(0.6, 0.48, 0.64)), b = p.dot(Eigen::Vector3d(-0.8, 0.36, 0.48));
              return std::max({std::min(0.0, std::max(a, b)) + std::hypot(std::max(a, 0.0), std::max(b, 0.0)),
-                              box_mm(p, {7, 7, 7})});
+                              box_mm(p, {7.07, 6.91, 6.83})});
            }},
           {"balls", [balls](const Eigen::Vector3d& p) {
              double least = 1e3;
@@ -87,7 +87,7 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
       const SurfaceTree tree(surface);
       const SurfaceOracle oracle(*surface);
       ASSERT_GT(tree.pieces(), 0u);
-      for (int n = 0; n < 60; ++n) {
+      for (int n = 0; n < 30; ++n) {
         // far away, anywhere about it, and beside the surface
         Eigen::Vector3d x;
         std::uniform_int_distribution<std::size_t> any(0, oracle.places().size() - 1);
@@ -98,14 +98,14 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
         ASSERT_TRUE(found.has_value());
         const double truth_mm = oracle.distance_mm(Point<Patient>(x));
         worst_mm = std::max(worst_mm, std::abs(std::abs(found->distance_mm) - truth_mm));
-        EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kTolerance_mm) << x.transpose();
+        EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kTolerance_mm) << x.transpose() << ", found at " << found->place.eigen().transpose();
         EXPECT_EQ(found->distance_mm < 0, surface->distance_mm(Point<Patient>(x)) < 0) << x.transpose();
         EXPECT_NEAR((found->place - Point<Patient>(x)).norm(), std::abs(found->distance_mm), 1e-9);
-        EXPECT_NEAR(surface->distance_mm(found->place), 0, 0.005) << "the place lies on the surface";
+        EXPECT_NEAR(surface->distance_mm(found->place), 0, 0.002)
+            << "the place lies on the surface; " << x.transpose() << ", " << found->place.eigen().transpose();
       }
     }
   RecordProperty("worst_um", static_cast<int>(std::lround(1e3 * worst_mm)));
-  std::printf("worst %.4f mm\n", worst_mm);
 }
 
 TEST(Distances, OnMedialPlacesAreThoseOfTheNearerSide) {
@@ -216,7 +216,7 @@ Distances many_balls(int count, double reach_mm) {
   std::vector<TrackedStructure> structures;
   for (int n = 0; n < count; ++n) {
     const double turn = 2 * std::acos(-1.0) * n / count;
-    const Eigen::Vector3d centre(60 * std::cos(turn), 60 * std::sin(turn), 0);
+    const Eigen::Vector3d centre(30 * std::cos(turn), 30 * std::sin(turn), 0);
     GridGeometry grid = cube_grid(4, {0.5, 0.5, 0.5});
     grid.origin += Vector<Patient>(centre);
     structures.push_back(
@@ -232,7 +232,7 @@ TEST(Distances, ToldAreTheNearestInOrder) {
   const Distances distances = many_balls(60, 20);
   const std::vector<ToolSphere> point{{}};
   std::mt19937 random(test::test_seed());
-  std::uniform_real_distribution<double> any(-90, 90), up(-10, 10);
+  std::uniform_real_distribution<double> any(-60, 60), up(-10, 10);
   int full = 0, none = 0;
   for (int n = 0; n < 400; ++n) {
     const double z = up(random), y = any(random), x = any(random);
@@ -249,8 +249,10 @@ TEST(Distances, ToldAreTheNearestInOrder) {
         EXPECT_EQ(told[place].label, 0);
         continue;
       }
-      EXPECT_NEAR(told[place].distance_mm, all[place].first, 1e-9);
-      EXPECT_EQ(told[place].label, all[place].second);
+      // how far is looked decides what is found by no more than the slack
+      EXPECT_NEAR(told[place].distance_mm, all[place].first, 2 * SurfaceTree::kSlack_mm);
+      const std::size_t before = place > 0 ? place - 1 : 0;
+      EXPECT_GE(told[place].distance_mm, told[before].distance_mm);
     }
     full += told.back().label != 0;
     none += told.front().label == 0;

@@ -355,8 +355,8 @@ Eigen::Vector3d middle_of(const Disc& disc) {
 
 // back to the surface; whether it was found
 bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
-  constexpr double kNear_mm = 1e-3, kLongest_mm = 1;
-  constexpr int kSteps = 4;
+  constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
+  constexpr int kSteps = 5;
   for (int step = 0; step <= kSteps; ++step) {
     const PlaceOfField here = position.at(p);
     slope = here.slope;
@@ -370,33 +370,42 @@ bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient
   return false;
 }
 
-// From a place on the surface along it to where it is nearest to x; what it is farther than that, a
-// thousandth of a millimetre.
+// From a place on the surface along it to where it is nearest to x: along the tangent plane as far as x lies
+// aside, were the surface flat, and by what its last step told of its curvature where it is not.
 double slide_nearer(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
-  constexpr double kEnough_mm = 1e-3, kLeastStride = 0.05;
-  constexpr int kTries = 12;
+  constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
+  constexpr int kTries = 16;
   double best_mm = (x - p).norm();
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!settle_on(position, at, slope)) return best_mm;
-  double stride = 1;
-  for (int tries = 0; tries < kTries && stride >= kLeastStride; ++tries) {
-    const Vector<Patient> way = x - at;
-    const Vector<Patient> aside = way - slope * (way.dot(slope) / slope.squared_norm());
-    // what it would bring, were the surface flat
-    if (aside.squared_norm() <= 2 * kEnough_mm * std::max(best_mm, 0.5 * kEnough_mm)) break;
-    Point<Patient> next = at + aside * stride;
+  const auto aside_of = [&](const Point<Patient>& place, const Vector<Patient>& steepest) {
+    const Vector<Patient> way = x - place;
+    return way - steepest * (way.dot(steepest) / steepest.squared_norm());
+  };
+  double part = 1;
+  for (int tries = 0; tries < kTries; ++tries) {
+    const Vector<Patient> aside = aside_of(at, slope);
+    const double aside_mm = aside.norm(), step_mm = std::min(part * aside_mm, kLongest_mm);
+    if (!(aside_mm * step_mm > 2 * kEnough_mm * std::max(best_mm, kEnough_mm))) break;
+    const Vector<Patient> along = aside * (1 / aside_mm);
+    Point<Patient> next = at + along * step_mm;
     Vector<Patient> next_slope;
-    const bool found = settle_on(position, next, next_slope);
-    const double next_mm = (x - next).norm();
-    if (!found || !(next_mm < best_mm)) {
-      stride *= 0.4;
+    if (!settle_on(position, next, next_slope)) {
+      part *= 0.3;
       continue;
     }
-    best_mm = next_mm;
-    at = next;
-    slope = next_slope;
-    p = next;
+    const double gone_mm = aside_mm - aside_of(next, next_slope).dot(along);
+    const double told = gone_mm > 0 ? std::clamp(step_mm / gone_mm, 0.05 * part, 1.0) : 1.0;
+    const double next_mm = (x - next).norm();
+    if (next_mm < best_mm) {
+      best_mm = next_mm;
+      p = at = next;
+      slope = next_slope;
+      part = told;
+    } else {
+      part = std::min(told, 0.5 * part);
+    }
   }
   return best_mm;
 }
