@@ -51,7 +51,8 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
     ticks.push_back(now_ns() - begun);
     all_ns += static_cast<double>(ticks.back());
     sum_mm += told[0].distance_mm;
-    for (std::size_t s = 0; s < distances.structures().size(); ++s) near += distances.at_least_mm(s, place) <= kReach_mm;
+    for (std::size_t s = 0; s < distances.structures().size(); ++s)
+      near += distances.at_least_mm(s, box_of_tool(point, place)) <= kReach_mm;
   }
   std::size_t bytes = 0, pieces = 0;
   for (const TrackedStructure& structure : distances.structures()) {
@@ -61,11 +62,12 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
   const Costs costs = costs_of(ticks);
   const auto count = static_cast<double>(distances.structures().size());
   const double near_each = static_cast<double>(near) / static_cast<double>(places.size());
-  std::printf("%-12s %4.0f structures, %5.1f near: median %7.0f ns, p99 %7.0f, most %7.0f; %5.0f ns a near one; "
-              "%.0f pieces and %.2f MB each (%.1f)\n",
-              what, count, near_each, costs.median_ns, costs.p99_ns, costs.most_ns,
-              all_ns / std::max<double>(1, static_cast<double>(near)), static_cast<double>(pieces) / count,
-              static_cast<double>(bytes) / count / (1 << 20), sum_mm / static_cast<double>(places.size()));
+  std::printf(
+      "%-12s %4.0f structures, %5.1f near: median %7.0f ns, p99 %7.0f, most %7.0f; %5.0f ns a near one; "
+      "%.0f pieces and %.2f MB each (%.1f)\n",
+      what, count, near_each, costs.median_ns, costs.p99_ns, costs.most_ns,
+      all_ns / std::max<double>(1, static_cast<double>(near)), static_cast<double>(pieces) / count,
+      static_cast<double>(bytes) / count / (1 << 20), sum_mm / static_cast<double>(places.size()));
   json[what] = {{"structures", count},
                 {"near", near_each},
                 {"median_ns", costs.median_ns},
@@ -97,10 +99,11 @@ Distances crowd(std::size_t count) {
           volume.at(i, j, k) =
               static_cast<std::int16_t>(std::lround(std::clamp(mm, -kEdge_mm, kEdge_mm) / kSurfaceStep_mm));
         }
-    const SignedField field(volume, {kSurfaceStep_mm, 0, static_cast<std::int16_t>(kEdge_mm / kSurfaceStep_mm)});
-    structures.push_back({static_cast<LabelId>(n + 1),
-                          std::make_shared<const SurfaceTree>(std::make_shared<const Surface>(field, field, 1)),
-                          true});
+    const SignedField field(volume,
+                            {kSurfaceStep_mm, 0, static_cast<std::int16_t>(kEdge_mm / kSurfaceStep_mm)});
+    structures.push_back(
+        {static_cast<LabelId>(n + 1),
+         std::make_shared<const SurfaceTree>(std::make_shared<const Surface>(field, field, 1)), true});
   }
   return {std::move(structures), kReach_mm};
 }
@@ -148,19 +151,24 @@ void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& pla
   }
   std::sort(apart_mm.begin(), apart_mm.end());
   const Costs a = costs_of(ours), b = costs_of(theirs);
-  std::printf("one bone, anywhere: palpate median %.0f ns, p99 %.0f; VTK %.0f, %.0f (%lld triangles); apart by %.3f mm "
-              "in the median, %.3f at p99\n",
-              a.median_ns, a.p99_ns, b.median_ns, b.p99_ns,
-              static_cast<long long>(edges->GetOutput()->GetNumberOfCells()), apart_mm[apart_mm.size() / 2],
-              apart_mm[apart_mm.size() * 99 / 100]);
-  json["one_bone"] = {{"palpate_median_ns", a.median_ns}, {"palpate_p99_ns", a.p99_ns}, {"vtk_median_ns", b.median_ns},
+  std::printf(
+      "one bone, anywhere: palpate median %.0f ns, p99 %.0f; VTK %.0f, %.0f (%lld triangles); apart by %.3f "
+      "mm "
+      "in the median, %.3f at p99\n",
+      a.median_ns, a.p99_ns, b.median_ns, b.p99_ns,
+      static_cast<long long>(edges->GetOutput()->GetNumberOfCells()), apart_mm[apart_mm.size() / 2],
+      apart_mm[apart_mm.size() * 99 / 100]);
+  json["one_bone"] = {{"palpate_median_ns", a.median_ns},
+                      {"palpate_p99_ns", a.p99_ns},
+                      {"vtk_median_ns", b.median_ns},
                       {"vtk_p99_ns", b.p99_ns}};
 }
 
 int run(double spacing_mm, int count, const std::string& file) {
   nlohmann::json json;
   const Distances many = crowd(250);
-  measure("crowd", many, places_in(Eigen::Array3d::Constant(-150), Eigen::Array3d::Constant(150), count), json);
+  measure("crowd", many, places_in(Eigen::Array3d::Constant(-150), Eigen::Array3d::Constant(150), count),
+          json);
 
   const auto parameters = parse_phantom("knee-phantom:spacing=" + CLI::detail::to_string(spacing_mm));
   if (!parameters) return 3;

@@ -56,20 +56,25 @@ std::vector<Shape> distance_shapes(std::mt19937& random) {
     const double z = place(random), y = place(random), x = place(random);
     balls.push_back({{x, y, z}, radius(random)});
   }
-  return {{"sphere", [](const Eigen::Vector3d& p) { return (p - Eigen::Vector3d(0.1, -0.2, 0.15)).norm() - 5; }},
-          {"plate", [](const Eigen::Vector3d& p) { return box_mm(p, {6.03, 5.11, 0.83}); }},
-          {"edge",
-           [](const Eigen::Vector3d& p) {
-             // of 90 degrees, whose planes lie along no axis
-             const double a = p.dot(Eigen::Vector3d(0.6, 0.48, 0.64)), b = p.dot(Eigen::Vector3d(-0.8, 0.36, 0.48));
-             return std::max({std::min(0.0, std::max(a, b)) + std::hypot(std::max(a, 0.0), std::max(b, 0.0)),
-                              box_mm(p, {7.07, 6.91, 6.83})});
-           }},
-          {"balls", [balls](const Eigen::Vector3d& p) {
-             double least = 1e3;
-             for (const auto& [centre, r] : balls) least = std::min(least, (p - centre).norm() - r);
-             return least;
-           }}};
+  return {
+      {"sphere", [](const Eigen::Vector3d& p) { return (p - Eigen::Vector3d(0.1, -0.2, 0.15)).norm() - 5; }},
+      {"plate",
+       [](const Eigen::Vector3d& p) {
+         return box_mm(p, {6.03, 5.11, 0.83});
+       }},
+      {"edge",
+       [](const Eigen::Vector3d& p) {
+         // of 90 degrees, whose planes lie along no axis
+         const double a = p.dot(Eigen::Vector3d(0.6, 0.48, 0.64)),
+                      b = p.dot(Eigen::Vector3d(-0.8, 0.36, 0.48));
+         return std::max({std::min(0.0, std::max(a, b)) + std::hypot(std::max(a, 0.0), std::max(b, 0.0)),
+                          box_mm(p, {7.07, 6.91, 6.83})});
+       }},
+      {"balls", [balls](const Eigen::Vector3d& p) {
+         double least = 1e3;
+         for (const auto& [centre, r] : balls) least = std::min(least, (p - centre).norm() - r);
+         return least;
+       }}};
 }
 
 TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
@@ -98,7 +103,8 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
         ASSERT_TRUE(found.has_value());
         const double truth_mm = oracle.distance_mm(Point<Patient>(x));
         worst_mm = std::max(worst_mm, std::abs(std::abs(found->distance_mm) - truth_mm));
-        EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kTolerance_mm) << x.transpose() << ", found at " << found->place.eigen().transpose();
+        EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kTolerance_mm)
+            << x.transpose() << ", found at " << found->place.eigen().transpose();
         EXPECT_EQ(found->distance_mm < 0, surface->distance_mm(Point<Patient>(x)) < 0) << x.transpose();
         EXPECT_NEAR((found->place - Point<Patient>(x)).norm(), std::abs(found->distance_mm), 1e-9);
         EXPECT_NEAR(surface->distance_mm(found->place), 0, 0.002)
@@ -110,19 +116,20 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
 
 TEST(Distances, OnMedialPlacesAreThoseOfTheNearerSide) {
   // where an interpolated distance is cut off
-  const SurfaceTree plate(surface_of(cube_grid(9, {0.625, 0.625, 0.9}),
-                                     [](const Eigen::Vector3d& p) { return box_mm(p, {6, 5, 1.35}); }));
+  const SurfaceTree plate(surface_of(cube_grid(9, {0.625, 0.625, 0.9}), [](const Eigen::Vector3d& p) {
+    return box_mm(p, {6, 5, 1.35});
+  }));
   for (double x = -3; x <= 3; x += 0.17)
     EXPECT_NEAR(plate.nearest({x, 0.3 * x, 0.01})->distance_mm, -1.34, kTolerance_mm) << x;
   // from the middle of a ball everything is as near
-  const SurfaceTree ball(surface_of(cube_grid(14, {0.5, 0.5, 0.5}),
-                                    [](const Eigen::Vector3d& p) { return p.norm() - 12; }));
+  const SurfaceTree ball(
+      surface_of(cube_grid(14, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 12; }));
   EXPECT_NEAR(ball.nearest({0, 0, 0})->distance_mm, -12, kTolerance_mm);
 }
 
 TEST(Distances, EndWhereTheyAreAskedTo) {
-  const SurfaceTree ball(surface_of(cube_grid(9, {0.5, 0.5, 0.5}),
-                                    [](const Eigen::Vector3d& p) { return p.norm() - 5; }));
+  const SurfaceTree ball(
+      surface_of(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 5; }));
   EXPECT_FALSE(ball.nearest({10, 0, 0}, 4.9).has_value());
   EXPECT_NEAR(ball.nearest({10, 0, 0}, 5.1)->distance_mm, 5, kTolerance_mm);
   EXPECT_NEAR(ball.nearest({1, 0, 0}, 0.5)->distance_mm, -4, kTolerance_mm) << "inside there is no end";
@@ -137,13 +144,14 @@ TEST(Distances, GrowFastestAlongOutward) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const SurfaceTree ball(surface_of(cube_grid(9, {0.36, 0.36, 0.7}),
-                                    [](const Eigen::Vector3d& p) { return p.norm() - 5; }));
+  const SurfaceTree ball(
+      surface_of(cube_grid(9, {0.36, 0.36, 0.7}), [](const Eigen::Vector3d& p) { return p.norm() - 5; }));
   std::uniform_real_distribution<double> radius(4, 9);
   double worst = 1;
   for (int n = 0; n < 300; ++n) {
     const Vector<Patient> out = testing::random_direction(random);
-    const Point<Patient> x = Point<Patient>() + out * (n % 3 == 0 ? 5 + 0.01 * (n % 20 - 10) : radius(random));
+    const Point<Patient> x =
+        Point<Patient>() + out * (n % 3 == 0 ? 5 + 0.01 * (n % 20 - 10) : radius(random));
     const Vector<Patient> found = ball.outward(x, *ball.nearest(x));
     EXPECT_NEAR(found.norm(), 1, 1e-9);
     worst = std::min(worst, found.dot(out));
@@ -157,14 +165,16 @@ TEST(Distances, OfAnotherVersionAreThoseOfATreeMadeAnew) {
   const auto before = surface_of(grid, ball);
   // a dent in some of its bricks
   const SignedField dented = testing::sampled_distance(
-      grid, [&](const Eigen::Vector3d& p) { return std::max(ball(p), 3 - (p - Eigen::Vector3d(9, 0, 0)).norm()); }, 4);
+      grid,
+      [&](const Eigen::Vector3d& p) { return std::max(ball(p), 3 - (p - Eigen::Vector3d(9, 0, 0)).norm()); },
+      4);
   const auto& dims = grid.dims;
   PatchOf<std::int16_t> patch{{{dims[0] - 20, 10, 10}, {20, dims[1] - 20, dims[2] - 20}}, {}};
   for (int k = 0; k < patch.box.size[2]; ++k)
     for (int j = 0; j < patch.box.size[1]; ++j)
       for (int i = 0; i < patch.box.size[0]; ++i)
-        patch.values.push_back(dented.bricks().at(patch.box.first[0] + i, patch.box.first[1] + j,
-                                                  patch.box.first[2] + k));
+        patch.values.push_back(
+            dented.bricks().at(patch.box.first[0] + i, patch.box.first[1] + j, patch.box.first[2] + k));
   const auto after = std::make_shared<const Surface>(before->with(patch, {}, 1));
   ASSERT_NE(after->content_hash(), before->content_hash());
   const SurfaceTree old(before), followed = old.with(after), anew(after), back = followed.with(before);
@@ -186,8 +196,9 @@ TEST(Distances, OfAToolAreThoseOfItsNearestPart) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> part(-8, 8), length(-12, 12), radius(0.2, 1.5), off(-2, 2);
-  const auto surface = surface_of(cube_grid(9, {0.625, 0.625, 0.9}),
-                                  [](const Eigen::Vector3d& p) { return box_mm(p, {6, 5, 0.8}); });
+  const auto surface = surface_of(cube_grid(9, {0.625, 0.625, 0.9}), [](const Eigen::Vector3d& p) {
+    return box_mm(p, {6, 5, 0.8});
+  });
   const SurfaceTree tree(surface);
   for (int n = 0; n < 120; ++n) {
     const auto vector = [&](auto& of) {
@@ -203,8 +214,8 @@ TEST(Distances, OfAToolAreThoseOfItsNearestPart) {
     double truth_mm = tree.nearest(tip)->distance_mm - 0.5;
     for (int p = 0; p <= 400; ++p) {
       const double at = p / 400.0;
-      truth_mm = std::min(truth_mm, tree.nearest(tip + from + along * at)->distance_mm - first_mm -
-                                        (end_mm - first_mm) * at);
+      truth_mm = std::min(
+          truth_mm, tree.nearest(tip + from + along * at)->distance_mm - first_mm - (end_mm - first_mm) * at);
     }
     EXPECT_NEAR(found->distance_mm, truth_mm, kTolerance_mm) << n;
     EXPECT_NEAR(found->near.distance_mm - found->radius_mm, found->distance_mm, 1e-9);
@@ -219,11 +230,10 @@ Distances many_balls(int count, double reach_mm) {
     const Eigen::Vector3d centre(30 * std::cos(turn), 30 * std::sin(turn), 0);
     GridGeometry grid = cube_grid(4, {0.5, 0.5, 0.5});
     grid.origin += Vector<Patient>(centre);
-    structures.push_back(
-        {static_cast<LabelId>(n + 1),
-         std::make_shared<const SurfaceTree>(
-             surface_of(grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; })),
-         n % 10 != 3});
+    structures.push_back({static_cast<LabelId>(n + 1),
+                          std::make_shared<const SurfaceTree>(surface_of(
+                              grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; })),
+                          n % 10 != 3});
   }
   return {std::move(structures), reach_mm};
 }

@@ -13,8 +13,8 @@ namespace {
 /// A region that pushes.
 struct Push {
   int region = -1;
-  Vector<Patient> outward;      // unit
-  Vector<Patient> arm_mm;       // from the tip to where it pushes
+  Vector<Patient> outward;  // unit
+  Vector<Patient> arm_mm;   // from the tip to where it pushes
   double depth_mm = 0;
   double stiffness_N_per_mm = 0;  // that is felt of it alone
 };
@@ -74,15 +74,15 @@ MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
                      std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
   if (structure.tracked < 0) return {};
   const auto place = static_cast<std::size_t>(structure.tracked);
-  if (!(distances.at_least_mm(place, tip) <= within_mm + reach_of_tool(spheres))) return {};
+  if (!(distances.at_least_mm(place, box_of_tool(spheres, tip)) <= within_mm)) return {};
   const SurfaceTree& tree = *distances.structures()[place].tree;
   const auto near = distance_of_tool(tree, spheres, tip, within_mm);
   if (!near) return {};
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
 }
 
-MetRegion nearest_to(const NoGoRegion& region, const Distances& distances, std::span<const ToolSphere> spheres,
-                     const Point<Patient>& tip) {
+MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
+                     std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
   if (const auto* plane = std::get_if<NoGoPlane>(&region.place)) return nearest_to(*plane, spheres, tip);
   if (const auto* ball = std::get_if<NoGoSphere>(&region.place)) return nearest_to(*ball, spheres, tip);
   return nearest_to(*std::get_if<NoGoStructure>(&region.place), distances, spheres, tip, region.keep_away_mm);
@@ -93,9 +93,8 @@ class Pushes {
  public:
   void add(const Push& push) {
     const auto end = push_.begin() + static_cast<std::ptrdiff_t>(count_);
-    const auto place = std::upper_bound(push_.begin(), end, push, [](const Push& a, const Push& b) {
-      return a.depth_mm > b.depth_mm;
-    });
+    const auto place = std::upper_bound(push_.begin(), end, push,
+                                        [](const Push& a, const Push& b) { return a.depth_mm > b.depth_mm; });
     if (place == push_.end()) return;
     if (count_ < push_.size()) ++count_;
     const auto last = push_.begin() + static_cast<std::ptrdiff_t>(count_) - 1;
@@ -112,7 +111,8 @@ class Pushes {
 /// The springs of all regions behind the one that leads to the tip.
 class Envelope {
  public:
-  Envelope(std::span<const Push> pushes, double most_N_per_mm) : pushes_(pushes), most_N_per_mm_(most_N_per_mm) {
+  Envelope(std::span<const Push> pushes, double most_N_per_mm)
+      : pushes_(pushes), most_N_per_mm_(most_N_per_mm) {
     // in series with the one before it, a region's spring is felt as stiff as it is to be
     for (std::size_t n = 0; n < pushes_.size(); ++n) {
       const double felt = pushes_[n].stiffness_N_per_mm;
@@ -198,9 +198,12 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
                  "a model has at most " + std::to_string(kMostNoGo) + ": leave the others out");
   for (const NoGoRegion& region : regions) {
     const std::string name = "no-go region \"" + region.name + "\": ";
-    const auto is_in = [](double value, const auto& range) { return value >= range.min && value <= range.max; };
+    const auto is_in = [](double value, const auto& range) {
+      return value >= range.min && value <= range.max;
+    };
     if (!(region.keep_away_mm >= 0 && region.keep_away_mm <= kMostKeepAway_mm))
-      return wrong(name + "to keep away by " + std::to_string(region.keep_away_mm) + " mm", "give 0 to 20 mm");
+      return wrong(name + "to keep away by " + std::to_string(region.keep_away_mm) + " mm",
+                   "give 0 to 20 mm");
     if (!is_in(region.stiffness_N_per_mm, kNoGoStiffness_N_per_mm))
       return wrong(name + "a stiffness of " + std::to_string(region.stiffness_N_per_mm) + " N/mm",
                    "give 0.01 to 20 N/mm");
@@ -210,9 +213,9 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
                      "give a point, and a direction of length 1 towards where the tool may be");
     if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
       if (!ball->centre.all_finite() || !is_in(ball->radius_mm, kNoGoRadius_mm))
-        return wrong(name + "a sphere without a place, or with a radius of " + std::to_string(ball->radius_mm) +
-                         " mm",
-                     "give a centre, and a radius of 0.1 to 500 mm");
+        return wrong(
+            name + "a sphere without a place, or with a radius of " + std::to_string(ball->radius_mm) + " mm",
+            "give a centre, and a radius of 0.1 to 500 mm");
   }
   return {};
 }
@@ -231,9 +234,8 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
     const NoGoRegion& region = regions[r];
     const MetRegion near = nearest_to(region, distances, spheres, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
-    const double stiffness = capped
-                                 ? std::min(region.stiffness_N_per_mm, kMostOfIt * most_stiffness_N_per_mm)
-                                 : region.stiffness_N_per_mm;
+    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMostOfIt * most_stiffness_N_per_mm)
+                                    : region.stiffness_N_per_mm;
     pushes.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
                 region.keep_away_mm - near->distance_mm, stiffness});
   }

@@ -29,9 +29,10 @@ NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& t
 
 // a ball of 6 mm as a structure that nobody feels
 Distances ball_structure() {
-  const auto surface = felt_surface(cube_grid(9, {0.36, 0.36, 0.7}),
-                                    [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4)
-                           .surface;
+  const auto surface =
+      felt_surface(
+          cube_grid(9, {0.36, 0.36, 0.7}), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4)
+          .surface;
   return {{{7, std::make_shared<const SurfaceTree>(surface), false}}, 20};
 }
 

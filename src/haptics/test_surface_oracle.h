@@ -43,7 +43,8 @@ class SurfaceOracle {
   /// Not signed; infinite where there is no surface.
   double distance_mm(const Point<Patient>& x) const {
     double nearest2 = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& place : places_) nearest2 = std::min(nearest2, (place - x.eigen()).squaredNorm());
+    for (const Eigen::Vector3d& place : places_)
+      nearest2 = std::min(nearest2, (place - x.eigen()).squaredNorm());
     // a corner that is cut off may lie between the lines
     double best_mm = std::sqrt(nearest2);
     const double half_mm = 0.5 * voxels_.geometry().spacing_mm.norm();

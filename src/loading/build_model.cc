@@ -221,9 +221,8 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
     for (const LabelId id : ids[n]) {
       const auto segment =
           std::find_if(segments.begin(), segments.end(), [&](const Segment& s) { return s.id == id; });
-      const std::string structure = segment != segments.end() && !segment->name.empty()
-                                        ? segment->name
-                                        : "label " + std::to_string(id);
+      const std::string structure =
+          segment != segments.end() && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
       if (voxels[id] == 0)
         return wrong("has the structure " + structure + ", of which others leave no voxel",
                      "leave it out, or draw it where no structure that is felt more lies");

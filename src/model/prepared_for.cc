@@ -282,14 +282,16 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
   auto ready = with_methods(std::move(model), direct, progress);
   if (!ready) return ready;
-  if (proxy && !(*ready)->has(ForceMethod::kProxy)) ready = with_surfaces(*std::move(ready), preparing, progress);
+  if (proxy && !(*ready)->has(ForceMethod::kProxy))
+    ready = with_surfaces(*std::move(ready), preparing, progress);
   return ready ? with_distances(*std::move(ready), preparing, progress) : ready;
 }
 
 std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told) {
   std::vector<LabelId> tracked = told.structures;
   for (const NoGoRegion& region : no_go)
-    if (const auto* structure = std::get_if<NoGoStructure>(&region.place)) tracked.push_back(structure->label);
+    if (const auto* structure = std::get_if<NoGoStructure>(&region.place))
+      tracked.push_back(structure->label);
   std::sort(tracked.begin(), tracked.end());
   tracked.erase(std::unique(tracked.begin(), tracked.end()), tracked.end());
   return tracked;

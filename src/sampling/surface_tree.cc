@@ -58,7 +58,9 @@ struct PlaceOfField {
 class PositionReader {
  public:
   explicit PositionReader(const SignedField& field)
-      : field_(field), view_(field.bricks().view()), slope_map_(field.X_VoxelPatient().linear().transpose()) {}
+      : field_(field),
+        view_(field.bricks().view()),
+        slope_map_(field.X_VoxelPatient().linear().transpose()) {}
 
   PlaceOfField at(const Point<Patient>& x) const {
     const Point<Voxel> p = field_.X_VoxelPatient() * x;
@@ -76,8 +78,8 @@ class PositionReader {
     std::array<double, 8> corner_mm;
     for (std::size_t n = 0; n < 8; ++n)
       corner_mm[n] = field_.steps().offset +
-                     field_.steps().scale * voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow +
-                                                  (n >> 2) * TreeLayout::kSlice];
+                     field_.steps().scale *
+                         voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
     Eigen::Vector3d slope;
     const double value_mm = CellOfSurface(corner_mm).at(part, slope);
     return {value_mm, Vector<Patient>(slope_map_ * slope)};
@@ -107,14 +109,16 @@ class PieceMaker {
   void add(const std::int16_t* voxel, const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
     std::array<double, 8> corner_mm;
     for (std::size_t n = 0; n < 8; ++n)
-      corner_mm[n] = steps_.offset + steps_.scale * voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow +
-                                                          (n >> 2) * TreeLayout::kSlice];
+      corner_mm[n] =
+          steps_.offset +
+          steps_.scale * voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
     if (!is_crossed(corner_mm)) return;
     const CellOfSurface cell(corner_mm);
     const Eigen::Array3d size = parts_.cast<double>().inverse();
     for (int k = 0; k < parts_[2]; ++k)
       for (int j = 0; j < parts_[1]; ++j)
-        for (int i = 0; i < parts_[0]; ++i) add_piece(cell, Eigen::Array3d(i, j, k) * size, size, first, discs);
+        for (int i = 0; i < parts_[0]; ++i)
+          add_piece(cell, Eigen::Array3d(i, j, k) * size, size, first, discs);
   }
 
  private:
@@ -167,7 +171,8 @@ class PieceMaker {
   template <class Corner>
   std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& middle,
                                             const Eigen::Vector3d& slope, const Eigen::Vector3d& normal,
-                                            const Corner& corner, const std::array<double, 8>& corner_mm) const {
+                                            const Corner& corner,
+                                            const std::array<double, 8>& corner_mm) const {
     Eigen::Vector3d unused;
     const double here_mm = cell.at(middle, unused);
     double off_mm = 0, most_mm = 0;
@@ -236,8 +241,7 @@ struct Extent {
   double low, high, aside;
 };
 Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
-  const Eigen::Vector3d way =
-      Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
+  const Eigen::Vector3d way = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
   const double mm = way.dot(along);
   const double cosine =
       std::min(1.0, std::abs(along.dot(Eigen::Vector3d(disc.normal[0], disc.normal[1], disc.normal[2]))));
@@ -370,11 +374,12 @@ bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient
   return false;
 }
 
-// From a place on the surface along it to where it is nearest to x: along the tangent plane as far as x lies
-// aside, were the surface flat, and by what its last step told of its curvature where it is not.
+// From a place on the surface along it to where it is nearest to x, to some thousandths: along the tangent
+// plane as far as x lies aside, were the surface flat, and by what its last step told of its curvature where
+// it is not.
 double slide_nearer(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
   constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
-  constexpr int kTries = 16;
+  constexpr int kTries = 8;
   double best_mm = (x - p).norm();
   Point<Patient> at = p;
   Vector<Patient> slope;
@@ -399,10 +404,12 @@ double slide_nearer(const PositionReader& position, const Point<Patient>& x, Poi
     const double told = gone_mm > 0 ? std::clamp(step_mm / gone_mm, 0.05 * part, 1.0) : 1.0;
     const double next_mm = (x - next).norm();
     if (next_mm < best_mm) {
+      const bool enough = best_mm - next_mm < kEnough_mm;
       best_mm = next_mm;
       p = at = next;
       slope = next_slope;
       part = told;
+      if (enough) break;
     } else {
       part = std::min(told, 0.5 * part);
     }
@@ -442,8 +449,8 @@ void SurfaceTree::look_at_bricks(const SurfaceTree* before) {
   for (int c = 0; c < counts[2]; ++c)
     for (int b = 0; b < counts[1]; ++b)
       for (int a = 0; a < counts[0]; ++a, ++number) {
-        const bool known = before != nullptr && before->surface_->position().bricks().brick(number) ==
-                                                    bricks.brick(number);
+        const bool known =
+            before != nullptr && before->surface_->position().bricks().brick(number) == bricks.brick(number);
         if (!known) bricks_[number] = discs_of(position, make, number, {a, b, c});
         const auto& brick = bricks_[number];
         if (brick == nullptr) continue;
@@ -515,7 +522,7 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
 
 Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestPlace& near) const {
   // nearer than this the way from the surface is of the size of what it errs by
-  constexpr double kTelling_mm = 0.1;
+  constexpr double kTelling_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
   const Vector<Patient> way =
       near.distance_mm < 0 ? (near.place - x).normalized() : (x - near.place).normalized();

@@ -558,17 +558,17 @@ SceneKeys declared_keys() {
              .max = 31,
              .meaning = "The button that, while held, lets the hand move and the tip rest. Without it there "
                         "is no clutch."}}},
-      .limits = {
-          "[limits]",
-          "Besides what the device itself can give, and what `--max-force` says.",
-          {{.name = "max_force",
-            .type = kNumber,
-            .unit = "N",
-            .min = 0.1,
-            .max = 40,
-            .meaning = "The force is never larger. It can only lower the limit that device and user set: "
-                       "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
-                       "`premium-1.5`) and 3 N."}}},
+      .limits =
+          {"[limits]",
+           "Besides what the device itself can give, and what `--max-force` says.",
+           {{.name = "max_force",
+             .type = kNumber,
+             .unit = "N",
+             .min = 0.1,
+             .max = 40,
+             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
+                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
+                        "`premium-1.5`) and 3 N."}}},
       .distances =
           {"[distances]",
            "Of what the distances from the tool are told in every tick: from its outline to each structure's "
@@ -608,12 +608,7 @@ SceneKeys declared_keys() {
             .max = 1e6,
             .choices = {"superior", "inferior", "anterior", "posterior", "left", "right"},
             .meaning = "Of a plane: towards where the tool may be."},
-           {.name = "centre",
-            .type = kPoint,
-            .unit = "mm",
-            .min = -1e6,
-            .max = 1e6,
-            .meaning = "Of a ball."},
+           {.name = "centre", .type = kPoint, .unit = "mm", .min = -1e6, .max = 1e6, .meaning = "Of a ball."},
            {.name = "radius",
             .type = kNumber,
             .unit = "mm",
@@ -963,9 +958,9 @@ std::string did_you_mean(std::string_view text, const std::vector<std::string_vi
 std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding,
-                                 &keys.tool, &keys.capsule, &keys.workspace, &keys.limits,
-                                 &keys.distances, &keys.no_go})
+  for (const TableSpec* table :
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding, &keys.tool, &keys.capsule,
+        &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

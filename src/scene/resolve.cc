@@ -62,9 +62,8 @@ Error absent_label(const std::string& whose, const LabelReference& label, std::s
     for (const Segment& segment : labels.segments) names.push_back(segment.name);
     meant = did_you_mean(*name, names, "\"");
   }
-  return {ErrorKind::kBadInput,
-          whose + " has the label " + quoted(label) + ", which the label map lacks", std::move(where),
-          meant + known_labels(labels)};
+  return {ErrorKind::kBadInput, whose + " has the label " + quoted(label) + ", which the label map lacks",
+          std::move(where), meant + known_labels(labels)};
 }
 
 }  // namespace
@@ -80,7 +79,8 @@ Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, con
       const LabelReference& label = tissue.labels[n];
       const std::vector<LabelId>& ids = index.find(label);
       if (ids.empty() && !tissue.optional)
-        return absent_label("tissue \"" + tissue.name + "\"", label, scene.where(tissue.label_lines[n]), labels);
+        return absent_label("tissue \"" + tissue.name + "\"", label, scene.where(tissue.label_lines[n]),
+                            labels);
       for (const LabelId id : ids) {
         const auto [entry, fresh] = owner.emplace(id, &tissue);
         if (!fresh) {

@@ -93,7 +93,8 @@ TEST(ResolveNoGo, AStructureMayBeInSeveralRegionsAndHasToBeThere) {
                                  map);
   ASSERT_TRUE(ids.ok()) << ids.error().message();
   EXPECT_THAT(*ids, ElementsAre(ElementsAre(2, 5, 6), IsEmpty(), ElementsAre(2)));
-  const auto absent = resolve_no_go(scene_of(tissue + "[[no_go]]\nname = 'n'\nstructures = ['nerfe']\n"), map);
+  const auto absent =
+      resolve_no_go(scene_of(tissue + "[[no_go]]\nname = 'n'\nstructures = ['nerfe']\n"), map);
   ASSERT_FALSE(absent.ok());
   EXPECT_EQ(absent.error().where, "scene.toml:6");
   EXPECT_THAT(absent.error().what, HasSubstr("no-go region \"n\" has the label"));

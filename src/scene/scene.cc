@@ -408,7 +408,8 @@ void read_distances(const TableReader& reader, DistanceSettings& distances) {
 
 // one of the patient's directions by name, or a vector that is not zero
 Vector<Patient> unit_direction(const std::variant<std::string, Eigen::Vector3d>& direction) {
-  if (const auto* vector = std::get_if<Eigen::Vector3d>(&direction)) return Vector<Patient>(vector->normalized());
+  if (const auto* vector = std::get_if<Eigen::Vector3d>(&direction))
+    return Vector<Patient>(vector->normalized());
   const auto& name = std::get<std::string>(direction);
   const auto found = std::find_if(kPatientDirections.begin(), kPatientDirections.end(),
                                   [&](const auto& one) { return one.first == name; });

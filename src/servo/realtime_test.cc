@@ -126,11 +126,12 @@ Model crowded_model() {
   }
   // of all that have a surface of their own the distances are told, and some push
   std::vector<TrackedStructure> tracked;
-  for (std::size_t n = 0; n < model.surfaces.size(); ++n)
+  constexpr std::size_t kTracked = 40;
+  for (std::size_t n = 0; n < kTracked; ++n)
     if (model.surfaces[n].surface != nullptr)
       tracked.push_back({static_cast<LabelId>(n + 1),
                          std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
-  model.distances = {std::move(tracked), 20};
+  model.distances = {std::move(tracked), 30};
   model.no_go = {{"structure", NoGoStructure{1, 0}, 2, 1},
                  {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
                  {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
@@ -399,7 +400,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_GT(exercise.relaxed(), 100);
   EXPECT_GT(exercise.with_holes(), 100);
   EXPECT_GT(exercise.kept_away(), 1000);
-  EXPECT_GT(exercise.near_many(), 1000);
+  EXPECT_GT(exercise.near_many(), 100);
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {

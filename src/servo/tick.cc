@@ -11,7 +11,8 @@
 #include "servo/turning.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
-/// no-go regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
+/// no-go regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or
+/// throws.
 namespace palpate {
 namespace {
 

@@ -91,8 +91,8 @@ void keep_away(const TickContext& tick, const HandContext& context, ToolContact&
   contact.asked.force_N += force_N * lacks;
   contact.asked.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
   contact.stored_mJ += push.stored_mJ * lever;
-  contact.stiffness_N_per_mm = std::max(contact.stiffness_N_per_mm,
-                                        FeltStiffness(gains).at_device(push.stiffness_N_per_mm));
+  contact.stiffness_N_per_mm =
+      std::max(contact.stiffness_N_per_mm, FeltStiffness(gains).at_device(push.stiffness_N_per_mm));
   out.no_go_N = all_N * lacks;
 }
 

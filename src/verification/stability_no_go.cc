@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "palpate/device/workspace.h"
 #include "palpate/loading/loading.h"
@@ -16,7 +17,8 @@ namespace {
 
 constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt};
 // the force comes in while the hand rests before the border, and the tip rests for so long at the end
-constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2, kAlongBorder_mm = 8;
+constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
+                 kAlongBorder_mm = 8;
 constexpr double kMostPast_mm = 0.5;
 // of the most that a hand holds (push_out_of)
 constexpr double kOfHeld = 0.9;
@@ -65,6 +67,10 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
   parameters.device[0] = device_parameters(plant.info(), workspace);
   parameters.device[0].most_stiffness_N_per_mm = led.stiffness_N_per_mm;
   parameters.device[0].delay_s = led.delay_s;
+  parameters.max_force_N = led.device.peak_force_N;
+  // the labels' surface stands between two voxels
+  const auto& tracked = model.distances.structures();
+  const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
 
   // to where the region's spring and the hand's balance at the force
   const double hand_N_per_mm = led.hand.stiffness_N_per_m * 1e-3;
@@ -79,7 +85,8 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
 
   const double dt_s = 1 / led.rate_hz;
   const double way_s = (kStandOff_mm + depth_mm) / led.speed_mm_s;
-  const double slides_at_s = kInFirst_s + way_s + kLeant_s, rests_at_s = slides_at_s + (led.slides ? kAlongFor_s : 0);
+  const double slides_at_s = kInFirst_s + way_s + kLeant_s,
+               rests_at_s = slides_at_s + (led.slides ? kAlongFor_s : 0);
   const auto ticks = std::lround((rests_at_s + kAtRest_s) * led.rate_hz);
   const auto last = ticks - std::lround(led.rate_hz);
   SessionState state;
@@ -96,7 +103,8 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
     const double slid = led.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
     plant.intend(on_device(kStandOff_mm - gone_mm, slid * kAlongBorder_mm));
     plant.advance(mapping.to_device(sent), dt_s);
-    deepest_mm = std::max(deepest_mm, -height_mm());
+    deepest_mm = std::max(deepest_mm, border_mm - height_mm());
+    result.clamped = result.clamped || (record.device[0].flags & kFlagClamped) != 0;
     result.force_N = std::max(result.force_N, sent.force_N.norm());
     if (n < last) continue;
     const Eigen::Array3d tip = plant.true_tip().eigen().array();
@@ -114,7 +122,8 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
   for (const PlantDevice& device : known_plant_devices())
     for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
       const double delay_s = 1 / rate_hz;
-      progress.report("against no-go regions: " + device.name + " at " + short_number(rate_hz / 1000) + " kHz", 0);
+      progress.report(
+          "against no-go regions: " + device.name + " at " + short_number(rate_hz / 1000) + " kHz", 0);
       const auto held = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
       if (!held) return held.error();
       for (const NoGoPlace place : kNoGoPlaces) {
@@ -126,9 +135,11 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
           const double felt = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
           const HeldOff led = lead_against(
               **model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
-          const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name + "/" +
-                                   hand.name + "/" + loop_name(rate_hz, delay_s);
-          past.push_back({path + "/past", led.past_mm, "mm", 1, kMostPast_mm});
+          const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
+                                   "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
+          // what the device cannot give holds nobody
+          const auto limit_mm = led.clamped ? std::optional<double>() : kMostPast_mm;
+          past.push_back({path + "/past", led.past_mm, "mm", 1, limit_mm});
           swings.push_back({path + "/swing", 1e3 * led.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
         }
       }

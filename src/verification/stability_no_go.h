@@ -30,14 +30,15 @@ struct LedAgainst {
   double rate_hz = 1000, delay_s = 1e-3;
   double stiffness_N_per_mm = 1;  ///< that the hand feels: it caps the region's
   double speed_mm_s = 100;
-  double press_N = 1;  ///< that the hand bears at rest, besides the device's Coulomb friction
+  double press_N = 1;   ///< that the hand bears at rest, besides the device's Coulomb friction
   bool slides = false;  ///< it goes 8 mm along the border after a second, and comes to rest again
 };
 /// What became of it.
 struct HeldOff {
-  double past_mm = 0;   ///< the deepest that the true tip was behind the border, less force over stiffness
-  double force_N = 0;   ///< the most that was sent
-  double swing_mm = 0;  ///< peak to peak of the tip in the last second, at rest
+  double past_mm = 0;    ///< the deepest that the true tip was behind the border, less force over stiffness
+  double force_N = 0;    ///< the most that was sent
+  bool clamped = false;  ///< the device could not give all that was asked
+  double swing_mm = 0;   ///< peak to peak of the tip in the last second, at rest
 };
 /// Through the real tick. @param stiffness_N_per_mm  of the spring at the border, as it is felt
 HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness_N_per_mm);

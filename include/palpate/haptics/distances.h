@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -30,6 +32,13 @@ struct TrackedStructure {
   bool told = false;                        ///< its distance is told in every tick
 };
 
+/// Around all of a tool, by its least and greatest coordinates, mm in the patient.
+struct ToolBox {
+  Eigen::Array3d low, high;
+};
+/// @param spheres  the tool's, as the hand holds it
+ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip);
+
 /// The structures whose distances are known. A version is a value; with() shares what it does not change.
 class Distances {
  public:
@@ -42,19 +51,16 @@ class Distances {
 
   const std::vector<TrackedStructure>& structures() const { return structures_; }
   double reach_mm() const { return reach_mm_; }
-  /// No place of that structure is nearer to x; negative: x lies in its box, by which this is known.
-  double at_least_mm(std::size_t structure, const Point<Patient>& x) const {
+  /// No place of that structure is nearer to a tool in a box; 0: the boxes meet, by which this is known.
+  double at_least_mm(std::size_t structure, const ToolBox& tool) const {
     const Box& box = boxes_[structure];
     double beyond2 = 0;
-    bool within = true;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double at = x[static_cast<int>(axis)];
-      const double beyond = std::max(box[axis] - at, at - box[axis + 3]);
-      if (!(beyond > 0)) continue;
-      within = false;
+      const auto a = static_cast<Eigen::Index>(axis);
+      const double beyond = std::max({box[axis] - tool.high[a], tool.low[a] - box[axis + 3], 0.0});
       beyond2 += beyond * beyond;
     }
-    return within ? -1 : std::sqrt(beyond2);
+    return std::sqrt(beyond2);
   }
 
  private:
@@ -69,23 +75,20 @@ class Distances {
 
 /// Where a tool is nearest to a surface.
 struct ToolDistance {
-  double distance_mm = 0;     ///< from the tool's outline to the surface; below 0: the tool reaches into it
-  Point<Patient> centre;      ///< on the axis of the part that is nearest
-  double radius_mm = 0;       ///< of that part there
-  NearestPlace near;          ///< of the centre
+  double distance_mm = 0;  ///< from the tool's outline to the surface; below 0: the tool reaches into it
+  Point<Patient> centre;   ///< on the axis of the part that is nearest
+  double radius_mm = 0;    ///< of that part there
+  NearestPlace near;       ///< of the centre
 };
 /// The nearest of all parts of a tool; none where all of it is outside and farther than `within_mm`. Of a
-/// capsule's axis so many places are looked at that none is nearer by more than kAlongSlack_mm, but at most
-/// kMostAlong: distances differ by no more than the way between places does.
-/// Bounded work; allocates, locks and throws nothing.
+/// capsule's axis at most kMostAlong places are looked at: from both ends and the middle on to where it is
+/// nearest to what it is near to, then where it may be nearer by more than kAlongSlack_mm, as distances
+/// differ by no more than the way between places does. Bounded work; allocates, locks and throws nothing.
 /// @param spheres  the tool's, as the hand holds it
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
 inline constexpr double kAlongSlack_mm = 0.02;
-inline constexpr int kMostAlong = 24;
-
-/// How far a tool reaches from its tip, mm.
-double reach_of_tool(std::span<const ToolSphere> spheres);
+inline constexpr std::size_t kMostAlong = 16;
 
 /// A structure near a tool.
 struct NearStructure {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/distances.h"
+#include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
 #include "palpate/haptics/no_go.h"

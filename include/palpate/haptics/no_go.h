@@ -33,9 +33,7 @@ struct NoGoSphere {
 
 /// What a region's numbers may be.
 inline constexpr double kMostKeepAway_mm = 20;
-inline constexpr struct {
-  double min, max;
-} kNoGoStiffness_N_per_mm{0.01, 20}, kNoGoRadius_mm{0.1, 500};
+inline constexpr struct { double min, max; } kNoGoStiffness_N_per_mm{0.01, 20}, kNoGoRadius_mm{0.1, 500};
 
 struct NoGoRegion {
   std::string name;
@@ -51,12 +49,12 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions);
 
 /// What all regions together do to a tool.
 struct NoGoForce {
-  Vector<Patient> force_N;            ///< on the tip
-  Vector<Patient> torque_Nmm;         ///< about the tip
-  double stored_mJ = 0;               ///< energy that it holds, as a spring does
-  double stiffness_N_per_mm = 0;      ///< of the stiffest region that pushes; 0: none does
-  int region = -1;                    ///< the one that the tool is deepest in; -1: no region pushes
-  double depth_mm = 0;                ///< of that one: how far the tool's outline is within keep_away_mm
+  Vector<Patient> force_N;        ///< on the tip
+  Vector<Patient> torque_Nmm;     ///< about the tip
+  double stored_mJ = 0;           ///< energy that it holds, as a spring does
+  double stiffness_N_per_mm = 0;  ///< of the stiffest region that pushes; 0: none does
+  int region = -1;                ///< the one that the tool is deepest in; -1: no region pushes
+  double depth_mm = 0;            ///< of that one: how far the tool's outline is within keep_away_mm
 };
 
 /// One-sided springs: a tool that comes nearer to a region than it is to keep away is pushed out along the

@@ -60,8 +60,8 @@ class SurfaceTree {
 
   const std::shared_ptr<const Surface>& surface() const { return surface_; }
   /// The surface's nearest place; none where x is outside and farther than `within_mm`, where there is no
-  /// surface, and where x is not finite. Bounded: it looks at kMostNodes of the tree at most, and then has the
-  /// nearest of what it saw.
+  /// surface, and where x is not finite. Bounded: it looks at kMostNodes of the tree at most, and then has
+  /// the nearest of what it saw.
   std::optional<NearestPlace> nearest(const Point<Patient>& x,
                                       double within_mm = std::numeric_limits<double>::infinity()) const;
   /// Unit: along it the distance grows fastest at x. On the surface, where no way from it tells a direction,
@@ -76,8 +76,8 @@ class SurfaceTree {
   std::size_t bytes() const;
 
   static constexpr double kPiece_mm = 0.8;
-  static constexpr double kSlack_mm = 0.01;
-  static constexpr int kMostNodes = 1 << 14;
+  static constexpr double kSlack_mm = 0.02;
+  static constexpr int kMostNodes = 1 << 10;
 
  private:
   void look_at_bricks(const SurfaceTree* before);

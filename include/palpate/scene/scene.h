@@ -159,8 +159,8 @@ struct Scene {
   std::optional<double> max_force_N;
   DistanceSettings distances;
   std::vector<NoGoSettings> no_go;  ///< regions of all together at most kMostNoGo
-  std::filesystem::path folder;  ///< where the scene file stands
-  std::string source;            ///< its name, for errors
+  std::filesystem::path folder;     ///< where the scene file stands
+  std::string source;               ///< its name, for errors
   struct DataLines {
     int scan = 0, labels = 0, names = 0;
   } lines;  ///< where the data are named, for errors
@@ -220,8 +220,8 @@ std::array<double, 2> max_force_range_N();
 /// tissue is optional, and where it is claimed twice.
 Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels);
 
-/// The same of each [[no_go]] of structures, of the others none; a structure may be in several. Error with the
-/// line of the label where it is absent.
+/// The same of each [[no_go]] of structures, of the others none; a structure may be in several. Error with
+/// the line of the label where it is absent.
 Result<std::vector<std::vector<LabelId>>> resolve_no_go(const Scene& scene, const LabelMap& labels);
 
 /// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
