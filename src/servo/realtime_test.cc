@@ -124,15 +124,14 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
-  // of all that have a surface of their own the distances are told, and some push
+  // of some of the small ones distances are told, and some push
+  constexpr std::size_t kFirst = 3, kTracked = 20;
   std::vector<TrackedStructure> tracked;
-  constexpr std::size_t kTracked = 40;
-  for (std::size_t n = 0; n < kTracked; ++n)
-    if (model.surfaces[n].surface != nullptr)
-      tracked.push_back({static_cast<LabelId>(n + 1),
-                         std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
+  for (std::size_t n = kFirst; n < kFirst + kTracked; ++n)
+    tracked.push_back({static_cast<LabelId>(n + 1),
+                       std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
   model.distances = {std::move(tracked), 30};
-  model.no_go = {{"structure", NoGoStructure{1, 0}, 2, 1},
+  model.no_go = {{"structure", NoGoStructure{4, 0}, 2, 1},
                  {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
                  {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
   // the shell around the ball yields, and stays open where it was gone through
