@@ -128,8 +128,8 @@ Model crowded_model() {
   constexpr std::size_t kFirst = 3, kTracked = 20;
   std::vector<TrackedStructure> tracked;
   for (std::size_t n = kFirst; n < kFirst + kTracked; ++n)
-    tracked.push_back({static_cast<LabelId>(n + 1),
-                       std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
+    tracked.push_back(
+        {static_cast<LabelId>(n + 1), std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
   model.distances = {std::move(tracked), 30};
   model.no_go = {{"structure", NoGoStructure{4, 0}, 2, 1},
                  {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
