@@ -199,6 +199,54 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
   warn(text + " of " + newtons(wanted_N) + " (direct methods)");
 }
 
+// Regions of the scene, a structure each where they are of structures.
+// @param ids  of each [[no_go]] (resolve_no_go); empty: there is no label map
+Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
+                                         const std::vector<Segment>& segments,
+                                         const std::vector<std::size_t>& voxels) {
+  std::vector<NoGoRegion> regions;
+  for (std::size_t n = 0; n < scene.no_go.size(); ++n) {
+    const NoGoSettings& settings = scene.no_go[n];
+    const auto add = [&](const std::string& name, auto place) {
+      regions.push_back({name, place, settings.keep_away_mm, settings.stiffness_N_per_mm});
+    };
+    if (const auto* plane = std::get_if<NoGoPlane>(&settings.place)) add(settings.name, *plane);
+    if (const auto* ball = std::get_if<NoGoSphere>(&settings.place)) add(settings.name, *ball);
+    if (settings.structures.empty()) continue;
+    const auto wrong = [&](const std::string& what, std::string remedy) {
+      return Error{ErrorKind::kBadInput, "no-go region \"" + settings.name + "\" " + what,
+                   scene.where(settings.line), std::move(remedy)};
+    };
+    if (ids.empty()) return wrong("has structures, but there is no label map", "make it a plane or a ball");
+    for (const LabelId id : ids[n]) {
+      const auto segment =
+          std::find_if(segments.begin(), segments.end(), [&](const Segment& s) { return s.id == id; });
+      const std::string structure =
+          segment != segments.end() && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
+      if (voxels[id] == 0)
+        return wrong("has the structure " + structure + ", of which others leave no voxel",
+                     "leave it out, or draw it where no structure that is felt more lies");
+      add(ids[n].size() > 1 ? settings.name + ": " + structure : settings.name, NoGoStructure{id, -1});
+    }
+  }
+  if (auto fine = check_no_go(regions); !fine) return fine.error();
+  return regions;
+}
+
+ToldDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
+                                const std::vector<std::size_t>& voxels) {
+  ToldDistances told;
+  told.reach_mm = settings.reach_mm;
+  if (settings.structures == ToldStructures::kNone) return told;
+  for (std::size_t label = 1; label < voxels.size(); ++label) {
+    const int tissue = label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
+    const bool felt = tissue >= 0 && parts.tissues[static_cast<std::size_t>(tissue)].felt;
+    if (voxels[label] > 0 && (felt || settings.structures == ToldStructures::kAll))
+      told.structures.push_back(static_cast<LabelId>(label));
+  }
+  return told;
+}
+
 // what a model is made of, with its labels in bricks, and what its field is smoothed from
 struct ReadyParts {
   ModelParts parts;
@@ -248,7 +296,11 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   std::vector<std::uint8_t> weight_of_label(65536, 0);
   Volume<LabelId> flat;
+  std::vector<std::vector<LabelId>> no_go_ids;
   if (volumes.labels) {
+    auto kept_away = resolve_no_go(scene, *volumes.labels);
+    if (!kept_away) return kept_away.error();
+    no_go_ids = *std::move(kept_away);
     auto ids = resolve_labels(scene, *volumes.labels);
     if (!ids) return ids.error();
     for (std::size_t t = 0; t < ids->size(); ++t)
@@ -304,6 +356,11 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   take_colours_of_tissues(parts.segments, parts.tissue_of_label, said);
 
   parts.labels = label_bricks(flat);
+  const std::vector<std::size_t> voxels = label_counts(*parts.labels);
+  auto no_go = no_go_of(scene, no_go_ids, parts.segments, voxels);
+  if (!no_go) return no_go.error();
+  parts.no_go = *std::move(no_go);
+  parts.told_distances = told_distances_of(scene.distances, parts, voxels);
   return ready;
 }
 
@@ -403,7 +460,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   // surfaces take seconds and memory: who feels by the proxy has them made
   if (scene.force.method == ForceMethod::kProxy) return std::shared_ptr<const Model>(model);
-  auto ready = with_methods(model, {&scene.force.method, 1}, progress);
+  auto ready = prepared_for(model, {&scene.force.method, 1}, preparing, progress);
   if (!ready) return of_scene(ready.error());
   return ready;
 }

@@ -65,6 +65,28 @@ void hash_elastic(std::uint64_t& hash, const Model& model) {
   }
 }
 
+void hash_point(std::uint64_t& hash, const Eigen::Vector3d& at) {
+  for (int axis = 0; axis < 3; ++axis) hash_double(hash, at[axis]);
+}
+
+// in their order, by which telemetry numbers them
+void hash_no_go(std::uint64_t& hash, const std::vector<NoGoRegion>& regions) {
+  for (const NoGoRegion& region : regions) {
+    hash_word(hash, region.place.index());
+    if (const auto* structure = std::get_if<NoGoStructure>(&region.place)) hash_word(hash, structure->label);
+    if (const auto* plane = std::get_if<NoGoPlane>(&region.place)) {
+      hash_point(hash, plane->point.eigen());
+      hash_point(hash, plane->outward.eigen());
+    }
+    if (const auto* sphere = std::get_if<NoGoSphere>(&region.place)) {
+      hash_point(hash, sphere->centre.eigen());
+      hash_double(hash, sphere->radius_mm);
+    }
+    hash_double(hash, region.keep_away_mm);
+    hash_double(hash, region.stiffness_N_per_mm);
+  }
+}
+
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
   std::visit([&](const auto& voxels) { hash_voxels(hash, voxels); }, model.field->bricks());
@@ -100,6 +122,8 @@ std::uint64_t content_hash(const Model& model) {
     hash_double(hash, value);
   hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
   if (model.tissue_law != TissueLaw::kLayers) hash_elastic(hash, model);
+  // where there are none the hash is what it was before there could be any
+  hash_no_go(hash, model.no_go);
   return hash_finish(hash);
 }
 
@@ -222,6 +246,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   if (auto fine = check_elastic(parts); !fine) return fine.error();
   const auto times = relaxation_times_of(parts.tissues, parts.tissue_law);
   if (!times) return times.error();
+  if (auto fine = check_no_go(parts.no_go); !fine) return fine.error();
 
   auto model = std::make_shared<Model>();
   model->title = std::move(parts.title);
@@ -236,6 +261,8 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->relaxation_times = *times;
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;
+  model->no_go = std::move(parts.no_go);
+  model->told_distances = std::move(parts.told_distances);
   model->X_WorldPatient = supine_from_feet(grid);
   set_levels(*model);
 

@@ -9,6 +9,7 @@
 
 #include "model/surfaces_needed.h"
 #include "palpate/base/for_each_index.h"
+#include "palpate/model/make_model.h"
 #include "palpate/model/ramp_structures.h"
 
 namespace palpate {
@@ -189,6 +190,15 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   return bytes;
 }
 
+// pieces of a surface (SurfaceTree), which are twice as many nodes
+double tree_bytes(const Estimate& estimate, LabelId label) {
+  constexpr double kPiece_bytes = 72;
+  const Eigen::Array3d mm = estimate.grid().spacing_mm;
+  const Eigen::Array3d piece_mm = mm / (mm / SurfaceTree::kPiece_mm).ceil();
+  const double area_mm2 = std::pow(piece_mm.prod(), 2.0 / 3);
+  return kFacesPerSurface * estimate.body({label}, 0).surface_mm2 / area_mm2 * kPiece_bytes;
+}
+
 // one group after the other; the labels of what is made together are merged in bricks of their own
 SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vector<LabelId>>& groups,
                           double labels) {
@@ -242,13 +252,27 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   MemoryForecast forecast;
   forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));
   double surfaces = 0;
+  // what the tool's distances are measured to, of surfaces that the proxy does not have, and all their trees
+  std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.told_distances);
+  double trees = 0;
+  for (const LabelId label : tracked) trees += tree_bytes(estimate, label);
   if (proxy) {
     const auto groups = surfaces_needed(model, preparing, progress);
     if (!groups) return groups.error();
+    for (const auto& group : *groups)
+      if (group.size() == 1) std::erase(tracked, group.front());
     const SurfaceBytes bytes = bytes_of_all(estimate, *groups, labels);
     peak = std::max(peak, field + bytes.makes);
     surfaces = bytes.stays;
   }
+  if (!tracked.empty()) {
+    std::vector<std::vector<LabelId>> alone;
+    for (const LabelId label : tracked) alone.push_back({label});
+    const SurfaceBytes bytes = bytes_of_all(estimate, alone, labels);
+    peak = std::max(peak, field + surfaces + bytes.makes);
+    surfaces += bytes.stays;
+  }
+  surfaces += trees;
   forecast.labels = parts.labels->bytes();
   forecast.field = static_cast<std::uint64_t>(field);
   forecast.surfaces = static_cast<std::uint64_t>(surfaces);

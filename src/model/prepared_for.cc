@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "model/surfaces_needed.h"
@@ -280,8 +281,64 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
   auto ready = with_methods(std::move(model), direct, progress);
-  if (!ready || !proxy || (*ready)->has(ForceMethod::kProxy)) return ready;
-  return with_surfaces(*std::move(ready), preparing, progress);
+  if (!ready) return ready;
+  if (proxy && !(*ready)->has(ForceMethod::kProxy))
+    ready = with_surfaces(*std::move(ready), preparing, progress);
+  return ready ? with_distances(*std::move(ready), preparing, progress) : ready;
+}
+
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told) {
+  std::vector<LabelId> tracked = told.structures;
+  for (const NoGoRegion& region : no_go)
+    if (const auto* structure = std::get_if<NoGoStructure>(&region.place))
+      tracked.push_back(structure->label);
+  std::sort(tracked.begin(), tracked.end());
+  tracked.erase(std::unique(tracked.begin(), tracked.end()), tracked.end());
+  return tracked;
+}
+
+Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
+                                                    const Preparing& preparing, const Progress& progress) {
+  const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->told_distances);
+  if (tracked.empty() || !model->distances.structures().empty()) return model;
+  PALPATE_CHECK(model->carving == nullptr);
+
+  // the proxy's own surfaces where it leans on these, and others for what touches or is not felt
+  std::vector<std::shared_ptr<const Surface>> surfaces(tracked.size());
+  std::vector<std::vector<LabelId>> missing;
+  for (std::size_t n = 0; n < tracked.size(); ++n) {
+    const auto& felt = model->label_of_surface;
+    const auto place = std::lower_bound(felt.begin(), felt.end(), tracked[n]);
+    if (place != felt.end() && *place == tracked[n])
+      surfaces[n] = model->surfaces[static_cast<std::size_t>(place - felt.begin())].surface;
+    if (surfaces[n] == nullptr) missing.push_back({tracked[n]});
+  }
+  if (!missing.empty()) {
+    auto made = preparing.outer_surfaces(*model->labels, missing, {}, progress);
+    if (!made) return made.error();
+    auto next = made->begin();
+    for (auto& surface : surfaces)
+      if (surface == nullptr) surface = std::move(*next++);
+  }
+
+  std::vector<TrackedStructure> structures(tracked.size());
+  const auto count = static_cast<int>(tracked.size());
+  const bool done = for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+    if (progress.stopped()) return false;
+    const auto n = static_cast<std::size_t>(index);
+    const auto& told = model->told_distances.structures;
+    structures[n] = {tracked[n], std::make_shared<const SurfaceTree>(surfaces[n]),
+                     std::binary_search(told.begin(), told.end(), tracked[n])};
+    return true;
+  });
+  if (!done) return Progress::interrupted();
+  auto more = std::make_shared<Model>(*model);
+  more->distances = Distances(std::move(structures), model->told_distances.reach_mm);
+  for (NoGoRegion& region : more->no_go)
+    if (auto* structure = std::get_if<NoGoStructure>(&region.place))
+      structure->tracked = static_cast<int>(
+          std::lower_bound(tracked.begin(), tracked.end(), structure->label) - tracked.begin());
+  return std::shared_ptr<const Model>(std::move(more));
 }
 
 }  // namespace palpate

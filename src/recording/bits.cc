@@ -56,6 +56,8 @@ const char* name_of(TickFlag flag) {
       return "passivity";
     case kFlagTurnHeld:
       return "turn held";
+    case kFlagNoGo:
+      return "no-go region";
   }
   return nullptr;
 }

@@ -129,7 +129,9 @@ SceneKeys declared_keys() {
                  "What the second device holds instead: a table with the keys of `[tool]` and the "
                  "defaults that they have there. Without it that device holds the same as the others."},
             {.name = "workspace", .type = kTable, .meaning = "How the device's reach lies in the patient."},
-            {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."}}},
+            {.name = "limits", .type = kTable, .meaning = "What the hand is never given more of."},
+            {.name = "distances", .type = kTable, .meaning = "Of what the tool's distances are told."},
+            {.name = "no_go", .type = kTables, .meaning = "Regions that the tool is kept away from."}}},
       .data =
           {"[data]",
            "The files, relative to the scene file's folder or absolute. At least one of `scan` and `labels`.",
@@ -556,17 +558,78 @@ SceneKeys declared_keys() {
              .max = 31,
              .meaning = "The button that, while held, lets the hand move and the tip rest. Without it there "
                         "is no clutch."}}},
-      .limits = {
-          "[limits]",
-          "Besides what the device itself can give, and what `--max-force` says.",
-          {{.name = "max_force",
+      .limits =
+          {"[limits]",
+           "Besides what the device itself can give, and what `--max-force` says.",
+           {{.name = "max_force",
+             .type = kNumber,
+             .unit = "N",
+             .min = 0.1,
+             .max = 40,
+             .meaning = "The force is never larger. It can only lower the limit that device and user set: "
+                        "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
+                        "`premium-1.5`) and 3 N."}}},
+      .distances =
+          {"[distances]",
+           "Of what the distances from the tool are told in every tick: from its outline to each structure's "
+           "own surface, negative inside. Each takes memory as a felt structure does.",
+           {{.name = "structures",
+             .type = kChoice,
+             .default_text = "\"none\"",
+             .choices = {"none", "felt", "all"},
+             .meaning = "`felt`: of what is felt. `all`: of every structure of the label map."},
+            {.name = "reach",
+             .type = kNumber,
+             .default_text = "20",
+             .unit = "mm",
+             .min = 1,
+             .max = 50,
+             .meaning = "What is farther away is not told."}}},
+      .no_go = {
+          "[[no_go]]",
+          "A region that pushes the tool out, felt or not: structures, all that lies behind a plane, or a "
+          "ball. Places are of the patient, LPS.",
+          {{.name = "name", .type = kText, .meaning = "Shown where the tool is pushed. Has to be there."},
+           {.name = "structures",
+            .type = kLabels,
+            .min = 1,
+            .max = 65535,
+            .meaning = "Each is a region: by name exactly as the names have them, or by number. They need "
+                       "not belong to a tissue."},
+           {.name = "point",
+            .type = kPoint,
+            .unit = "mm",
+            .min = -1e6,
+            .max = 1e6,
+            .meaning = "Of a plane: a place on it."},
+           {.name = "outward",
+            .type = kDirection,
+            .min = -1e6,
+            .max = 1e6,
+            .choices = {"superior", "inferior", "anterior", "posterior", "left", "right"},
+            .meaning = "Of a plane: towards where the tool may be."},
+           {.name = "centre", .type = kPoint, .unit = "mm", .min = -1e6, .max = 1e6, .meaning = "Of a ball."},
+           {.name = "radius",
             .type = kNumber,
-            .unit = "N",
-            .min = 0.1,
-            .max = 40,
-            .meaning = "The force is never larger. It can only lower the limit that device and user set: "
-                       "without `--max-force` the lesser of the device's continuous rating (1.4 N for "
-                       "`premium-1.5`) and 3 N."}}}};
+            .unit = "mm",
+            .min = kNoGoRadius_mm.min,
+            .max = kNoGoRadius_mm.max,
+            .meaning = "Of a ball."},
+           {.name = "keep_away",
+            .type = kNumber,
+            .default_text = "1",
+            .unit = "mm",
+            .min = 0,
+            .max = kMostKeepAway_mm,
+            .meaning = "So far before the region the force begins, from the tool's outline."},
+           {.name = "stiffness",
+            .type = kNumber,
+            .default_text = "2",
+            .unit = "N/mm",
+            .min = kNoGoStiffness_N_per_mm.min,
+            .max = kNoGoStiffness_N_per_mm.max,
+            .meaning = "Force for each mm that the tool is nearer; no more than a hand holds with the "
+                       "device, as of a tissue."}}}};
 }
 
 SceneKeys with_second_tool(SceneKeys keys) {
@@ -905,8 +968,9 @@ std::string did_you_mean(std::string_view text, const std::vector<std::string_vi
 std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table : {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding,
-                                 &keys.tool, &keys.capsule, &keys.workspace, &keys.limits})
+  for (const TableSpec* table :
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding, &keys.tool, &keys.capsule,
+        &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

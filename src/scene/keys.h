@@ -51,7 +51,8 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, force, yielding, tool, capsule, workspace, limits;
+  TableSpec top, data, tissue, preparation, force, yielding, tool, capsule, workspace, limits, distances,
+      no_go;
   TableSpec second_tool = {}, second_capsule = {};  ///< with the keys of the first's
 };
 const SceneKeys& scene_key_tables();

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <map>
+#include <string>
+#include <utility>
 
 #include "palpate/scene/scene.h"
 #include "scene/keys.h"
@@ -51,18 +53,17 @@ std::string known_labels(const LabelMap& labels) {
   return list;
 }
 
-Error absent_label(const Scene& scene, const TissueSettings& tissue, std::size_t index,
+/// @param whose  "tissue \"bone\""
+Error absent_label(const std::string& whose, const LabelReference& label, std::string where,
                    const LabelMap& labels) {
-  const LabelReference& label = tissue.labels[index];
   std::string meant;
   if (const auto* name = std::get_if<std::string>(&label)) {
     std::vector<std::string_view> names;
     for (const Segment& segment : labels.segments) names.push_back(segment.name);
     meant = did_you_mean(*name, names, "\"");
   }
-  return {ErrorKind::kBadInput,
-          "tissue \"" + tissue.name + "\" has the label " + quoted(label) + ", which the label map lacks",
-          scene.where(tissue.label_lines[index]), meant + known_labels(labels)};
+  return {ErrorKind::kBadInput, whose + " has the label " + quoted(label) + ", which the label map lacks",
+          std::move(where), meant + known_labels(labels)};
 }
 
 }  // namespace
@@ -77,7 +78,9 @@ Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, con
     for (std::size_t n = 0; n < tissue.labels.size(); ++n) {
       const LabelReference& label = tissue.labels[n];
       const std::vector<LabelId>& ids = index.find(label);
-      if (ids.empty() && !tissue.optional) return absent_label(scene, tissue, n, labels);
+      if (ids.empty() && !tissue.optional)
+        return absent_label("tissue \"" + tissue.name + "\"", label, scene.where(tissue.label_lines[n]),
+                            labels);
       for (const LabelId id : ids) {
         const auto [entry, fresh] = owner.emplace(id, &tissue);
         if (!fresh) {
@@ -93,6 +96,26 @@ Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, con
     std::sort(ids_of_tissue[i].begin(), ids_of_tissue[i].end());
   }
   return ids_of_tissue;
+}
+
+Result<std::vector<std::vector<LabelId>>> resolve_no_go(const Scene& scene, const LabelMap& labels) {
+  std::vector<std::vector<LabelId>> ids_of_region(scene.no_go.size());
+  const Index index(labels);
+  for (std::size_t i = 0; i < scene.no_go.size(); ++i) {
+    const NoGoSettings& region = scene.no_go[i];
+    PALPATE_CHECK(region.structure_lines.size() == region.structures.size());
+    for (std::size_t n = 0; n < region.structures.size(); ++n) {
+      const std::vector<LabelId>& ids = index.find(region.structures[n]);
+      if (ids.empty())
+        return absent_label("no-go region \"" + region.name + "\"", region.structures[n],
+                            scene.where(region.structure_lines[n]), labels);
+      ids_of_region[i].insert(ids_of_region[i].end(), ids.begin(), ids.end());
+    }
+    std::sort(ids_of_region[i].begin(), ids_of_region[i].end());
+    ids_of_region[i].erase(std::unique(ids_of_region[i].begin(), ids_of_region[i].end()),
+                           ids_of_region[i].end());
+  }
+  return ids_of_region;
 }
 
 }  // namespace palpate

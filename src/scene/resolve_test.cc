@@ -84,5 +84,22 @@ TEST(ResolveLabels, ALabelClaimedTwiceIsAnError) {
   EXPECT_FALSE(resolve_labels(scene_of("[[tissue]]\nname = 'a'\nlabels = ['femur', 1]\n"), map).ok());
 }
 
+TEST(ResolveNoGo, AStructureMayBeInSeveralRegionsAndHasToBeThere) {
+  const LabelMap map = make_map({{1, "femur"}, {2, "tibia"}, {5, "nerve"}, {6, "nerve"}});
+  const std::string tissue = "[[tissue]]\nname = 'a'\nlabels = ['femur']\n";
+  const auto ids = resolve_no_go(scene_of(tissue + "[[no_go]]\nname = 'n'\nstructures = ['nerve', 2, 6]\n"
+                                                   "[[no_go]]\nname = 'b'\ncentre = [0, 0, 0]\nradius = 1\n"
+                                                   "[[no_go]]\nname = 't'\nstructures = [2]\n"),
+                                 map);
+  ASSERT_TRUE(ids.ok()) << ids.error().message();
+  EXPECT_THAT(*ids, ElementsAre(ElementsAre(2, 5, 6), IsEmpty(), ElementsAre(2)));
+  const auto absent =
+      resolve_no_go(scene_of(tissue + "[[no_go]]\nname = 'n'\nstructures = ['nerfe']\n"), map);
+  ASSERT_FALSE(absent.ok());
+  EXPECT_EQ(absent.error().where, "scene.toml:6");
+  EXPECT_THAT(absent.error().what, HasSubstr("no-go region \"n\" has the label"));
+  EXPECT_THAT(absent.error().remedy, HasSubstr("did you mean \"nerve\"?"));
+}
+
 }  // namespace
 }  // namespace palpate

@@ -398,6 +398,80 @@ void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
   if (const auto button = reader.whole("clutch_button")) workspace.clutch_button = static_cast<int>(*button);
 }
 
+void read_distances(const TableReader& reader, DistanceSettings& distances) {
+  if (const auto structures = reader.choice("structures"))
+    distances.structures = *structures == "felt"  ? ToldStructures::kFelt
+                           : *structures == "all" ? ToldStructures::kAll
+                                                  : ToldStructures::kNone;
+  distances.reach_mm = reader.number("reach").value_or(distances.reach_mm);
+}
+
+// one of the patient's directions by name, or a vector that is not zero
+Vector<Patient> unit_direction(const std::variant<std::string, Eigen::Vector3d>& direction) {
+  if (const auto* vector = std::get_if<Eigen::Vector3d>(&direction))
+    return Vector<Patient>(vector->normalized());
+  const auto& name = std::get<std::string>(direction);
+  const auto found = std::find_if(kPatientDirections.begin(), kPatientDirections.end(),
+                                  [&](const auto& one) { return one.first == name; });
+  PALPATE_CHECK(found != kPatientDirections.end());
+  return Vector<Patient>(found->second[0], found->second[1], found->second[2]);
+}
+
+NoGoSettings read_no_go(const TableReader& reader, Problems& problems) {
+  NoGoSettings region;
+  region.line = reader.line();
+  region.name = reader.text("name").value_or("");
+  if (!reader.has("name"))
+    problems.add_missing(reader.line(), "a no-go region without a name", "add: name = \"...\"");
+  const std::string named = "no-go region \"" + region.name + "\" ";
+  if (auto structures = reader.labels("structures")) {
+    region.structures = std::move(structures->references);
+    region.structure_lines = std::move(structures->lines);
+  }
+  region.keep_away_mm = reader.number("keep_away").value_or(region.keep_away_mm);
+  region.stiffness_N_per_mm = reader.number("stiffness").value_or(region.stiffness_N_per_mm);
+
+  // where it is
+  constexpr const char* kEither =
+      "a region is made of `structures`, or of a plane (`point` and `outward`), or of a ball (`centre` and "
+      "`radius`)";
+  const bool is_plane = reader.has("point") || reader.has("outward");
+  const bool is_ball = reader.has("centre") || reader.has("radius");
+  const int kinds = (reader.has("structures") ? 1 : 0) + (is_plane ? 1 : 0) + (is_ball ? 1 : 0);
+  if (kinds > 1) problems.add(reader.line(), named + "is more than one thing", kEither);
+  if (kinds == 0) problems.add_missing(reader.line(), named + "is nowhere", kEither);
+  const auto lacks = [&](const char* key, const char* remedy) {
+    if (!reader.has(key)) problems.add_missing(reader.line(), named + "has no `" + key + "`", remedy);
+  };
+  if (is_plane) {
+    lacks("point", "add: point = [x, y, z], in millimetres, LPS");
+    lacks("outward", "add: outward = \"superior\", or a vector, LPS");
+    const auto point = reader.point("point");
+    const auto outward = reader.direction("outward");
+    if (point && outward) region.place = NoGoPlane{Point<Patient>(*point), unit_direction(*outward)};
+  }
+  if (is_ball) {
+    lacks("centre", "add: centre = [x, y, z], in millimetres, LPS");
+    lacks("radius", "add: radius = 5, in millimetres");
+    const auto centre = reader.point("centre");
+    const auto radius_mm = reader.number("radius");
+    if (centre && radius_mm) region.place = NoGoSphere{Point<Patient>(*centre), *radius_mm};
+  }
+  return region;
+}
+
+void read_regions(const TableReader& top, Scene& scene, Problems& problems) {
+  const auto tables = top.tables("no_go");
+  if (tables.size() > kMostNoGo) {
+    problems.add(tables[kMostNoGo]->line,
+                 std::to_string(tables.size()) + " no-go regions, more than " + std::to_string(kMostNoGo),
+                 "leave some out");
+    return;
+  }
+  for (const TomlTable* table : tables)
+    scene.no_go.push_back(read_no_go(TableReader(table, scene_key_tables().no_go, problems), problems));
+}
+
 /// The index of a tissue by name, or -1.
 int index_of(const std::vector<TissueSettings>& tissues, const std::string& name) {
   for (std::size_t i = 0; i < tissues.size(); ++i) {
@@ -490,6 +564,11 @@ void check_volumes(const Scene& scene, int data_line, Problems& problems) {
       problems.add(tissue.line, "tissue \"" + tissue.name + "\" has labels, but the scene has no label map",
                    "add to [data]: labels = \"...\", or give the tissue a threshold");
   }
+  for (const NoGoSettings& region : scene.no_go)
+    if (!region.structures.empty() && !scene.labels)
+      problems.add(region.line,
+                   "no-go region \"" + region.name + "\" has structures, but the scene has no label map",
+                   "add to [data]: labels = \"...\", or make it a plane or a ball");
 }
 
 void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
@@ -578,6 +657,8 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");
+  read_distances(TableReader(top.table("distances"), keys.distances, problems), scene.distances);
+  read_regions(top, scene, problems);
   if (problems.any()) return problems.first();
 
   // what only the whole scene shows; the later checks need the names to be right

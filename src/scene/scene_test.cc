@@ -138,6 +138,30 @@ double default_of(const TableSpec& table, std::string_view key) {
   return std::stod(std::string(table.find(key)->default_text));
 }
 
+TEST(ParseScene, NoGoRegionsAreStructuresPlanesAndBalls) {
+  const auto scene = parse_scene(
+      "[[tissue]]\nname = 'a'\nlabels = [1]\n[distances]\nstructures = 'all'\nreach = 30\n"
+      "[[no_go]]\nname = 'nerve'\nstructures = ['facial nerve', 4]\n"
+      "[[no_go]]\nname = 'deep'\npoint = [1, 2, 3]\noutward = 'anterior'\nkeep_away = 0\nstiffness = 0.5\n"
+      "[[no_go]]\nname = 'ball'\ncentre = [0, -4, 0]\nradius = 2.5\n"
+      "[[no_go]]\nname = 'slant'\npoint = [0, 0, 0]\noutward = [3, 0, 4]\n",
+      "t");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->distances.structures, ToldStructures::kAll);
+  EXPECT_EQ(scene->distances.reach_mm, 30);
+  ASSERT_EQ(scene->no_go.size(), 4u);
+  EXPECT_EQ(scene->no_go[0].structures, (std::vector<LabelReference>{"facial nerve", 4}));
+  EXPECT_EQ(scene->no_go[0].keep_away_mm, 1);
+  EXPECT_EQ(scene->no_go[0].stiffness_N_per_mm, 2);
+  const auto& plane = std::get<NoGoPlane>(scene->no_go[1].place);
+  EXPECT_EQ(plane.point, Point<Patient>(1, 2, 3));
+  EXPECT_EQ(plane.outward, Vector<Patient>(0, -1, 0));
+  EXPECT_EQ(scene->no_go[1].keep_away_mm, 0);
+  EXPECT_EQ(scene->no_go[1].stiffness_N_per_mm, 0.5);
+  EXPECT_EQ(std::get<NoGoSphere>(scene->no_go[2].place).radius_mm, 2.5);
+  EXPECT_EQ(std::get<NoGoPlane>(scene->no_go[3].place).outward, Vector<Patient>(0.6, 0, 0.8));
+}
+
 TEST(ParseScene, AWidthBelongsToRamps) {
   const std::string tissue = "[[tissue]]\nname = 'a'\nlabels = [1]\n[preparation]\n";
   const auto ramps = parse_scene(tissue + "method = 'inward-ramp'\nramp_width = 2.5\n", "t");
@@ -554,6 +578,18 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "[data]\nlabels = 'l'\nscam = 's'\n", 6, "unknown key \"scam\" in [data]",
                  "did you mean scan?"},
         BadScene{TISSUE "[limits]\nmax_forse = 3\n", 5, "unknown key", "did you mean max_force?"},
+        BadScene{TISSUE "[[no_go]]\nstructures = [1]\n", 4, "a no-go region without a name", "add: name"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\n", 4, "no-go region \"n\" is nowhere", "a region is made of"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nradius = 2\n", 4, "is more than one thing",
+                 "a region is made of"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\npoint = [0,0,0]\n", 4, "has no `outward`", "superior"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\ncentre = [0,0,0]\n", 4, "has no `radius`", "add: radius"},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nkeep_away = 21\n", 7,
+                 "keep_away = 21 is outside 0 ... 20 mm", ""},
+        BadScene{TISSUE "[[no_go]]\nname = 'n'\nstructures = [1]\nstiffness = 0\n", 7,
+                 "stiffness = 0 is outside", ""},
+        BadScene{TISSUE "[distances]\nstructures = 'some'\n", 5, "structures", "felt"},
+        BadScene{TISSUE "[distances]\nreach = 51\n", 5, "reach = 51 is outside 1 ... 50 mm", ""},
         BadScene{TISSUE "[tool]\npoint = [[0,0,0]]\n", 5, "unknown key", "did you mean points?"},
         BadScene{TISSUE "[[tool.capsule]]\nform = [0,0,0]\nto = [0,0,1]\n", 5,
                  "unknown key \"form\" in [[tool.capsule]]", "did you mean from?"},

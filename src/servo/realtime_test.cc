@@ -124,6 +124,16 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
+  // of some of the small ones distances are told, and some push
+  constexpr std::size_t kFirst = 3, kTracked = 20;
+  std::vector<TrackedStructure> tracked;
+  for (std::size_t n = kFirst; n < kFirst + kTracked; ++n)
+    tracked.push_back(
+        {static_cast<LabelId>(n + 1), std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
+  model.distances = {std::move(tracked), 30};
+  model.no_go = {{"structure", NoGoStructure{4, 0}, 2, 1},
+                 {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
+                 {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
   // the shell around the ball yields, and stays open where it was gone through
   model.tissue_law = TissueLaw::kElastic;
   model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
@@ -171,6 +181,8 @@ class Exercise {
       if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
       if (state_.hands[0].proxy.relaxation.remembers()) ++relaxed_;
       if (!state_.holes.empty()) ++with_holes_;
+      if ((record_.device[0].flags & kFlagNoGo) != 0) ++kept_away_;
+      if (record_.device[0].near_label.back() != 0) ++near_many_;
     }
   }
   /// Ticks in which tissue that yields was pressed.
@@ -181,9 +193,12 @@ class Exercise {
   int law_changes() const { return law_changes_; }
   /// Ticks in which there is a hole that stayed open.
   int with_holes() const { return with_holes_; }
+  /// Ticks in which a no-go region pushed, and in which as many structures were near as are told.
+  int kept_away() const { return kept_away_; }
+  int near_many() const { return near_many_; }
 
  private:
-  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0;
+  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, kept_away_ = 0, near_many_ = 0;
   Model model_ = crowded_model();
   Parameters parameters_;
   SessionState state_;
@@ -383,6 +398,8 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_GT(exercise.law_changes(), 3);
   EXPECT_GT(exercise.relaxed(), 100);
   EXPECT_GT(exercise.with_holes(), 100);
+  EXPECT_GT(exercise.kept_away(), 1000);
+  EXPECT_GT(exercise.near_many(), 100);
 }
 
 TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {

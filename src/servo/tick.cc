@@ -11,7 +11,8 @@
 #include "servo/turning.h"
 
 /// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
-/// blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
+/// no-go regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or
+/// throws.
 namespace palpate {
 namespace {
 
@@ -205,6 +206,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
       const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
       hand.held_directly = pushes && !request.off && request.faults == 0;
     }
+    keep_away(tick, context, tool, out);
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, shared.changed || tool.let_go, tick.dt_s, hand);
     request.unclamped_N = request.asked.force_N.norm();

@@ -1,6 +1,10 @@
 #include "servo/tool_in_hand.h"
 
+#include <algorithm>
 #include <optional>
+
+#include "palpate/device/felt_stiffness.h"
+#include "palpate/haptics/no_go.h"
 
 namespace palpate {
 namespace {
@@ -55,6 +59,41 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
   if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
     contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
   return contact;
+}
+
+void keep_away(const TickContext& tick, const HandContext& context, ToolContact& contact, DeviceTick& out) {
+  const Model& model = tick.model;
+  if (model.no_go.empty() && model.distances.structures().empty()) return;
+  HeldTool held(tick, context);
+  if (const auto burr = burr_of(tick, context, {})) held.set_first(burr->head(0));
+
+  // what is near
+  const auto near = nearest_structures(model.distances, held.spheres(), context.tip);
+  for (std::size_t n = 0; n < near.size(); ++n) {
+    out.near_label[n] = near[n].label;
+    out.near_mm[n] = static_cast<float>(near[n].distance_mm);
+  }
+
+  // what pushes
+  const NoGoForce push = push_out_of(model.no_go, model.distances, held.spheres(), context.tip,
+                                     context.most_stiffness_N_per_mm());
+  if (push.region < 0) return;
+  out.flags |= kFlagNoGo;
+  out.no_go = static_cast<std::uint16_t>(push.region + 1);
+  out.no_go_depth_mm = push.depth_mm;
+  const DeviceParameters& gains = context.device;
+  const Vector<World> force_N = tick.X_WorldPatient * push.force_N * gains.force_gain;
+  const double all_N = force_N.norm();
+  if (!(all_N > 0)) return;
+  const double lent_N = std::max(0.0, contact.asked.force_N.dot(force_N) / all_N);
+  const double lacks = std::max(0.0, all_N - lent_N) / all_N;
+  const double lever = gains.force_gain / gains.scale;
+  contact.asked.force_N += force_N * lacks;
+  contact.asked.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
+  contact.stored_mJ += push.stored_mJ * lever;
+  contact.stiffness_N_per_mm =
+      std::max(contact.stiffness_N_per_mm, FeltStiffness(gains).at_device(push.stiffness_N_per_mm));
+  out.no_go_N = all_N * lacks;
 }
 
 }  // namespace palpate

@@ -27,4 +27,10 @@ struct MotorState {
 ToolContact advance_tool(const TickContext& tick, const HandContext& context, const ProxyChange& change,
                          const MotorState& motor, SessionState::Hand& hand);
 
+/// Pushes the tool out of the no-go regions, a burr with its whole head, beside what it leans on. Along the
+/// way out of the regions it pushes with what the contact lacks of their force and with no more: so the two
+/// together are never stiffer than the stiffer one, and the force has no step where one of them begins. Tells
+/// of it and of the structures that are near, in `out`.
+void keep_away(const TickContext& tick, const HandContext& context, ToolContact& contact, DeviceTick& out);
+
 }  // namespace palpate

@@ -75,7 +75,6 @@ Carving::Carving(const Model& model)
     : made_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
       tells_parts_(is_moving(model.tissue_law)) {
-  left_.surfaces.resize(model.surfaces.size());
   left_.labels = model.labels;
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.kept) kept_.push_back(structure.surface);
@@ -84,6 +83,20 @@ Carving::Carving(const Model& model)
     const std::size_t structure = felt.structure >= 0 ? static_cast<std::size_t>(felt.structure) : s;
     made_.push_back(model.surfaces[structure].kept ? nullptr : felt.surface);
   }
+  felt_ = made_.size();
+  // distances are to what is left
+  for (const TrackedStructure& tracked : model.distances.structures()) {
+    const auto& surface = tracked.tree->surface();
+    const auto end = made_.begin() + static_cast<std::ptrdiff_t>(felt_);
+    const auto same = std::find(made_.begin(), end, surface);
+    if (!is_cut_[tracked.label]) {
+      made_of_tracked_.push_back(-1);
+    } else {
+      made_of_tracked_.push_back(static_cast<int>(same != end ? same - made_.begin() : made_.size()));
+      if (same == end) made_.push_back(surface);
+    }
+  }
+  left_.surfaces.resize(made_.size());
 }
 
 std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
@@ -189,11 +202,12 @@ std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
 }
 
 std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
-  PALPATE_CHECK(felt.surfaces.size() == made_.size());
+  PALPATE_CHECK(felt.surfaces.size() == felt_ &&
+                felt.distances.structures().size() == made_of_tracked_.size());
   auto next = std::make_shared<Model>(felt);
   ++next->version;
   ++next->edits;
-  for (std::size_t s = 0; s < made_.size(); ++s) {
+  for (std::size_t s = 0; s < felt_; ++s) {
     if (made_[s] == nullptr) continue;
     FeltSurface& surface = next->surfaces[s];
     const CarvedSurface* const left = left_.surfaces[s].get();
@@ -201,6 +215,14 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
     surface.made = left != nullptr ? made_[s] : nullptr;
     surface.made_labels = left != nullptr ? made_labels_ : nullptr;
     surface.short_mm = left != nullptr ? left->short_mm() : 0;
+  }
+  for (std::size_t n = 0; n < made_of_tracked_.size(); ++n) {
+    if (made_of_tracked_[n] < 0) continue;
+    const auto s = static_cast<std::size_t>(made_of_tracked_[n]);
+    const CarvedSurface* const left = left_.surfaces[s].get();
+    const auto& surface = left != nullptr ? left->surface() : made_[s];
+    if (next->distances.structures()[n].tree->surface() != surface)
+      next->distances = next->distances.with(n, surface);
   }
   next->labels = left_.labels;
   next->carving = std::make_shared<const Carving>(*this);

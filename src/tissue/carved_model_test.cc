@@ -97,6 +97,38 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
     EXPECT_EQ(felt->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
 }
 
+TEST(CarvedModel, DistancesAreToWhatIsLeft) {
+  Model model = one_body();
+  // the bone by the surface that is leant on, and both by ones that nobody leans on
+  const auto own = [&](double radius_mm) {
+    const SignedField field = testing::sampled_distance(
+        model.labels->geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - radius_mm; }, 4);
+    return std::make_shared<const Surface>(field, field, testing::steepest_of(field));
+  };
+  const auto tree = [](const std::shared_ptr<const Surface>& surface) {
+    return std::make_shared<const SurfaceTree>(surface);
+  };
+  const double outer_mm = kBoneRadius_mm + kShell_mm;
+  model.distances = {{{kBone, tree(model.surfaces[0].surface), true},
+                      {kCartilage, tree(own(outer_mm)), true},
+                      {kFat, tree(own(22)), true}},
+                     20};
+  const auto at = [](const Model& felt, std::size_t structure, double z) {
+    return felt.distances.structures()[structure].tree->nearest({-6, 0, z})->distance_mm;
+  };
+  const auto none = std::make_shared<const Carving>(model);
+  const auto carving = none->with(groove(2, -6));
+  const auto cut = carving->taken_from(model);
+  // in the middle of the ball that cut, all around is gone by its radius
+  const double z = outer_mm;
+  EXPECT_NEAR(at(model, 1, z), std::hypot(6, z) - outer_mm, 0.05);
+  EXPECT_NEAR(at(*cut, 1, z), 2, 0.3);
+  EXPECT_GT(at(*cut, 0, z), at(model, 0, z) - 0.05) << "of the bone little is gone";
+  EXPECT_EQ(cut->distances.structures()[2].tree, model.distances.structures()[2].tree) << "not felt, not cut";
+  const auto back = carving->undone()->taken_from(*cut);
+  for (std::size_t s = 0; s < 3; ++s) EXPECT_EQ(at(*back, s, z), at(model, s, z)) << s;
+}
+
 // a model with the cuts of some strokes taken from it, all at once
 std::shared_ptr<const Model> cut_at_once(const Model& model, const std::vector<std::vector<Cut>>& strokes) {
   std::vector<Cut> cuts;

@@ -8,6 +8,7 @@
 #include "verification/stability_following.h"
 #include "verification/stability_grip.h"
 #include "verification/stability_names.h"
+#include "verification/stability_no_go.h"
 #include "verification/stability_theory.h"
 
 namespace palpate {
@@ -117,6 +118,9 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   const auto dropouts = dropout_figures(progress);
   if (!dropouts) return dropouts.error();
   report.figures.insert(report.figures.end(), dropouts->begin(), dropouts->end());
+  const auto no_go = no_go_figures(progress);
+  if (!no_go) return no_go.error();
+  report.figures.insert(report.figures.end(), no_go->begin(), no_go->end());
   const auto following = following_figures(progress);
   if (!following) return following.error();
   report.figures.insert(report.figures.end(), following->begin(), following->end());

@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {
+LabelMap flat_wall_labels() {
   // deep enough for a hand that leans on it, the face between two voxels
   constexpr double kSpacing_mm = 0.6;
   GridGeometry grid;
@@ -18,8 +18,11 @@ Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) labels.layers[0].at(i, j, k) = i < grid.dims[0] / 2 ? 1 : 0;
+  return labels;
+}
 
-  return one_bone(labels, {ForceMethod::kProxy}, progress);
+Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {
+  return one_bone(flat_wall_labels(), {ForceMethod::kProxy}, progress);
 }
 
 Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std::vector<ForceMethod>& methods,

@@ -12,6 +12,9 @@ namespace palpate {
 /// The patient's origin is on its surface, in the middle of the volume.
 Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress = {});
 
+/// Label 1 is that half.
+LabelMap flat_wall_labels();
+
 /// Label 1 as bone of 1 N/mm, which has the segment's name, ready for these methods.
 Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std::vector<ForceMethod>& methods,
                                               const Progress& progress);

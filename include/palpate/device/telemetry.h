@@ -15,6 +15,8 @@ inline constexpr int kMaxDevices = 4;
 inline constexpr int kMostTold = 6;
 /// Contacts that a tick tells of.
 inline constexpr int kMostContactsTold = 6;
+/// Structures near the tool that a tick tells of.
+inline constexpr std::size_t kMostNearTold = 8;
 
 /// What is not known is not a number.
 inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
@@ -43,6 +45,7 @@ enum TickFlag : std::uint32_t {
   kFlagRuptured = 1u << 19,        ///< the tool went through a surface
   kFlagPassivity = 1u << 20,       ///< damped, so that the hand gets no more energy than it has put in
   kFlagTurnHeld = 1u << 21,        ///< the object turned slower than it was told, so as not to push the hand
+  kFlagNoGo = 1u << 22,            ///< the tool is nearer to a no-go region than it is to keep away
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
@@ -148,6 +151,16 @@ struct DeviceTick {
   std::array<double, 3 * kMostContactsTold> contact_patient_mm{};
   std::array<double, kMostContactsTold> contact_N{};
   std::array<double, kMostTold> felt_depth_mm{}, felt_share{};
+  /// Structures near the tool, nearest first (nearest_structures): label, and distance from the tool's
+  /// outline to the structure's own surface, below 0 inside. Label 0: no more. With what follows in no
+  /// recording: a replay comes to the same.
+  std::array<std::uint16_t, kMostNearTold> near_label{};
+  std::array<float, kMostNearTold> near_mm{};
+  /// Of no-go regions (NoGoForce): the one that the tool is deepest in, by its place in the scene from 1, 0:
+  /// none; how deep in what is to keep away; and the force of all together at the device, beside what is
+  /// leant on and before the output stage.
+  std::uint16_t no_go = 0;
+  double no_go_depth_mm = 0, no_go_N = 0;
   std::uint32_t flags = 0;  ///< TickFlag bits
 };
 

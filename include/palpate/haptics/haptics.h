@@ -10,9 +10,11 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/haptics/distances.h"
 #include "palpate/haptics/elastic_constants.h"
 #include "palpate/haptics/feel.h"
 #include "palpate/haptics/force_field.h"
+#include "palpate/haptics/no_go.h"
 #include "palpate/haptics/proxy.h"
 #include "palpate/haptics/relaxation.h"
 #include "palpate/volume/bricks.h"
@@ -157,6 +159,12 @@ struct Model {
   /// Felt structures that a burr is to spare, with what they were before anything was taken away. Without a
   /// burr none.
   std::vector<ProtectedStructure> protected_structures;
+  /// Of what the tool's distances are to be told in every tick.
+  ToldDistances told_distances;
+  /// What the tool is to keep out of, at most kMostNoGo.
+  std::vector<NoGoRegion> no_go;
+  /// The structures of both. None: not prepared, or there are none.
+  Distances distances;
   /// What was taken from the surfaces (palpate/tissue/carving.h). null: nothing.
   std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;

@@ -30,6 +30,8 @@ struct ModelParts {
   double sigma_mm = 1;                        ///< of the smooth sphere, and of a smoothed field
   double max_force_N =
       std::numeric_limits<double>::infinity();  ///< infinite: none but the device's and user's
+  std::vector<NoGoRegion> no_go;                ///< Model::no_go
+  ToldDistances told_distances;                 ///< Model::told_distances
 
   // what the direct methods read: inward ramps, or a field that was made elsewhere
   std::optional<double> ramp_width_mm;  ///< empty: what ramp_width_mm() takes
@@ -48,18 +50,29 @@ struct MadeModel {
 /// Where nothing is felt its field is 0 everywhere.
 /// Errors: kBadInput for a ramp that does not suit the voxels, a burr less than two voxels across, an elastic
 /// constant out of its range (elastic_constants.h), a relaxation that none can have or more times of them
-/// than there is room for, cells of no size, and those of prepare_ramps; kInterrupted.
+/// than there is room for, cells of no size, a no-go region that none can be (check_no_go), and those of
+/// prepare_ramps; kInterrupted.
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing = {},
                              const Progress& progress = {});
 
 /// The same model, ready for these methods as well; itself where it already is. For the proxy felt structures
 /// that touch get one outer surface, and all others their own (palpate/surfaces/surfaces.h), which takes
 /// seconds; of those that touch, the ones with a puncture force and what lies beneath them have surfaces
-/// besides. What is added changes neither version nor content hash. Errors: those of with_methods and
-/// prepare_surfaces; more surfaces than the proxy takes; kInterrupted.
+/// besides. Structures whose distances the model asks for, or that are no-go regions, get a surface of their
+/// own and its tree, whatever the methods. What is added changes neither version nor content hash. Errors:
+/// those of with_methods and prepare_surfaces; more surfaces than the proxy takes; kInterrupted.
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
                                                   const Preparing& preparing = {},
                                                   const Progress& progress = {});
+
+/// The surfaces and trees alone that distances and no-go regions need; itself where it has them. Until then
+/// regions of structures push nobody. Nothing was cut. Errors: those of prepare_surfaces; kInterrupted.
+Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
+                                                    const Preparing& preparing = {},
+                                                    const Progress& progress = {});
+
+/// Every structure that distances and no-go regions need, ascending, each once.
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told);
 
 }  // namespace palpate

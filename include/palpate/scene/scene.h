@@ -122,6 +122,24 @@ struct YieldingSettings {
   bool relaxation = false;        ///< likewise: tissues have that of their presets
 };
 
+/// Of which structures distances are told.
+enum class ToldStructures : std::uint8_t { kNone, kFelt, kAll };
+struct DistanceSettings {
+  ToldStructures structures = ToldStructures::kNone;
+  double reach_mm = 20;
+};
+
+/// A [[no_go]]: of structures, or a plane, or a ball.
+struct NoGoSettings {
+  std::string name;
+  std::vector<LabelReference> structures;  ///< empty: `place` is given
+  std::vector<int> structure_lines;        ///< of each, for errors
+  std::variant<std::monostate, NoGoPlane, NoGoSphere> place;
+  double keep_away_mm = 1;
+  double stiffness_N_per_mm = 2;
+  int line = 0;  ///< of its header, for errors
+};
+
 struct Scene {
   std::string title;
   Side side = Side::kUnknown;
@@ -139,8 +157,10 @@ struct Scene {
   std::vector<Tool> tools{Tool()};  ///< Model::tools: [tool], then [second_tool] where the scene has it
   WorkspaceSettings workspace;      ///< of every device; no part of the model
   std::optional<double> max_force_N;
-  std::filesystem::path folder;  ///< where the scene file stands
-  std::string source;            ///< its name, for errors
+  DistanceSettings distances;
+  std::vector<NoGoSettings> no_go;  ///< regions of all together at most kMostNoGo
+  std::filesystem::path folder;     ///< where the scene file stands
+  std::string source;               ///< its name, for errors
   struct DataLines {
     int scan = 0, labels = 0, names = 0;
   } lines;  ///< where the data are named, for errors
@@ -199,6 +219,10 @@ std::array<double, 2> max_force_range_N();
 /// A name takes every segment so named. Error with the line of the label where it is absent, unless the
 /// tissue is optional, and where it is claimed twice.
 Result<std::vector<std::vector<LabelId>>> resolve_labels(const Scene& scene, const LabelMap& labels);
+
+/// The same of each [[no_go]] of structures, of the others none; a structure may be in several. Error with
+/// the line of the label where it is absent.
+Result<std::vector<std::vector<LabelId>>> resolve_no_go(const Scene& scene, const LabelMap& labels);
 
 /// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
 struct NewSceneInput {

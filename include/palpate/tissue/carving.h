@@ -126,8 +126,12 @@ class Carving {
   void take(std::span<const Cut> cuts);
   void take_parts(const Sweep& sweep);
 
-  // by surface; null: it is met by common ones, or nothing is taken from it
+  // by surface; null: it is met by common ones, or nothing is taken from it. Then those that distances are
+  // measured to and nobody leans on.
   std::vector<std::shared_ptr<const Surface>> made_;
+  std::size_t felt_ = 0;  // how many of them are surfaces of the model
+  std::vector<int>
+      made_of_tracked_;  // by structure of Model::distances, its place in made_; -1: it is not cut
   std::shared_ptr<const Bricks<LabelId>> made_labels_;
   std::vector<bool> is_cut_;  // by label
   bool tells_parts_ = false;

@@ -1,0 +1,144 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "palpate/sampling/surface.h"
+
+/// How far a surface is, looked up in double without a tree, for tests.
+namespace palpate::testing {
+
+/// The places where the trilinear interpolant of a surface's position is 0. Along a line that is parallel to
+/// an axis of the grid it is linear in every cell, so its places there are exact: at first on a few lines of
+/// every cell, then on many of the cells that can hold the nearest place, then where that line leads when it
+/// is moved.
+class SurfaceOracle {
+ public:
+  explicit SurfaceOracle(const Surface& surface)
+      : voxels_(surface.position().bricks().dense()),
+        steps_(surface.position().steps()),
+        X_PatientVoxel_(voxels_.geometry().X_PatientVoxel()) {
+    const auto& dims = voxels_.geometry().dims;
+    for (int k = -1; k < dims[2]; ++k)
+      for (int j = -1; j < dims[1]; ++j)
+        for (int i = -1; i < dims[0]; ++i) {
+          const Cell cell = cell_at(i, j, k);
+          if (!cell.is_crossed()) continue;
+          cells_.push_back(cell);
+          for_lines(kFewLines, [&](const Line& line) {
+            if (const auto t = cell.crossing(line)) places_.push_back(place_of(cell, line, *t));
+          });
+        }
+  }
+
+  bool empty() const { return cells_.empty(); }
+  /// Places on the surface.
+  const std::vector<Eigen::Vector3d>& places() const { return places_; }
+
+  /// Not signed; infinite where there is no surface.
+  double distance_mm(const Point<Patient>& x) const {
+    double nearest2 = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& place : places_)
+      nearest2 = std::min(nearest2, (place - x.eigen()).squaredNorm());
+    // a corner that is cut off may lie between the lines
+    double best_mm = std::sqrt(nearest2);
+    const double half_mm = 0.5 * voxels_.geometry().spacing_mm.norm();
+    for (const Cell& cell : cells_) {
+      const Eigen::Vector3d middle = cell.first + Eigen::Vector3d::Constant(0.5);
+      if (((X_PatientVoxel_ * Point<Voxel>(middle)).eigen() - x.eigen()).norm() - half_mm < best_mm)
+        look_closer(cell, x.eigen(), best_mm);
+    }
+    return best_mm;
+  }
+
+ private:
+  static constexpr int kFewLines = 6, kManyLines = 20;
+
+  // along an axis, at a place of the two others
+  struct Line {
+    std::size_t axis;
+    double u, v;
+  };
+  struct Cell {
+    Eigen::Vector3d first;
+    std::array<double, 8> mm;
+
+    bool is_crossed() const {
+      const auto inside = std::count_if(mm.begin(), mm.end(), [](double value) { return value < 0; });
+      return inside != 0 && inside != 8;
+    }
+    double at(const Eigen::Vector3d& p) const {
+      const auto row = [&](std::size_t n) { return std::lerp(mm[n], mm[n + 1], p[0]); };
+      return std::lerp(std::lerp(row(0), row(2), p[1]), std::lerp(row(4), row(6), p[1]), p[2]);
+    }
+    static Eigen::Vector3d on(const Line& line, double t) {
+      Eigen::Vector3d p;
+      p[static_cast<int>(line.axis)] = t;
+      p[static_cast<int>((line.axis + 1) % 3)] = line.u;
+      p[static_cast<int>((line.axis + 2) % 3)] = line.v;
+      return p;
+    }
+    std::optional<double> crossing(const Line& line) const {
+      const double a = at(on(line, 0)), b = at(on(line, 1));
+      if ((a < 0) == (b < 0)) return {};
+      return a / (a - b);
+    }
+  };
+
+  Cell cell_at(int i, int j, int k) const {
+    Cell cell{Eigen::Vector3d(i, j, k), {}};
+    for (int n = 0; n < 8; ++n)
+      cell.mm[static_cast<std::size_t>(n)] =
+          steps_.offset +
+          steps_.scale * voxels_.at_or(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2), steps_.outside);
+    return cell;
+  }
+  template <class Visit>
+  static void for_lines(int lines, const Visit& visit) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (int a = 0; a <= lines; ++a)
+        for (int b = 0; b <= lines; ++b)
+          visit(Line{axis, static_cast<double>(a) / lines, static_cast<double>(b) / lines});
+  }
+  Eigen::Vector3d place_of(const Cell& cell, const Line& line, double t) const {
+    return (X_PatientVoxel_ * Point<Voxel>(cell.first + Cell::on(line, t))).eigen();
+  }
+  void look_closer(const Cell& cell, const Eigen::Vector3d& x, double& best_mm) const {
+    const auto distance_on = [&](const Line& line) {
+      const auto t = cell.crossing(line);
+      return t ? (place_of(cell, line, *t) - x).norm() : std::numeric_limits<double>::infinity();
+    };
+    Line nearest{0, 0, 0};
+    double least_mm = std::numeric_limits<double>::infinity();
+    for_lines(kManyLines, [&](const Line& line) {
+      const double mm = distance_on(line);
+      if (mm < least_mm) nearest = line, least_mm = mm;
+    });
+    // the line is moved as long as that brings it nearer, by less and less
+    for (double step = 0.5 / kManyLines; step > 1e-4;) {
+      Line better = nearest;
+      for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+        const Line moved{nearest.axis, std::clamp(nearest.u + du * step, 0.0, 1.0),
+                         std::clamp(nearest.v + dv * step, 0.0, 1.0)};
+        const double mm = distance_on(moved);
+        if (mm < least_mm) better = moved, least_mm = mm;
+      }
+      if (better.u == nearest.u && better.v == nearest.v) step *= 0.5;
+      nearest = better;
+    }
+    best_mm = std::min(best_mm, least_mm);
+  }
+
+  Volume<std::int16_t> voxels_;
+  SignedSteps steps_;
+  Transform<Patient, Voxel> X_PatientVoxel_;
+  std::vector<Cell> cells_;
+  std::vector<Eigen::Vector3d> places_;
+};
+
+}  // namespace palpate::testing

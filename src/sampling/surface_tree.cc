@@ -1,0 +1,534 @@
+#include "palpate/sampling/surface_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <span>
+#include <utility>
+
+#include "palpate/base/check.h"
+
+namespace palpate {
+namespace {
+
+using internal::BrickOfDiscs;
+using internal::Disc;
+using internal::DiscNode;
+using TreeLayout = BrickLayout;
+
+/// The interpolant of one cell, in coordinates from 0 to 1 along each axis.
+class CellOfSurface {
+ public:
+  /// @param corner_mm  of bit 0 of the index along i, bit 1 along j, bit 2 along k
+  explicit CellOfSurface(const std::array<double, 8>& corner_mm) : corner_mm_(corner_mm) {}
+
+  /// mm, and its slope along each axis.
+  double at(const Eigen::Vector3d& p, Eigen::Vector3d& slope) const {
+    double rows[4], row_slopes[4];
+    for (int n = 0; n < 4; ++n) {
+      const double from = corner_mm_[static_cast<std::size_t>(2 * n)];
+      row_slopes[n] = corner_mm_[static_cast<std::size_t>(2 * n + 1)] - from;
+      rows[n] = from + p[0] * row_slopes[n];
+    }
+    const auto between = [](double from, double to, double part) { return from + part * (to - from); };
+    const double low = between(rows[0], rows[1], p[1]), high = between(rows[2], rows[3], p[1]);
+    slope[0] = between(between(row_slopes[0], row_slopes[1], p[1]),
+                       between(row_slopes[2], row_slopes[3], p[1]), p[2]);
+    slope[1] = between(rows[1] - rows[0], rows[3] - rows[2], p[2]);
+    slope[2] = high - low;
+    return between(low, high, p[2]);
+  }
+
+ private:
+  std::array<double, 8> corner_mm_;
+};
+
+bool is_crossed(const std::array<double, 8>& corner_mm) {
+  int inside = 0;
+  for (const double mm : corner_mm) inside += mm < 0 ? 1 : 0;
+  return inside != 0 && inside != 8;
+}
+
+/// What the position is at a place, and how it grows there: of the interpolant itself.
+struct PlaceOfField {
+  double value_mm;
+  Vector<Patient> slope;
+};
+
+class PositionReader {
+ public:
+  explicit PositionReader(const SignedField& field)
+      : field_(field),
+        view_(field.bricks().view()),
+        slope_map_(field.X_VoxelPatient().linear().transpose()) {}
+
+  PlaceOfField at(const Point<Patient>& x) const {
+    const Point<Voxel> p = field_.X_VoxelPatient() * x;
+    const auto& dims = field_.geometry().dims;
+    std::array<std::ptrdiff_t, 3> cell;
+    Eigen::Vector3d part;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      if (!(p[axis] >= -1 && p[axis] < dims[a])) return {field_.outside(), {}};
+      const double floor = std::floor(p[axis]);
+      cell[a] = static_cast<std::ptrdiff_t>(floor);
+      part[axis] = p[axis] - floor;
+    }
+    const std::int16_t* const voxel = view_.cell(cell[0], cell[1], cell[2]);
+    std::array<double, 8> corner_mm;
+    for (std::size_t n = 0; n < 8; ++n)
+      corner_mm[n] = field_.steps().offset +
+                     field_.steps().scale *
+                         voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
+    Eigen::Vector3d slope;
+    const double value_mm = CellOfSurface(corner_mm).at(part, slope);
+    return {value_mm, Vector<Patient>(slope_map_ * slope)};
+  }
+
+ private:
+  const SignedField& field_;
+  BrickView<std::int16_t> view_;
+  Eigen::Matrix3d slope_map_;
+};
+
+// ---- pieces of a brick
+
+/// Cuts cells into pieces, and makes each a disc.
+class PieceMaker {
+ public:
+  explicit PieceMaker(const SignedField& field)
+      : steps_(field.steps()),
+        X_PatientVoxel_(field.geometry().X_PatientVoxel()),
+        slope_map_(field.X_VoxelPatient().linear().transpose()) {
+    for (int axis = 0; axis < 3; ++axis)
+      parts_[axis] = std::max(
+          1, static_cast<int>(std::ceil(field.geometry().spacing_mm[axis] / SurfaceTree::kPiece_mm - 1e-9)));
+  }
+
+  /// @param voxel  the cell's first, in its brick
+  void add(const std::int16_t* voxel, const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
+    std::array<double, 8> corner_mm;
+    for (std::size_t n = 0; n < 8; ++n)
+      corner_mm[n] =
+          steps_.offset +
+          steps_.scale * voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
+    if (!is_crossed(corner_mm)) return;
+    const CellOfSurface cell(corner_mm);
+    const Eigen::Array3d size = parts_.cast<double>().inverse();
+    for (int k = 0; k < parts_[2]; ++k)
+      for (int j = 0; j < parts_[1]; ++j)
+        for (int i = 0; i < parts_[0]; ++i)
+          add_piece(cell, Eigen::Array3d(i, j, k) * size, size, first, discs);
+  }
+
+ private:
+  void add_piece(const CellOfSurface& cell, const Eigen::Array3d& low, const Eigen::Array3d& size,
+                 const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
+    std::array<double, 8> corner_mm;
+    Eigen::Vector3d slope;
+    const auto corner = [&](std::size_t n) -> Eigen::Vector3d {
+      const auto bits = static_cast<int>(n);
+      return low + Eigen::Array3i(bits & 1, bits >> 1 & 1, bits >> 2).cast<double>() * size;
+    };
+    for (std::size_t n = 0; n < 8; ++n) corner_mm[n] = cell.at(corner(n), slope);
+    if (!is_crossed(corner_mm)) return;
+
+    // along an edge the interpolant is a line, and no part of the surface misses all edges of a piece
+    std::array<Eigen::Vector3d, 12> crossing;
+    std::size_t count = 0;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (std::size_t n = 0; n < 8; ++n)
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::size_t other = n | std::size_t{1} << axis;
+        if (other == n || (corner_mm[n] < 0) == (corner_mm[other] < 0)) continue;
+        const double part = corner_mm[n] / (corner_mm[n] - corner_mm[other]);
+        crossing[count] = corner(n) + part * (corner(other) - corner(n));
+        mean += crossing[count++];
+      }
+    mean /= static_cast<double>(count);
+
+    const Eigen::Vector3d middle = on_surface(cell, mean, low, size, std::span(crossing).first(count));
+    cell.at(middle, slope);
+    Eigen::Vector3d normal = (slope_map_ * slope).normalized();
+    if (!(normal.norm() > 0.5)) normal = Eigen::Vector3d::UnitX();
+    const auto& X = X_PatientVoxel_.linear();
+    const Eigen::Vector3d at_mm = X * (first + middle) + X_PatientVoxel_.translation();
+    const auto [half_mm, radius_mm] = extent_of_piece(cell, middle, slope, normal, corner, corner_mm);
+    constexpr double kRounding_mm = 2e-4;
+    Disc disc;
+    for (int axis = 0; axis < 3; ++axis) {
+      disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(at_mm[axis]);
+      disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
+    }
+    disc.half_mm = static_cast<float>(half_mm + kRounding_mm);
+    disc.radius_mm = static_cast<float>(radius_mm + kRounding_mm);
+    discs.push_back(disc);
+  }
+
+  // How far the surface reaches in a piece, along the normal of a place of it and across: what is off the
+  // plane there is trilinear, too, and greatest at a corner, so that the surface lies between two planes. Of
+  // what the piece has between them the farthest across lies on one of its edges.
+  template <class Corner>
+  std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& middle,
+                                            const Eigen::Vector3d& slope, const Eigen::Vector3d& normal,
+                                            const Corner& corner,
+                                            const std::array<double, 8>& corner_mm) const {
+    Eigen::Vector3d unused;
+    const double here_mm = cell.at(middle, unused);
+    double off_mm = 0, most_mm = 0;
+    std::array<Eigen::Vector3d, 8> way;
+    std::array<double, 8> along;
+    for (std::size_t n = 0; n < 8; ++n) {
+      off_mm = std::max(off_mm, std::abs(corner_mm[n] - here_mm - slope.dot(corner(n) - middle)));
+      way[n] = X_PatientVoxel_.linear() * (corner(n) - middle);
+      along[n] = normal.dot(way[n]);
+      most_mm = std::max(most_mm, std::abs(along[n]));
+    }
+    const double steep = (slope_map_ * slope).norm();
+    const double half_mm = std::min(most_mm, steep > 0 ? (off_mm + std::abs(here_mm)) / steep : most_mm);
+    double radius_mm = 0;
+    for (std::size_t n = 0; n < 8; ++n)
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::size_t other = n | std::size_t{1} << axis;
+        if (other == n) continue;
+        // the part of the edge that lies between the planes
+        const double rise = along[other] - along[n];
+        double from = 0, to = 1;
+        if (rise != 0) {
+          const double a = (-half_mm - along[n]) / rise, b = (half_mm - along[n]) / rise;
+          from = std::clamp(std::min(a, b), 0.0, 1.0);
+          to = std::clamp(std::max(a, b), 0.0, 1.0);
+        }
+        for (const double part : {from, to}) {
+          const Eigen::Vector3d at = way[n] + part * (way[other] - way[n]);
+          const double above_mm = normal.dot(at);
+          if (std::abs(above_mm) <= half_mm + 1e-9)
+            radius_mm = std::max(radius_mm, (at - normal * above_mm).norm());
+        }
+      }
+    return {half_mm, radius_mm};
+  }
+
+  // by Newton's method from the middle of the crossings; one of these where that leads out of the piece
+  static Eigen::Vector3d on_surface(const CellOfSurface& cell, const Eigen::Vector3d& from,
+                                    const Eigen::Array3d& low, const Eigen::Array3d& size,
+                                    std::span<const Eigen::Vector3d> crossings) {
+    constexpr double kNear_mm = 1e-6;
+    constexpr int kSteps = 6;
+    Eigen::Vector3d p = from, slope;
+    for (int step = 0; step < kSteps; ++step) {
+      const double value_mm = cell.at(p, slope);
+      if (std::abs(value_mm) <= kNear_mm) return p;
+      p -= slope * (value_mm / slope.squaredNorm());
+      const Eigen::Array3d inside = (p.array() - low) / size;
+      if (!((inside >= 0).all() && (inside <= 1).all())) break;
+    }
+    return *std::min_element(crossings.begin(), crossings.end(), [&](const auto& a, const auto& b) {
+      return (a - from).squaredNorm() < (b - from).squaredNorm();
+    });
+  }
+
+  SignedSteps steps_;
+  Transform<Patient, Voxel> X_PatientVoxel_;
+  Eigen::Matrix3d slope_map_;
+  Eigen::Array3i parts_;
+};
+
+// ---- the tree
+
+/// Around a disc, seen along a direction: how far it reaches along and across it.
+struct Extent {
+  double low, high, aside;
+};
+Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
+  const Eigen::Vector3d way = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
+  const double mm = way.dot(along);
+  const double cosine =
+      std::min(1.0, std::abs(along.dot(Eigen::Vector3d(disc.normal[0], disc.normal[1], disc.normal[2]))));
+  const double sine = std::sqrt(1 - cosine * cosine);
+  const double reach = disc.half_mm * cosine + disc.radius_mm * sine;
+  return {mm - reach, mm + reach, (way - along * mm).norm() + disc.half_mm * sine + disc.radius_mm};
+}
+
+Disc around(std::span<const DiscNode> leaves) {
+  Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  for (const DiscNode& leaf : leaves) {
+    const Eigen::Array3f at(leaf.disc.middle[0], leaf.disc.middle[1], leaf.disc.middle[2]);
+    low = low.min(at);
+    high = high.max(at);
+    normal += Eigen::Vector3d(leaf.disc.normal[0], leaf.disc.normal[1], leaf.disc.normal[2]);
+  }
+  normal.normalize();
+  if (!(normal.norm() > 0.5)) normal = Eigen::Vector3d::UnitX();
+  Eigen::Vector3d middle = (0.5f * (low + high)).matrix().cast<double>();
+  double least = std::numeric_limits<double>::infinity(), most = -least, aside = 0;
+  for (const DiscNode& leaf : leaves) {
+    const Extent extent = extent_of(leaf.disc, middle, normal);
+    least = std::min(least, extent.low);
+    most = std::max(most, extent.high);
+    aside = std::max(aside, extent.aside);
+  }
+  middle += normal * (0.5 * (least + most));
+  constexpr double kRounding_mm = 2e-4;
+  Disc disc;
+  for (int axis = 0; axis < 3; ++axis) {
+    disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(middle[axis]);
+    disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
+  }
+  disc.half_mm = static_cast<float>(0.5 * (most - least) + kRounding_mm);
+  disc.radius_mm = static_cast<float>(aside + kRounding_mm);
+  return disc;
+}
+
+// halves, along the axis that they are spread out along most, until one is left
+void grow(std::span<DiscNode> leaves, std::size_t at, std::vector<DiscNode>& nodes) {
+  if (leaves.size() == 1) {
+    nodes[at] = leaves.front();
+    return;
+  }
+  Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
+  for (const DiscNode& leaf : leaves) {
+    const Eigen::Array3f middle(leaf.disc.middle[0], leaf.disc.middle[1], leaf.disc.middle[2]);
+    low = low.min(middle);
+    high = high.max(middle);
+  }
+  Eigen::Index widest;
+  (high - low).maxCoeff(&widest);
+  const auto axis = static_cast<std::size_t>(widest);
+  std::stable_sort(leaves.begin(), leaves.end(), [&](const DiscNode& a, const DiscNode& b) {
+    return a.disc.middle[axis] < b.disc.middle[axis];
+  });
+  const std::size_t children = nodes.size(), half = leaves.size() / 2;
+  nodes[at] = {around(leaves), static_cast<std::int32_t>(children)};
+  nodes.resize(children + 2);
+  grow(leaves.first(half), children, nodes);
+  grow(leaves.subspan(half), children + 1, nodes);
+}
+
+std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
+  std::vector<DiscNode> nodes;
+  if (leaves.empty()) return nodes;
+  nodes.reserve(2 * leaves.size() - 1);
+  nodes.resize(1);
+  grow(leaves, 0, nodes);
+  return nodes;
+}
+
+std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const PieceMaker& make,
+                                             std::size_t number, const std::array<int, 3>& brick) {
+  const Bricks<std::int16_t>& bricks = field.bricks();
+  if (bricks.is_uniform(number)) return nullptr;
+  const std::int16_t* const voxels = bricks.brick(number);
+  std::array<int, 3> low, begin, end;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    low[axis] = brick[axis] * TreeLayout::kCells - TreeLayout::kBorder;
+    // from the cell before the grid's first voxel to the one behind its last
+    begin[axis] = std::max(0, -1 - low[axis]);
+    end[axis] = std::min(TreeLayout::kCells, bricks.geometry().dims[axis] - low[axis]);
+  }
+  std::vector<Disc> discs;
+  for (int k = begin[2]; k < end[2]; ++k)
+    for (int j = begin[1]; j < end[1]; ++j)
+      for (int i = begin[0]; i < end[0]; ++i)
+        make.add(voxels + (TreeLayout::kBefore + i) + (TreeLayout::kBefore + j) * TreeLayout::kRow +
+                     (TreeLayout::kBefore + k) * TreeLayout::kSlice,
+                 Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), discs);
+  if (discs.empty()) return nullptr;
+  std::vector<DiscNode> leaves;
+  leaves.reserve(discs.size());
+  for (const Disc& disc : discs) leaves.push_back({disc, -1});
+  return std::make_shared<const BrickOfDiscs>(BrickOfDiscs{tree_of(std::move(leaves))});
+}
+
+// ---- queries
+
+// no place in a disc is nearer
+double least_mm(const Disc& disc, const Eigen::Vector3d& x) {
+  const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
+  const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
+  const double aside2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
+  const double above = std::max(0.0, std::abs(along) - disc.half_mm);
+  const double beside = std::sqrt(std::max(0.0, aside2)) - disc.radius_mm;
+  return beside > 0 ? std::sqrt(above * above + beside * beside) : above;
+}
+
+Eigen::Vector3d middle_of(const Disc& disc) {
+  return {disc.middle[0], disc.middle[1], disc.middle[2]};
+}
+
+// back to the surface; whether it was found
+bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
+  constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
+  constexpr int kSteps = 5;
+  for (int step = 0; step <= kSteps; ++step) {
+    const PlaceOfField here = position.at(p);
+    slope = here.slope;
+    const double steep2 = slope.squared_norm();
+    if (!(steep2 > 0)) return false;
+    const double off_mm = here.value_mm / std::sqrt(steep2);
+    if (std::abs(off_mm) <= kNear_mm) return true;
+    if (std::abs(off_mm) > kLongest_mm) return false;
+    p = p - slope * (here.value_mm / steep2);
+  }
+  return false;
+}
+
+// From a place on the surface along it to where it is nearest to x, to some thousandths: along the tangent
+// plane as far as x lies aside, were the surface flat, and by what its last step told of its curvature where
+// it is not.
+double slide_nearer(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
+  constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
+  constexpr int kTries = 8;
+  double best_mm = (x - p).norm();
+  Point<Patient> at = p;
+  Vector<Patient> slope;
+  if (!settle_on(position, at, slope)) return best_mm;
+  const auto aside_of = [&](const Point<Patient>& place, const Vector<Patient>& steepest) {
+    const Vector<Patient> way = x - place;
+    return way - steepest * (way.dot(steepest) / steepest.squared_norm());
+  };
+  double part = 1;
+  for (int tries = 0; tries < kTries; ++tries) {
+    const Vector<Patient> aside = aside_of(at, slope);
+    const double aside_mm = aside.norm(), step_mm = std::min(part * aside_mm, kLongest_mm);
+    if (!(aside_mm * step_mm > 2 * kEnough_mm * std::max(best_mm, kEnough_mm))) break;
+    const Vector<Patient> along = aside * (1 / aside_mm);
+    Point<Patient> next = at + along * step_mm;
+    Vector<Patient> next_slope;
+    if (!settle_on(position, next, next_slope)) {
+      part *= 0.3;
+      continue;
+    }
+    const double gone_mm = aside_mm - aside_of(next, next_slope).dot(along);
+    const double told = gone_mm > 0 ? std::clamp(step_mm / gone_mm, 0.05 * part, 1.0) : 1.0;
+    const double next_mm = (x - next).norm();
+    if (next_mm < best_mm) {
+      const bool enough = best_mm - next_mm < kEnough_mm;
+      best_mm = next_mm;
+      p = at = next;
+      slope = next_slope;
+      part = told;
+      if (enough) break;
+    } else {
+      part = std::min(told, 0.5 * part);
+    }
+  }
+  return best_mm;
+}
+
+}  // namespace
+
+SurfaceTree::SurfaceTree(std::shared_ptr<const Surface> surface) : surface_(std::move(surface)) {
+  PALPATE_CHECK(surface_ != nullptr);
+  look_at_bricks(nullptr);
+}
+
+SurfaceTree SurfaceTree::with(std::shared_ptr<const Surface> surface) const {
+  PALPATE_CHECK(surface != nullptr &&
+                surface->position().bricks().counts() == surface_->position().bricks().counts());
+  SurfaceTree now = *this;
+  now.surface_ = std::move(surface);
+  now.look_at_bricks(this);
+  return now;
+}
+
+void SurfaceTree::look_at_bricks(const SurfaceTree* before) {
+  const SignedField& position = surface_->position();
+  const Bricks<std::int16_t>& bricks = position.bricks();
+  const PieceMaker make(position);
+  const std::array<int, 3>& counts = bricks.counts();
+  bricks_.resize(static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
+                 static_cast<std::size_t>(counts[2]));
+  low_.setConstant(std::numeric_limits<double>::infinity());
+  high_ = -low_;
+  pieces_ = 0;
+  of_top_.clear();
+  std::vector<DiscNode> leaves;
+  std::size_t number = 0;
+  for (int c = 0; c < counts[2]; ++c)
+    for (int b = 0; b < counts[1]; ++b)
+      for (int a = 0; a < counts[0]; ++a, ++number) {
+        const bool known =
+            before != nullptr && before->surface_->position().bricks().brick(number) == bricks.brick(number);
+        if (!known) bricks_[number] = discs_of(position, make, number, {a, b, c});
+        const auto& brick = bricks_[number];
+        if (brick == nullptr) continue;
+        const Disc& disc = brick->nodes.front().disc;
+        leaves.push_back({disc, ~static_cast<std::int32_t>(of_top_.size())});
+        of_top_.push_back(brick.get());
+        pieces_ += (brick->nodes.size() + 1) / 2;
+        for (int axis = 0; axis < 3; ++axis) {
+          const Extent extent = extent_of(disc, Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(axis));
+          low_[axis] = std::min(low_[axis], extent.low);
+          high_[axis] = std::max(high_[axis], extent.high);
+        }
+      }
+  top_ = tree_of(std::move(leaves));
+}
+
+std::size_t SurfaceTree::bytes() const {
+  std::size_t nodes = top_.size();
+  for (const BrickOfDiscs* brick : of_top_) nodes += brick->nodes.size();
+  return nodes * sizeof(DiscNode) + bricks_.size() * sizeof(bricks_.front()) +
+         of_top_.size() * sizeof(of_top_.front());
+}
+
+std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double within_mm) const {
+  if (top_.empty() || !x.all_finite()) return {};
+  struct Waiting {
+    const DiscNode* node;
+    const DiscNode* of;  // the nodes that it counts its children among
+    double least_mm;
+  };
+  // of a pair of children one waits, at every level of both trees
+  constexpr std::size_t kDeepest = 96;
+  std::array<Waiting, kDeepest> waiting;
+  std::size_t count = 0;
+  const PositionReader position(surface_->position());
+  Point<Patient> place;
+  bool found = false;
+  const bool inside = surface_->distance_mm(x) < 0;
+  double best_mm = inside ? std::numeric_limits<double>::infinity() : within_mm;
+  waiting[count++] = {top_.data(), top_.data(), least_mm(top_.front().disc, x.eigen())};
+  for (int looked = 0; count > 0 && looked < kMostNodes; ++looked) {
+    const Waiting now = waiting[--count];
+    if (!(now.least_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
+    const DiscNode& node = *now.node;
+    if (node.first >= 0) {
+      const DiscNode* const a = now.of + node.first;
+      const DiscNode* const b = a + 1;
+      const double a_mm = least_mm(a->disc, x.eigen()), b_mm = least_mm(b->disc, x.eigen());
+      // the nearer one is looked at first
+      const bool swap = a_mm < b_mm;
+      waiting[count++] = {swap ? b : a, now.of, swap ? b_mm : a_mm};
+      waiting[count++] = {swap ? a : b, now.of, swap ? a_mm : b_mm};
+    } else if (now.of == top_.data()) {
+      const DiscNode* const brick = of_top_[static_cast<std::size_t>(~node.first)]->nodes.data();
+      waiting[count++] = {brick, brick, now.least_mm};
+    } else {
+      Point<Patient> here(middle_of(node.disc));
+      double here_mm = (x - here).norm();
+      if (now.least_mm < here_mm - kSlack_mm) here_mm = slide_nearer(position, x, here);
+      if (!(here_mm < best_mm)) continue;
+      best_mm = here_mm;
+      place = here;
+      found = true;
+    }
+  }
+  if (!found) return {};
+  return NearestPlace{inside ? -best_mm : best_mm, place};
+}
+
+Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestPlace& near) const {
+  // nearer than this the way from the surface is of the size of what it errs by
+  constexpr double kTelling_mm = 0.3;
+  const double away_mm = std::abs(near.distance_mm);
+  const Vector<Patient> way =
+      near.distance_mm < 0 ? (near.place - x).normalized() : (x - near.place).normalized();
+  if (away_mm >= kTelling_mm) return way;
+  const double part = away_mm / kTelling_mm;
+  return (way * part + surface_->outward(near.place) * (1 - part)).normalized();
+}
+
+}  // namespace palpate

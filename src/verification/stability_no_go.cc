@@ -1,0 +1,151 @@
+#include "verification/stability_no_go.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "palpate/device/workspace.h"
+#include "palpate/loading/loading.h"
+#include "palpate/servo/servo.h"
+#include "palpate/stability/stability.h"
+#include "verification/stability_names.h"
+#include "verification/stability_wall.h"
+
+namespace palpate {
+namespace {
+
+constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt};
+// the force comes in while the hand rests before the border, and the tip rests for so long at the end
+constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
+                 kAlongBorder_mm = 8;
+constexpr double kMostPast_mm = 0.5;
+// of the most that a hand holds (push_out_of)
+constexpr double kOfHeld = 0.9;
+
+}  // namespace
+
+const char* name_of(NoGoPlace place) {
+  return place == NoGoPlace::kPlane ? "plane" : place == NoGoPlace::kStructure ? "structure" : "felt-wall";
+}
+
+Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
+                                                const Progress& progress) {
+  const LabelMap labels = flat_wall_labels();
+  Scene scene;
+  scene.title = "what is kept away from";
+  TissueSettings bone;
+  bone.name = "bone";
+  bone.labels = {LabelReference{1}};
+  bone.label_lines = {0};
+  bone.stiffness_N_per_mm = 1;
+  bone.felt = place == NoGoPlace::kFelt;
+  scene.tissues = {bone};
+  NoGoSettings region;
+  region.name = name_of(place);
+  region.keep_away_mm = 0;
+  region.stiffness_N_per_mm = stiffness_N_per_mm;
+  if (place == NoGoPlace::kPlane) {
+    region.place = NoGoPlane{{}, {1, 0, 0}};
+  } else {
+    region.structures = {LabelReference{1}};
+    region.structure_lines = {0};
+  }
+  scene.no_go = {region};
+  const auto model = build_model(scene, &labels, nullptr, progress);
+  if (!model) return model;
+  const ForceMethod method = bone.felt ? ForceMethod::kProxy : ForceMethod::kTrilinear;
+  return ready_for(*model, {&method, 1}, progress);
+}
+
+HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness_N_per_mm) {
+  SimulatedDevice plant(led.device, led.hand, led.delay_s);
+  const WorkspaceSettings workspace;
+  WorkspaceMapping mapping(plant.info(), workspace);
+  Parameters parameters;
+  parameters.method = model.has(ForceMethod::kProxy) ? ForceMethod::kProxy : ForceMethod::kTrilinear;
+  parameters.device[0] = device_parameters(plant.info(), workspace);
+  parameters.device[0].most_stiffness_N_per_mm = led.stiffness_N_per_mm;
+  parameters.device[0].delay_s = led.delay_s;
+  parameters.max_force_N = led.device.peak_force_N;
+  // the labels' surface stands between two voxels
+  const auto& tracked = model.distances.structures();
+  const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
+
+  // to where the region's spring and the hand's balance at the force
+  const double hand_N_per_mm = led.hand.stiffness_N_per_m * 1e-3;
+  const double depth_mm =
+      led.press_N / stiffness_N_per_mm + (led.press_N + led.device.coulomb_N) / hand_N_per_mm;
+  const auto on_device = [&](double x_mm, double y_mm) {
+    return mapping.to_device(model.X_WorldPatient * Point<Patient>(x_mm, y_mm, 0));
+  };
+  const Vector<Device> out = on_device(1, 0) - on_device(0, 0);
+  const auto height_mm = [&] { return out.dot(plant.true_tip() - on_device(0, 0)); };
+  plant.reset(on_device(kStandOff_mm, 0));
+
+  const double dt_s = 1 / led.rate_hz;
+  const double way_s = (kStandOff_mm + depth_mm) / led.speed_mm_s;
+  const double slides_at_s = kInFirst_s + way_s + kLeant_s,
+               rests_at_s = slides_at_s + (led.slides ? kAlongFor_s : 0);
+  const auto ticks = std::lround((rests_at_s + kAtRest_s) * led.rate_hz);
+  const auto last = ticks - std::lround(led.rate_hz);
+  SessionState state;
+  TickRecord record;
+  Wrench sent;
+  HeldOff result;
+  double deepest_mm = 0;
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (long n = 0; n < ticks; ++n) {
+    const double time_s = dt_s * static_cast<double>(n + 1);
+    const DeviceState sensed = mapping.to_world(plant.read(), 0);
+    tick(model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
+    const double gone_mm = std::clamp((time_s - kInFirst_s) * led.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
+    const double slid = led.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
+    plant.intend(on_device(kStandOff_mm - gone_mm, slid * kAlongBorder_mm));
+    plant.advance(mapping.to_device(sent), dt_s);
+    deepest_mm = std::max(deepest_mm, border_mm - height_mm());
+    result.clamped = result.clamped || (record.device[0].flags & kFlagClamped) != 0;
+    result.force_N = std::max(result.force_N, sent.force_N.norm());
+    if (n < last) continue;
+    const Eigen::Array3d tip = plant.true_tip().eigen().array();
+    low = low.min(tip);
+    high = high.max(tip);
+  }
+  result.past_mm = deepest_mm - result.force_N / stiffness_N_per_mm;
+  result.swing_mm = (high - low).maxCoeff();
+  return result;
+}
+
+Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
+  // one unit after the other, as tables want them
+  std::vector<Figure> past, swings;
+  for (const PlantDevice& device : known_plant_devices())
+    for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
+      const double delay_s = 1 / rate_hz;
+      progress.report(
+          "against no-go regions: " + device.name + " at " + short_number(rate_hz / 1000) + " kHz", 0);
+      const auto held = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+      if (!held) return held.error();
+      for (const NoGoPlace place : kNoGoPlaces) {
+        // stiffer than anybody holds: what is felt is what the device allows
+        const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, progress);
+        if (!model) return model.error();
+        for (const PlantHand& hand : known_plant_hands()) {
+          if (progress.stopped()) return Progress::interrupted();
+          const double felt = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
+          const HeldOff led = lead_against(
+              **model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
+          const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
+                                   "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
+          // what the device cannot give holds nobody
+          const auto limit_mm = led.clamped ? std::optional<double>() : kMostPast_mm;
+          past.push_back({path + "/past", led.past_mm, "mm", 1, limit_mm});
+          swings.push_back({path + "/swing", 1e3 * led.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
+        }
+      }
+    }
+  past.insert(past.end(), swings.begin(), swings.end());
+  return past;
+}
+
+}  // namespace palpate

@@ -1,0 +1,115 @@
+#include "verification/stability_no_go.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "palpate/servo/servo.h"
+#include "verification/stability_dropout.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kHeld_N_per_mm = 1.2, kFelt_N_per_mm = 0.9 * kHeld_N_per_mm;
+
+const Model& stiff_no_go(NoGoPlace place) {
+  static const std::array models{no_go_wall(NoGoPlace::kPlane, 20), no_go_wall(NoGoPlace::kStructure, 20),
+                                 no_go_wall(NoGoPlace::kFelt, 20)};
+  const auto& model = models[static_cast<std::size_t>(place)];
+  PALPATE_CHECK(model.ok());
+  return **model;
+}
+
+TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
+  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt})
+    for (const PlantDevice& device : known_plant_devices())
+      for (const PlantHand& hand : known_plant_hands())
+        for (const double rate_hz : {1000.0, 4000.0}) {
+          SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name + ", " +
+                       std::to_string(rate_hz));
+          if (rate_hz > 1000 && place != NoGoPlace::kStructure) continue;
+          const HeldOff led = lead_against(
+              stiff_no_go(place),
+              {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kFelt},
+              kFelt_N_per_mm);
+          // a whole arm at 0.1 m/s is more than a Touch can stop
+          EXPECT_TRUE(led.past_mm < 0.5 ||
+                      (led.clamped && device.name == "touch" && hand.name == "whole-arm"))
+              << led.past_mm << " mm, " << led.force_N << " N, " << led.clamped;
+          EXPECT_GT(led.force_N, 0.9) << "it is met";
+          EXPECT_LE(led.swing_mm, 2e3 * device.encoder_step_m);
+        }
+}
+
+TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
+  // pressed by a tip that is led: what both give together along the normal is what the stiffer one gives
+  const Model& model = stiff_no_go(NoGoPlace::kFelt);
+  Parameters parameters;
+  parameters.method = ForceMethod::kProxy;
+  parameters.friction = parameters.viscosity = parameters.passivity = false;
+  parameters.max_force_N = 8;
+  parameters.device[0].most_stiffness_N_per_mm = kHeld_N_per_mm;
+  SessionState state;
+  state.hands[0].output.gain = 1;
+  TickRecord record;
+  Wrench sent;
+  const SurfaceTree& wall = *model.distances.structures()[0].tree;
+  double last_N = 0;
+  for (double x_mm = 1; x_mm > -2; x_mm -= 0.02) {
+    const Point<Patient> tip(x_mm, 0.3, 0.2);
+    DeviceState sensed;
+    sensed.tip = model.X_WorldPatient * tip;
+    tick(model, parameters, {&sensed, 1}, 1e-3, state, {&sent, 1}, record);
+    const double stiffer = std::max(kFelt_N_per_mm, 1.0);
+    const double depth_mm = -wall.nearest(tip)->distance_mm;
+    EXPECT_NEAR(sent.force_N.norm(), stiffer * std::max(0.0, depth_mm), 0.08) << x_mm;
+    EXPECT_LE(sent.force_N.norm() - last_N, 0.02 * kHeld_N_per_mm + 0.02) << "no step, " << x_mm;
+    last_N = sent.force_N.norm();
+    EXPECT_EQ((record.device[0].flags & kFlagNoGo) != 0, record.device[0].no_go == 1);
+  }
+  EXPECT_EQ(record.device[0].no_go, 1);
+  EXPECT_NEAR(record.device[0].no_go_depth_mm, 2, 0.3);
+}
+
+TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
+  const Model& model = stiff_no_go(NoGoPlace::kStructure);
+  Parameters parameters;
+  parameters.device[0].most_stiffness_N_per_mm = kHeld_N_per_mm;
+  parameters.emergency_stop = true;
+  SessionState state;
+  TickRecord record;
+  Wrench sent;
+  DeviceState sensed;
+  sensed.tip = model.X_WorldPatient * Point<Patient>(-1, 0, 0);
+  double last_N = 0;
+  for (int n = 0; n < 800; ++n) {
+    parameters.emergency_stop = n < 100;
+    tick(model, parameters, {&sensed, 1}, 1e-3, state, {&sent, 1}, record);
+    const double force_N = sent.force_N.norm();
+    if (n < 100) EXPECT_EQ(force_N, 0) << n;
+    EXPECT_LE(force_N - last_N, 0.02) << "no kick, " << n;
+    EXPECT_NE(record.device[0].flags & kFlagNoGo, 0u) << "told while it is stopped, too";
+    last_N = force_N;
+  }
+  EXPECT_NEAR(last_N, kFelt_N_per_mm * record.device[0].no_go_depth_mm, 0.05);
+}
+
+TEST(StabilityNoGo, HoldsAgainAfterADropout) {
+  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure}) {
+    const auto model = no_go_wall(place, 1);
+    ASSERT_TRUE(model.ok());
+    for (const char* hand : {"light-grip", "firm-grip"}) {
+      SCOPED_TRACE(std::string(name_of(place)) + ", " + hand);
+      const DroppedOut lost =
+          drop_out(**model, {*find_plant_device("premium-1.5"), *find_plant_hand(hand), 1.16, 1e-3, 20e-3});
+      EXPECT_NEAR(lost.before_N, 1, 0.2);
+      EXPECT_TRUE(lost.silent);
+      EXPECT_LT(lost.sink_mm, 1.3) << "as of a felt wall";
+      EXPECT_LT(lost.back_s, 0.1);
+      EXPECT_LE(lost.kick_N, 0.2);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate
