@@ -72,7 +72,7 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
       }
     EXPECT_EQ(wrong, 0) << number;
   }
-  EXPECT_GT(covered, 100);
+  EXPECT_GT(covered, 30);
 }
 
 /// A ball that an eye sees at a slant is an ellipse, which reaches farther outwards than inwards.

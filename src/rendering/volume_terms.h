@@ -35,7 +35,7 @@ inline constexpr double kSolidDepth = 5;
 /// which grazes a surface does not end before it; half of it at least where the voxel itself is solid, so
 /// that a sheet or a thread of one voxel is seen.
 inline double solidity(double coverage, bool is_solid) {
-  return std::max((coverage - 0.3) / 0.7, is_solid ? 0.5 : 0.0);
+  return std::max((coverage - 0.4) / 0.6, is_solid ? 0.5 : 0.0);
 }
 inline constexpr double kFaintGradient = 0.05;
 inline constexpr int kShininess = 20;
