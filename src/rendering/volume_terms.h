@@ -31,7 +31,7 @@ namespace palpate::internal::volume_picture {
 
 /// Optical depth of a solid's voxel: less, and one looks into it; more, and the voxels' steps are seen.
 inline constexpr double kSolidDepth = 5;
-/// How much of that a voxel has which solid structures cover by so much. Nothing below 0.3, so that a ray
+/// How much of that a voxel has which solid structures cover by so much. Nothing below 0.4, so that a ray
 /// which grazes a surface does not end before it; half of it at least where the voxel itself is solid, so
 /// that a sheet or a thread of one voxel is seen.
 inline double solidity(double coverage, bool is_solid) {
