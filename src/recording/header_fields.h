@@ -18,7 +18,7 @@ inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
 inline constexpr std::uint32_t kFormatMajor = 4;
 /// Incremented when something is added that old readers can leave aside.
-inline constexpr std::uint32_t kFormatMinor = 9;
+inline constexpr std::uint32_t kFormatMinor = 10;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";

@@ -71,6 +71,11 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (a.contact_part != b.contact_part) return "contact_part";
   if (!same(a.contact_patient_mm, b.contact_patient_mm)) return "contact_patient_mm";
   if (!same(a.contact_N, b.contact_N)) return "contact_N";
+  if (a.near_label != b.near_label) return "near_label";
+  if (!same(a.near_mm, b.near_mm)) return "near_mm";
+  if (a.no_go != b.no_go) return "no_go";
+  if (bits(a.no_go_depth_mm) != bits(b.no_go_depth_mm)) return "no_go_depth_mm";
+  if (bits(a.no_go_N) != bits(b.no_go_N)) return "no_go_N";
   if (a.flags != b.flags) return "flags";
   return "";
 }
@@ -129,7 +134,9 @@ DeviceTick random_device(RandomBits& random) {
                          &device.heat,
                          &device.energy_mJ,
                          &device.damping_N_s_per_m,
-                         &device.turned_mJ})
+                         &device.turned_mJ,
+                         &device.no_go_depth_mm,
+                         &device.no_go_N})
     *number = random.number();
   random.fill(device.force_N);
   random.fill(device.torque_Nmm);
@@ -147,6 +154,9 @@ DeviceTick random_device(RandomBits& random) {
   for (std::uint16_t& part : device.contact_part) part = static_cast<std::uint16_t>(random.word());
   random.fill(device.contact_patient_mm);
   random.fill(device.contact_N);
+  for (std::uint16_t& label : device.near_label) label = static_cast<std::uint16_t>(random.word());
+  random.fill(device.near_mm);
+  device.no_go = static_cast<std::uint16_t>(random.word());
   device.flags = static_cast<std::uint32_t>(random.word());
   return device;
 }

@@ -71,7 +71,7 @@ void keep_away(const TickContext& tick, const HandContext& context, ToolContact&
   const auto near = nearest_structures(model.distances, held.spheres(), context.tip);
   for (std::size_t n = 0; n < near.size(); ++n) {
     out.near_label[n] = near[n].label;
-    out.near_mm[n] = static_cast<float>(near[n].distance_mm);
+    out.near_mm[n] = near[n].distance_mm;
   }
 
   // what pushes

@@ -148,18 +148,17 @@ struct DeviceTick {
   /// within each, and each one's share of the force, 0 ... 1. By a direct method what is touched, with all of
   /// it. Label 0: no more; none without contact.
   std::array<std::uint16_t, kMostTold> felt_label{};
+  /// Structures near the tool, nearest first (nearest_structures). 0: no more.
+  std::array<std::uint16_t, kMostNearTold> near_label{};
+  /// The no-go region that the tool is deepest in (NoGoForce), by its place in the scene from 1; 0: none.
+  std::uint16_t no_go = 0;
   std::array<double, 3 * kMostContactsTold> contact_patient_mm{};
   std::array<double, kMostContactsTold> contact_N{};
   std::array<double, kMostTold> felt_depth_mm{}, felt_share{};
-  /// Structures near the tool, nearest first (nearest_structures): label, and distance from the tool's
-  /// outline to the structure's own surface, below 0 inside. Label 0: no more. With what follows in no
-  /// recording: a replay comes to the same.
-  std::array<std::uint16_t, kMostNearTold> near_label{};
-  std::array<float, kMostNearTold> near_mm{};
-  /// Of no-go regions (NoGoForce): the one that the tool is deepest in, by its place in the scene from 1, 0:
-  /// none; how deep in what is to keep away; and the force of all together at the device, beside what is
-  /// leant on and before the output stage.
-  std::uint16_t no_go = 0;
+  /// Of each near_label, from the tool's outline to the structure's own surface, below 0 inside.
+  std::array<double, kMostNearTold> near_mm{};
+  /// How deep the tool is in what no_go is to keep away; and the force of all no-go regions together at the
+  /// device, beside what is leant on and before the output stage.
   double no_go_depth_mm = 0, no_go_N = 0;
   std::uint32_t flags = 0;  ///< TickFlag bits
 };
