@@ -123,7 +123,7 @@ Result<ServiceVersion> find_service(const HaplySettings& settings) {
 }
 
 /// A socket for Beast's blocking calls, which end when their time is over. Every tick waits for an answer,
-/// and by Asio's reactor it came some 10 us later.
+/// and Asio's reactor would add a system call and its handlers to each.
 class TimedSocket {
  public:
   /// Nothing came in time. Beast has changed nothing then and can be asked again, which it cannot after an
