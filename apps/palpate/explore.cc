@@ -181,6 +181,7 @@ std::string state_of(std::uint32_t flags, bool pointer) {
                          {kFlagClutched, "clutched"},
                          {kFlagInside, "inside"},
                          {kFlagWedged, "wedged"},
+                         {kFlagNoGo, "kept away"},
                          {kFlagThermal, "cooling"},
                          {kFlagClamped, "clamped"},
                          {kFlagPassivity, "damped"},

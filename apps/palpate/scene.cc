@@ -505,6 +505,8 @@ int run_check(const std::string& file, Console& console) {
     auto found = resolve_labels(*scene, data->labels->labels);
     if (!found) return console.fail(found.error());
     ids = std::move(*found);
+    if (const auto kept_away = resolve_no_go(*scene, data->labels->labels); !kept_away)
+      return console.fail(kept_away.error());
   }
   if (const auto grids = compare_grids(*data, console); !grids) {
     Error error = grids.error();
@@ -532,6 +534,9 @@ int run_check(const std::string& file, Console& console) {
   if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);
   print_workspace(scene->workspace);
   if (scene->max_force_N) std::printf("limit      %g N\n", *scene->max_force_N);
+  for (const NoGoSettings& region : scene->no_go)
+    std::printf("no-go      %s, keep away %g mm, %g N/mm\n", region.name.c_str(), region.keep_away_mm,
+                region.stiffness_N_per_mm);
   print_tissues(*scene, ids, grid);
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),

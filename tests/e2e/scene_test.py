@@ -121,6 +121,15 @@ class SceneTest(cli.PalpateTest):
             row = re.search(r"(?m)^block +yes +0\.8 +(\S+)", self.succeed("scene", "check", scene).stdout)
             self.assertAlmostEqual(float(row.group(1)), most_N, delta=0.01)
 
+    def test_check_looks_for_no_go_regions_as_a_session_does(self):
+        scene = self.felt_scene(labels=self.labels())
+        felt = scene.read_text()
+        scene.write_text(felt + '\n[[no_go]]\nname = "nerve"\nstructures = ["blok"]\n')
+        for verb in (("scene", "check"), ("simulate",)):
+            self.fail_clearly(cli.BAD_INPUT, *verb, scene, says='no-go region "nerve" has the label "blok"')
+        scene.write_text(felt + '\n[[no_go]]\nname = "nerve"\nstructures = [1]\nkeep_away = 3\n')
+        self.assertRegex(self.succeed("scene", "check", scene).stdout, r"(?m)^no-go +nerve, keep away 3 mm, 2 N/mm$")
+
     def test_sides(self):
         def said(scene):
             return re.search(r"(?m)^side +(.*)$", self.succeed("scene", "check", scene).stdout).group(1)
