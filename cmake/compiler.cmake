@@ -49,6 +49,10 @@ if(PALPATE_SANITIZE)
   # Two widths of vectors and none at all show what a sanitizer can see; the release build has every target of
   # Highway's, and its tests compare them all.
   add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3|HWY_AVX3_DL)")
+  # clang's UndefinedBehaviorSanitizer, beyond what is ours
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND PALPATE_SANITIZE MATCHES "undefined")
+    add_compile_options(-fsanitize-ignorelist=${CMAKE_CURRENT_LIST_DIR}/sanitizer_ignores.txt)
+  endif()
   # What g++'s checks cost beside what they alone would find (docs/development.md has the figures). AddressSanitizer
   # sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped around; release
   # builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these for the

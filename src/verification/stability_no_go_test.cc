@@ -86,7 +86,9 @@ TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
     parameters.emergency_stop = n < 100;
     tick(model, parameters, {&sensed, 1}, 1e-3, state, {&sent, 1}, record);
     const double force_N = sent.force_N.norm();
-    if (n < 100) EXPECT_EQ(force_N, 0) << n;
+    if (n < 100) {
+      EXPECT_EQ(force_N, 0) << n;
+    }
     EXPECT_LE(force_N - last_N, 0.02) << "no kick, " << n;
     EXPECT_NE(record.device[0].flags & kFlagNoGo, 0u) << "told while it is stopped, too";
     last_N = force_N;

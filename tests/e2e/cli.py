@@ -1,6 +1,7 @@
 """What the end-to-end tests share: running palpate, finding data, skipping visibly."""
 
 import faulthandler
+import json
 import os
 import pathlib
 import re
@@ -85,6 +86,18 @@ def missing(what):
     if os.environ.get("CI") == "true":
         raise AssertionError(f"needs {what}")
     raise unittest.SkipTest(f"needs {what}")
+
+
+def device_columns(recording, *names):
+    """{name: values by tick} of a recording's first device. h5py belongs to the system's Python, which need not be this one."""
+    read = ("import h5py, json, sys\nwith h5py.File(sys.argv[1]) as run:\n"
+            "    print(json.dumps({name: run['device0'][name][:].tolist() for name in sys.argv[2:]}))")
+    done = subprocess.run(["/usr/bin/python3", "-c", read, recording, *names], capture_output=True, text=True)
+    if "No module named" in done.stderr:
+        missing("python3-h5py")
+    if done.returncode != 0:
+        raise AssertionError(done.stderr)
+    return json.loads(done.stdout)
 
 
 def held(stdout):

@@ -5,13 +5,11 @@ import json
 import math
 import re
 
-import h5py
-import numpy
-
 import cli
 
 MILL = ("[[step]]\napproach = 'femur'\nspeed = 200.0\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n[[step]]\nhold = 0.5\n"
         "[[step]]\nmotor = false\n[[step]]\nleave = true\n")
+COLUMNS = ("flags", "near_label", "near_mm", "no_go", "no_go_depth_mm", "no_go_N", "proxy_patient_mm", "normal_patient", "label")
 ROUGH = 'title = "Rough"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 5]\nenters = ["femur"]\n'
 
 
@@ -130,12 +128,6 @@ class Rehearsal(cli.PalpateTest):
 class KeptAway(cli.PalpateTest):
     """[distances] and [[no_go]] in a session: told, pushed, recorded, and replayed to the hash."""
 
-    def columns(self, run):
-        with h5py.File(run) as file:
-            device = file["device0"]
-            return {name: device[name][:] for name in ("flags", "near_label", "near_mm", "no_go", "no_go_depth_mm", "no_go_N", "proxy_patient_mm",
-                                                       "normal_patient", "label", "force_N")}
-
     def test_a_region_where_a_structure_is_touched_pushes_as_well(self):
         cli.keep_what_is_prepared()
         scene, script, run = (self.folder / name for name in ("scene.toml", "touch.toml", "run.h5"))
@@ -143,32 +135,35 @@ class KeptAway(cli.PalpateTest):
         self.succeed("scene", "new", next((self.folder / "knee").glob("*.seg.nrrd")), "-o", scene)
         script.write_text(cli.TOUCH, encoding="utf-8")
         self.succeed("simulate", scene, "--script", script, "-o", run)
-        free = self.columns(run)
-        self.assertFalse(free["near_label"].any())
-        self.assertFalse(free["no_go"].any())
-        last = numpy.flatnonzero(free["label"])[-1]
+        free = cli.device_columns(run, *COLUMNS)
+        self.assertFalse(any(label for told in free["near_label"] for label in told))
+        self.assertFalse(any(free["no_go"]))
+        last = max(tick for tick, label in enumerate(free["label"]) if label != 0)
         place, normal, label = free["proxy_patient_mm"][last], free["normal_patient"][last], free["label"][last]
 
         # a plane where it was touched, which pushes from 2 mm before it on
         with open(scene, "a", encoding="utf-8") as file:
-            file.write(f'\n[distances]\nstructures = "all"\nreach = 10\n\n[[no_go]]\nname = "here"\npoint = {place.tolist()}\n'
-                       f'outward = {normal.tolist()}\nkeep_away = 2\nstiffness = 0.1\n')
+            file.write(f'\n[distances]\nstructures = "all"\nreach = 10\n\n[[no_go]]\nname = "here"\npoint = {place}\n'
+                       f'outward = {normal}\nkeep_away = 2\nstiffness = 0.1\n')
         self.succeed("simulate", scene, "--script", script, "-o", run)
-        kept = self.columns(run)
-        pushed = kept["no_go"] == 1
-        self.assertTrue(pushed.any())
-        numpy.testing.assert_array_equal(kept["flags"] & (1 << 22) != 0, pushed)
+        kept = cli.device_columns(run, *COLUMNS)
+        ticks = range(len(kept["label"]))
+        pushed = [region == 1 for region in kept["no_go"]]
+        self.assertTrue(any(pushed))
+        self.assertEqual([flags & (1 << 22) != 0 for flags in kept["flags"]], pushed)
         # before contact the region alone is felt, by its stiffness
-        apart = kept["label"] == 0
-        apart[1:-1] &= apart[:-2] & apart[2:]
-        alone = pushed & apart & (kept["no_go_depth_mm"] > 0.5)
-        self.assertTrue(alone.any())
-        numpy.testing.assert_allclose(kept["no_go_N"][alone], 0.1 * kept["no_go_depth_mm"][alone], rtol=1e-6)
-        # what is touched is nearest, and nearest first
-        touched = kept["label"] == label
-        self.assertTrue((kept["near_label"][touched] == label).any(axis=1).all())
-        told = kept["near_label"] != 0
-        self.assertTrue((numpy.diff(numpy.where(told, kept["near_mm"], 1e9), axis=1) >= 0).all())
+        alone = [tick for tick in ticks[1:-1] if pushed[tick] and kept["no_go_depth_mm"][tick] > 0.5 and
+                 not any(kept["label"][tick - 1:tick + 2])]
+        self.assertTrue(alone)
+        for tick in alone:
+            self.assertTrue(math.isclose(kept["no_go_N"][tick], 0.1 * kept["no_go_depth_mm"][tick], rel_tol=1e-6), tick)
+        # what is touched is near, and the nearest comes first
+        for tick in ticks:
+            if kept["label"][tick] == label:
+                self.assertIn(label, kept["near_label"][tick])
+            told = [mm for near, mm in zip(kept["near_label"][tick], kept["near_mm"][tick]) if near != 0]
+            self.assertEqual(told, sorted(told), tick)
+            self.assertFalse(any(kept["near_label"][tick][len(told):]), tick)
         self.assertIn("identical", self.succeed("replay", run, scene).stdout)
 
 
