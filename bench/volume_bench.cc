@@ -113,7 +113,7 @@ std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
   }
   std::vector<unsigned short> values(smooth.size());
   for (std::size_t n = 0; n < values.size(); ++n) {
-    const double solid = std::max((smooth[n] - 0.3) / 0.7, labels.voxels()[n] != 0 ? 0.5 : 0.0);
+    const double solid = std::max((smooth[n] - 0.4) / 0.6, labels.voxels()[n] != 0 ? 0.5 : 0.0);
     values[n] = static_cast<unsigned short>(std::lround(255 * solid));
   }
   return values;

@@ -51,9 +51,6 @@ struct VoxelLook {
 namespace {
 
 constexpr int kTileSide = 64;
-/// RowsView::state of a block that no light has fallen on, and of the last light that has a number: even ones
-/// are lit, odd ones are being lit.
-constexpr std::uint8_t kUnlit = 0, kLastLight = 254;
 /// Cubes. A leap that is no longer, so that what changes has an end.
 constexpr std::uint8_t kFarthestLeap = 12;
 
@@ -110,42 +107,57 @@ BlockRows::BlockRows(const GridGeometry& grid, int along)
   words_ = (blocks_ + 63) / 64;
   const std::size_t rows =
       static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(dims_[2]);
-  block_of_.resize(rows * static_cast<std::size_t>(blocks_));
+  groups_ = (blocks_ + kGroup - 1) / kGroup;
+  first_.resize(rows * static_cast<std::size_t>(groups_));
+  room_.resize(first_.size());
   mask_.resize(rows * static_cast<std::size_t>(words_));
   // block 0 is empty
   voxels_.resize(1);
-  state_.resize(1, kUnlit);
 }
 
 void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
   const std::array<int, 3> at{i, j, k};
-  const auto number = static_cast<std::size_t>(at[static_cast<std::size_t>(along_)] / kBlock);
+  const int number = at[static_cast<std::size_t>(along_)] / kBlock;
   const std::size_t row =
       static_cast<std::size_t>(at[static_cast<std::size_t>(across_)]) +
       static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(k);
-  std::uint32_t& place = block_of_[row * static_cast<std::size_t>(blocks_) + number];
-  std::uint64_t& word = mask_[row * static_cast<std::size_t>(words_) + number / 64];
-  const std::uint64_t bit = std::uint64_t{1} << number % 64;
+  const std::size_t group =
+      row * static_cast<std::size_t>(groups_) + static_cast<std::size_t>(number / kGroup);
+  std::uint64_t& word = mask_[row * static_cast<std::size_t>(words_) + static_cast<std::size_t>(number / 64)];
+  const std::uint64_t bit = std::uint64_t{1} << number % 64,
+                      there = word >> (number % 64 / kGroup * kGroup) & 0xff;
+  const int count = std::popcount(there), before = std::popcount(there & ((1u << number % kGroup) - 1));
+  const bool is_there = (word & bit) != 0;
   const bool is_empty =
       std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
-  if (is_empty && place == 0) return;
+  const auto at_place = [&](int n) { return voxels_.begin() + first_[group] + n; };
   if (is_empty) {
-    free_.push_back(place);
-    place = 0;
+    // its room stays, for what may come back
+    if (is_there) std::copy(at_place(before + 1), at_place(count), at_place(before));
     word &= ~bit;
     return;
   }
-  if (place == 0 && !free_.empty()) {
-    place = free_.back();
-    free_.pop_back();
-  } else if (place == 0) {
-    place = static_cast<std::uint32_t>(voxels_.size());
-    voxels_.emplace_back();
-    state_.push_back(kUnlit);
-  }
   word |= bit;
-  voxels_[place] = block;
-  state_[place] = kUnlit;
+  if (!is_there) {
+    if (count == room_[group]) make_room(group, count);
+    std::copy_backward(at_place(before), at_place(count), at_place(count + 1));
+  }
+  *at_place(before) = block;
+}
+
+void BlockRows::make_room(std::size_t group, int count) {
+  const std::size_t end = voxels_.size();
+  if (count > 0 && first_[group] + static_cast<std::size_t>(count) == end) {
+    // the last one, as groups are while all is made
+    voxels_.emplace_back();
+    ++room_[group];
+    return;
+  }
+  // a group moves once at most, so what lies unused has an end
+  room_[group] = count == 0 ? 1 : kGroup;
+  voxels_.resize(end + room_[group]);
+  std::copy_n(voxels_.begin() + first_[group], count, voxels_.begin() + static_cast<std::ptrdiff_t>(end));
+  first_[group] = static_cast<std::uint32_t>(end);
 }
 
 const VoxelBlock* BlockRows::at(int i, int j, int k) const {
@@ -156,40 +168,24 @@ const VoxelBlock* BlockRows::at(int i, int j, int k) const {
               voxel[along] / kBlock);
 }
 
-void BlockRows::light(const Vector<Patient>& into, const VolumeLight& light) {
-  lit_.resize(voxels_.size());
-  const bool is_same = light.ambient == light_.ambient && light.diffuse == light_.diffuse &&
-                       light.specular == light_.specular && into == into_;
-  if (lit_now_ != 0 && is_same) return;
-  if (lit_now_ == kLastLight) {
-    std::fill(state_.begin(), state_.end(), kUnlit);
-    lit_now_ = 0;
-  }
-  lit_now_ = static_cast<std::uint8_t>(lit_now_ + 2);
-  into_ = into;
-  light_ = light;
-}
-
-RowsView BlockRows::view() {
+RowsView BlockRows::view(const Vector<Patient>& into, const VolumeLight& light) const {
   RowsView view;
   view.mask = mask_.data();
-  view.block_of = block_of_.data();
+  view.first = first_.data();
   view.voxels = voxels_.data();
-  view.lit = lit_.data();
-  view.state = state_.data();
-  view.lit_now = lit_now_;
-  view.light = {{static_cast<float>(into_.x()), static_cast<float>(into_.y()), static_cast<float>(into_.z())},
-                static_cast<float>(light_.ambient),
-                static_cast<float>(light_.diffuse),
-                static_cast<float>(light_.specular)};
+  view.light = {{static_cast<float>(into.x()), static_cast<float>(into.y()), static_cast<float>(into.z())},
+                static_cast<float>(light.ambient),
+                static_cast<float>(light.diffuse),
+                static_cast<float>(light.specular)};
   view.blocks = blocks_;
   view.words = words_;
+  view.groups = groups_;
   return view;
 }
 
 std::size_t BlockRows::bytes() const {
-  return block_of_.size() * sizeof(block_of_[0]) + mask_.size() * sizeof(mask_[0]) +
-         voxels_.size() * (sizeof(VoxelBlock) + 1) + lit_.size() * sizeof(LitBlock);
+  return first_.size() * (sizeof(first_[0]) + sizeof(room_[0])) + mask_.size() * sizeof(mask_[0]) +
+         voxels_.size() * sizeof(VoxelBlock);
 }
 
 // ---- leaps ------------------------------------------------------------------------------------------------

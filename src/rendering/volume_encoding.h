@@ -18,7 +18,7 @@
 ///             view, those that are met (volume_simd.h)
 ///
 /// A row never lies along the direction of view: rows along i serve the views along j and k, rows along j
-/// those along i. A block is a cache line, and so is a lit one.
+/// those along i. A block is a cache line.
 namespace palpate::internal::volume_picture {
 
 /// Rows of blocks along an axis, for the whole grid.
@@ -31,13 +31,12 @@ class BlockRows {
   /// Puts a voxel block at its place, or takes it away where it is empty.
   /// @param i, j, k  its first voxel
   void put(int i, int j, int k, const VoxelBlock& block);
-  /// Lit blocks are of this light from now on. @param into  patient, unit, away from the viewer
-  void light(const Vector<Patient>& into, const VolumeLight& light);
-  RowsView view();
+  /// @param into  away from the viewer, unit
+  RowsView view(const Vector<Patient>& into, const VolumeLight& light) const;
   /// A row's block; null where it is empty. @param row  across the rows first, then along k
   const VoxelBlock* find(std::size_t row, int block) const {
-    const std::uint32_t place =
-        block_of_[row * static_cast<std::size_t>(blocks_) + static_cast<std::size_t>(block)];
+    const std::uint32_t place = place_of(mask_.data() + row * static_cast<std::size_t>(words_),
+                                         first_.data() + row * static_cast<std::size_t>(groups_), block);
     return place != 0 ? &voxels_[place] : nullptr;
   }
   /// The block that begins with a voxel, likewise.
@@ -47,16 +46,14 @@ class BlockRows {
  private:
   int along_ = 0, across_ = 1;
   std::array<int, 3> dims_{};
-  int blocks_ = 0, words_ = 0;  ///< of a row
-  section::Bricks<std::uint32_t> block_of_;
+  /// For one block more of a group that has `count`.
+  void make_room(std::size_t group, int count);
+
+  int blocks_ = 0, words_ = 0, groups_ = 0;  ///< of a row
+  section::Bricks<std::uint32_t> first_;     ///< RowsView
+  section::Bricks<std::uint8_t> room_;       ///< for so many blocks there is room where a group lies
   section::Bricks<std::uint64_t> mask_;
   section::Bricks<VoxelBlock> voxels_;
-  section::Bricks<LitBlock> lit_;
-  section::Bricks<std::uint8_t> state_;  ///< of each block: RowsView
-  std::uint8_t lit_now_ = 0;
-  std::vector<std::uint32_t> free_;  ///< blocks that nothing leads to any more
-  Vector<Patient> into_;
-  VolumeLight light_;
 };
 
 /// Where rays need not look.
@@ -97,7 +94,7 @@ class Encoding {
 
   const GridGeometry& grid() const { return grid_; }
   /// @param axis  along which one looks
-  BlockRows& rows_for(int axis) { return rows_[axis == 0 ? 1 : 0]; }
+  const BlockRows& rows_for(int axis) const { return rows_[axis == 0 ? 1 : 0]; }
   const Leaps& leaps() const { return leaps_; }
   std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + leaps_.bytes(); }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 #include <random>
 #include <vector>
 
@@ -21,34 +22,46 @@ using internal::volume_picture::Encoding;
 using internal::volume_picture::kBlock;
 using internal::volume_picture::kCubeSide;
 using internal::volume_picture::kDepthSteps;
+using internal::volume_picture::kGroup;
 using internal::volume_picture::kNoPlane;
 using internal::volume_picture::Leaps;
-using internal::volume_picture::LitBlock;
+using internal::volume_picture::LitBlocks;
 using internal::volume_picture::RowsView;
 using internal::volume_picture::SamplePlane;
 using internal::volume_picture::trace_rays;
 using internal::volume_picture::TracedRay;
+using internal::volume_picture::VoxelBlock;
 
 /// Rows along i, of which some blocks are filled evenly; vectors no longer than they must be, so that a
 /// sanitizer sees what is read beyond.
 struct Grid {
   std::array<int, 3> count;
-  int blocks;
-  std::vector<std::uint32_t> block_of;
-  std::vector<LitBlock> lit = std::vector<LitBlock>(2);
-  std::vector<std::uint8_t> state = std::vector<std::uint8_t>(2);
+  int blocks, words, groups;
+  std::vector<std::uint64_t> mask;
+  std::vector<std::uint32_t> first;
+  std::vector<VoxelBlock> voxels = std::vector<VoxelBlock>(1 + kGroup);  ///< all but the first one alike
+  std::unique_ptr<LitBlocks> lit = std::make_unique<LitBlocks>();
 
-  Grid(const std::array<int, 3>& voxels, std::uint32_t extinction)
-      : count(voxels), blocks((voxels[0] + kBlock - 1) / kBlock) {
-    block_of.resize(static_cast<std::size_t>(blocks) * voxels[1] * voxels[2]);
-    for (int n = 0; n < kBlock; ++n) lit[1].pair[1][n] = extinction << 16;
+  Grid(const std::array<int, 3>& size, std::uint16_t extinction)
+      : count(size),
+        blocks((size[0] + kBlock - 1) / kBlock),
+        words((blocks + 63) / 64),
+        groups((blocks + kGroup - 1) / kGroup) {
+    const std::size_t rows = static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(size[2]);
+    mask.resize(rows * static_cast<std::size_t>(words));
+    first.resize(rows * static_cast<std::size_t>(groups), 1);
+    for (std::size_t n = 1; n < voxels.size(); ++n)
+      std::fill(std::begin(voxels[n].extinction), std::end(voxels[n].extinction), extinction);
+    lit->forget();
   }
   RowsView view() {
     RowsView rows;
-    rows.block_of = block_of.data();
-    rows.lit = lit.data();
-    rows.state = state.data();  // all are lit
+    rows.mask = mask.data();
+    rows.first = first.data();
+    rows.voxels = voxels.data();
     rows.blocks = blocks;
+    rows.words = words;
+    rows.groups = groups;
     for (int a = 0; a < 3; ++a) rows.count[a] = count[static_cast<std::size_t>(a)];
     rows.row[1] = 1;
     rows.row[2] = count[1];
@@ -77,8 +90,8 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     // what is read beyond a row's end is the next one's beginning
     Grid grid(count, 4000);
     if (axis == 0)
-      for (std::size_t row = 0; row < grid.block_of.size(); row += static_cast<std::size_t>(grid.blocks))
-        grid.block_of[row] = 1;
+      for (std::size_t row = 0; row < grid.mask.size(); row += static_cast<std::size_t>(grid.words))
+        grid.mask[row] = 1;
     const RowsView rows = grid.view();
     GridGeometry geometry;
     geometry.dims = count;
@@ -114,7 +127,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     for (const CubesView& view : {leaps.view(0, 1, 2), small_steps}) {
       std::vector<TracedRay> traced = rays;
       trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1,
-                 static_cast<int>(traced.size()), traced.data());
+                 static_cast<int>(traced.size()), traced.data(), *grid.lit);
       for (const TracedRay& ray : traced) seen += ray.clear == 1 ? 0 : 1;
     }
     EXPECT_EQ(seen, 0) << count[0] << " " << count[1] << " " << count[2];
@@ -123,9 +136,10 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
 
 /// In what is the same everywhere light falls to one half after ln 2 / extinction, not at the next plane.
 TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
-  for (const std::uint32_t extinction : {600u, 1500u, 5000u, 20'000u, 60'000u}) {
+  for (const std::uint16_t extinction :
+       std::initializer_list<std::uint16_t>{600, 1500, 5000, 20'000, 60'000}) {
     Grid grid({16, 4, 64}, extinction);
-    std::fill(grid.block_of.begin(), grid.block_of.end(), 1u);
+    std::fill(grid.mask.begin(), grid.mask.end(), 3u);
     std::vector<SamplePlane> planes(63);
     for (std::size_t n = 0; n < planes.size(); ++n) planes[n].slice = static_cast<int>(n);
     const std::vector<std::uint64_t> all(5ul * 2 * 17, ~std::uint64_t{0});
@@ -139,7 +153,8 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
         ray.first = first;
         const float before = first < 0 ? -0.5f : first;
         TracedRay clipped = ray;
-        trace_rays(grid.view(), cubes, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped);
+        trace_rays(grid.view(), cubes, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped,
+                   *grid.lit);
         const float expected =
             before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);
         // a plane that cuts a sample's stretch spreads what is left of it over all of it

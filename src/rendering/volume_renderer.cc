@@ -11,11 +11,11 @@
 
 namespace palpate {
 
-using internal::volume_picture::BlockRows;
 using internal::volume_picture::CubesView;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
 using internal::volume_picture::Gathered;
+using internal::volume_picture::LitBlocks;
 using internal::volume_picture::MixingRoom;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
@@ -34,6 +34,7 @@ struct Line {
 struct Scratch {
   std::vector<Line> lines;                   ///< kMostLines of each thread
   std::vector<std::vector<float>> mixing;    ///< of each thread
+  std::vector<LitBlocks> lit;                ///< of each thread
   std::vector<std::vector<TracedRay>> rays;  ///< of each thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
@@ -111,8 +112,7 @@ class Ways {
   double offset_ = 0;
 };
 
-RowsView rows_of(BlockRows& blocks, const GridGeometry& grid, const Factored& view) {
-  RowsView rows = blocks.view();
+RowsView rows_of(RowsView rows, const GridGeometry& grid, const Factored& view) {
   const int axes[3] = {view.x, view.y, view.z};
   // from a row to the next: first across the rows, then along k
   const std::ptrdiff_t across = 1, along_k = grid.dims[view.x == 0 ? 1 : 0];
@@ -147,15 +147,17 @@ Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clippe
   return gathered;
 }
 
-MixingRoom mixing_room(std::vector<float>& floats, int row_voxels) {
+MixingRoom mixing_room(std::vector<float>& floats, LitBlocks& lit, int row_voxels) {
   const std::size_t room = static_cast<std::size_t>(row_voxels) +
                            2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
-  floats.resize(4 * (internal::volume_picture::kMostRows + 1) * room);
+  floats.resize(4 * (internal::volume_picture::kMostRows + kMostLines) * room);
   MixingRoom rows{};
+  rows.lit = &lit;
   float* next = floats.data();
   for (auto& pair : rows.pair)
     for (float*& channel : pair) channel = next, next += room;
-  for (float*& channel : rows.line) channel = next, next += room;
+  for (auto& line : rows.line)
+    for (float*& channel : line) channel = next, next += room;
   return rows;
 }
 
@@ -194,7 +196,7 @@ struct RayStart {
 /// Pixels of a row, each by a ray of its own through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
-           std::uint8_t* rgb, float* met) {
+           LitBlocks& lit, std::uint8_t* rgb, float* met) {
   const Factored& view = starts.view;
   rays.resize(kMostRays);
   for (std::size_t from = 0; from < columns.size(); from += kMostRays) {
@@ -205,7 +207,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
     trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
-               static_cast<float>(view.z_step), static_cast<int>(count), rays.data());
+               static_cast<float>(view.z_step), static_cast<int>(count), rays.data(), lit);
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
       for (int c = 0; c < 3; ++c) {
@@ -292,9 +294,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
       continue;
     }
-    BlockRows& blocks = encoding_->rows_for(region.axis);
-    blocks.light(camera.into(), style.light);
-    const RowsView rows = rows_of(blocks, grid, *view);
+    const RowsView rows =
+        rows_of(encoding_->rows_for(region.axis).view(camera.into(), style.light), grid, *view);
     const Ways ways(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;
@@ -309,6 +310,10 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->lines.resize(
         std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMostLines}));
     scratch_->mixing.resize(std::max(scratch_->mixing.size(), static_cast<std::size_t>(workers)));
+    const int runs = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, runs);
+    scratch_->lit.resize(
+        std::max(scratch_->lit.size(), static_cast<std::size_t>(std::max(workers, warpers))));
+    for (LitBlocks& lit : scratch_->lit) lit.forget();
 
     for_each_index(groups, workers, [&](int worker, int group) {
       const int first = group * kMostLines, count = std::min(kMostLines, view->height - first);
@@ -321,6 +326,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       gather_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
                    view->width, lines.data(),
                    mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
+                               scratch_->lit[static_cast<std::size_t>(worker)],
                                rows.blocks * internal::volume_picture::kBlock));
       for (int n = 0; n < count; ++n) {
         const Gathered& line = lines[static_cast<std::size_t>(n)];
@@ -341,12 +347,11 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     });
 
     const CubesView cubes = encoding_->leaps().view(view->x, view->y, view->z);
-    const int count = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, count);
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
     scratch_->row_met.resize(scratch_->rays.size());
     const RayStart starts{ways, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
-    for_each_index(count, warpers, [&](int worker, int n) {
+    for_each_index(runs, warpers, [&](int worker, int n) {
       const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
       const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
       std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
@@ -368,7 +373,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
         }
       }
       trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
-            scratch_->rays[static_cast<std::size_t>(worker)], row, depth_mm.empty() ? nullptr : met.data());
+            scratch_->rays[static_cast<std::size_t>(worker)], scratch_->lit[static_cast<std::size_t>(worker)],
+            row, depth_mm.empty() ? nullptr : met.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
         const float plane = met[static_cast<std::size_t>(x)];

@@ -332,6 +332,27 @@ TEST(VolumeRenderer, AChangedBoxIsDrawnAsIfAllWereMadeAnew) {
   }
 }
 
+TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
+  const GridGeometry grid = test::make_grid({100, 60, 50}, 1);
+  std::mt19937 random(3);
+  Volume<LabelId> labels = some_shapes(grid, random);
+  VolumeRenderer renderer = made(labels, some_looks());
+  const std::vector<LabelId> before(labels.voxels().begin(), labels.voxels().end());
+  const VoxelBox all{{0, 0, 0}, grid.dims};
+  std::array<std::size_t, 8> bytes{};
+  for (std::size_t number = 0; number < bytes.size(); ++number) {
+    // a comb, whose teeth lie elsewhere each time
+    for (std::size_t n = 0; n < before.size(); ++n)
+      labels.voxels()[n] = n % 100 / 5 % 4 == number % 4 ? LabelId{1} : before[n];
+    renderer.change(*label_bricks(labels), all);
+    bytes[number] = renderer.prepared_bytes();
+  }
+  EXPECT_EQ(bytes[7], bytes[3]);
+  VolumeRenderer anew = made(labels, some_looks());
+  const VolumeCamera camera = some_camera(grid, 1, random);
+  EXPECT_EQ(draw(renderer, camera), draw(anew, camera));
+}
+
 /// As an image would tell it: how much the pixels of two views that are nearly the same differ.
 TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
   const GridGeometry grid = some_grid(1);

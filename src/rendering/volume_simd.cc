@@ -13,7 +13,6 @@
 // it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
 // foreach_target.h.
 
-#include <atomic>
 #include <cmath>
 #include <cstring>
 
@@ -102,21 +101,17 @@ HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitB
   }
 }
 
-HWY_NOINLINE const LitBlock& light_now(const RowsView& rows, std::uint32_t place, std::uint8_t before,
-                                       LitBlock& room) {
-  light_block(rows.voxels[place], rows.light, room);
-  const auto busy = static_cast<std::uint8_t>(rows.lit_now + 1);
-  const std::atomic_ref<std::uint8_t> state(rows.state[place]);
-  if (before == busy || !state.compare_exchange_strong(before, busy, std::memory_order_relaxed)) return room;
-  rows.lit[place] = room;
-  state.store(rows.lit_now, std::memory_order_release);
-  return room;
+HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
+  const std::uint32_t slot = place % LitBlocks::kCount;
+  light_block(rows.voxels[place], rows.light, lit.lit[slot]);
+  lit.place[slot] = place;
 }
 
-/// A block, lit. @param room  for one that nobody has lit yet
-HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlock& room) {
-  const std::uint8_t state = std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_acquire);
-  return HWY_LIKELY(state == rows.lit_now) ? rows.lit[place] : light_now(rows, place, state, room);
+/// A block, lit: until the next one is asked for.
+HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
+  const std::uint32_t slot = place % LitBlocks::kCount;
+  if (HWY_UNLIKELY(lit.place[slot] != place)) light_now(rows, place, lit);
+  return lit.lit[slot];
 }
 
 // ---- a line -----------------------------------------------------------------------------------------------
@@ -140,7 +135,7 @@ HWY_INLINE V exp_of_minus(D d, V t) {
 struct RowPair {
   int count = 0;
   const std::uint64_t* mask[2];
-  const std::uint32_t* block_of[2];
+  const std::uint32_t* first[2];
   float weight[2];
 };
 
@@ -153,7 +148,7 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
     if (weight == 0 || zz < 0 || zz >= rows.count[2]) continue;
     const std::ptrdiff_t row = y * rows.row[1] + zz * rows.row[2];
     pair.mask[pair.count] = rows.mask + row * rows.words;
-    pair.block_of[pair.count] = rows.block_of + row * rows.blocks;
+    pair.first[pair.count] = rows.first + row * rows.groups;
     pair.weight[pair.count++] = weight;
   }
 }
@@ -161,19 +156,15 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
 /// Asks for blocks begin ... end - 1 of a pair of rows while there is something else to do: they are far
 /// away.
 /// @returns whether there are any
-HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begin, int end) {
+HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begin, int end,
+                             const LitBlocks& lit) {
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
-      // what is there is known without going far
-      if ((pair.mask[n][b / 64] >> b % 64 & 1) == 0) continue;
+      const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
+      if (place == 0) continue;
       any = true;
-      const std::uint32_t place = pair.block_of[n][b];
-      const std::uint8_t state =
-          std::atomic_ref<std::uint8_t>(rows.state[place]).load(std::memory_order_relaxed);
-      // one that is not lit yet is lit from another
-      if (state != rows.lit_now) __builtin_prefetch(&rows.voxels[place]);
-      __builtin_prefetch(&rows.lit[place]);
+      if (lit.place[place % LitBlocks::kCount] != place) __builtin_prefetch(&rows.voxels[place]);
     }
   return any;
 }
@@ -181,19 +172,26 @@ HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begi
 /// Blocks begin ... end - 1 of a pair of rows as one, `to` being block `first`; those beyond either end are
 /// empty.
 HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, int first,
-                           float* const* to) {
+                           LitBlocks& lit, float* const* to) {
   const DF d;
   for (int b = begin; b < end; ++b) {
     const int at = (b - first) * kBlock;
     const LitBlock* blocks[2];
-    LitBlock room[2];
+    LitBlock aside;
+    std::uint32_t places[2];
     float weights[2];
     int count = 0;
     if (b >= 0 && b < rows.blocks) {
       for (int n = 0; n < pair.count; ++n) {
-        const std::uint32_t place = pair.block_of[n][b];
+        const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
         if (place == 0) continue;
-        blocks[count] = &lit_block(rows, place, room[count]);
+        // the second may take the first one's slot
+        if (count == 1 && (places[0] - place) % LitBlocks::kCount == 0) {
+          aside = *blocks[0];
+          blocks[0] = &aside;
+        }
+        blocks[count] = &lit_block(rows, place, lit);
+        places[count] = place;
         weights[count++] = pair.weight[n];
       }
     }
@@ -386,26 +384,35 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   }
   const float* const* mixed[kMostRows];
   for (int n = 0; n < lines.row_count; ++n)
-    mixed[n] = ask_for_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end) ? room.pair[n] : nullptr;
+    mixed[n] =
+        ask_for_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n] : nullptr;
   for (int n = 0; n < lines.row_count; ++n)
     if (mixed[n] != nullptr)
-      mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, room.pair[n]);
-  const auto step = static_cast<float>(plane.x_per_u);
-  const bool close = step <= kClose;
+      mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *room.lit, room.pair[n]);
+  // All lines are mixed before the first one is sampled: what has just been stored in whole vectors is waited
+  // for where it is read across two of them.
+  const float* const* rows_of[kMostLines];
   for (int n = 0; n < lines.line_count; ++n) {
+    rows_of[n] = nullptr;
     if (of_line[n].end == of_line[n].first) continue;
     const float* const* near = mixed[lines.before[n]];
     const float part = lines.part[n];
     const float* const* far = part > 0 ? mixed[lines.before[n] + 1] : nullptr;
     if (near == nullptr && far == nullptr) continue;
-    const Gathered& line = *lines.line[n];
-    const auto open = [&](int w) { return line.open[w]; };
-    const float* const* row = near;
+    rows_of[n] = near;
     if (part > 0) {
       mix_lines(near, 1 - part, far, part, (of_line[n].first - origin) * kBlock,
-                (of_line[n].end - origin) * kBlock, room.line);
-      row = room.line;
+                (of_line[n].end - origin) * kBlock, room.line[n]);
+      rows_of[n] = room.line[n];
     }
+  }
+  const auto step = static_cast<float>(plane.x_per_u);
+  const bool close = step <= kClose;
+  for (int n = 0; n < lines.line_count; ++n) {
+    const float* const* row = rows_of[n];
+    if (row == nullptr) continue;
+    const Gathered& line = *lines.line[n];
+    const auto open = [&](int w) { return line.open[w]; };
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
@@ -574,7 +581,8 @@ HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
 struct AroundPlace {
   int x;  ///< the voxel before the place
   float part;
-  const std::uint32_t* block_of[4];  ///< null: beyond the grid
+  const std::uint64_t* mask[4];  ///< null: beyond the grid
+  const std::uint32_t* first[4];
   float weight[4];
 };
 
@@ -585,42 +593,46 @@ HWY_INLINE void find_rows_around(const RowsView& rows, const Place& place, const
   for (int n = 0; n < 4; ++n) {
     const int far = n & 1, deep = n >> 1, yy = place.y + far, zz = plane.slice + deep;
     const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
-    around.block_of[n] =
-        is_in ? rows.block_of + (yy * rows.row[1] + zz * rows.row[2]) * rows.blocks : nullptr;
+    const std::ptrdiff_t row = yy * rows.row[1] + zz * rows.row[2];
+    around.mask[n] = is_in ? rows.mask + row * rows.words : nullptr;
+    around.first[n] = rows.first + (is_in ? row * rows.groups : 0);
     around.weight[n] =
         (far != 0 ? place.y_part : 1 - place.y_part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
   }
 }
 
 /// Red, green, blue and extinction of the eight voxels around a place. @returns whether there are any
-HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, V4& mixed) {
+HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlocks& lit_blocks,
+                           V4& mixed) {
   // of two voxels: red and green; blue and extinction
   V4 first{}, second{};
   const int place_in_block = around.x & (kBlock - 1);
   const bool is_one_block = around.x >= 0 && place_in_block != kBlock - 1;
   const int block = around.x >= 0 ? around.x / kBlock : -1;
   bool any = false;
-  LitBlock room[2];
   for (int n = 0; n < 4; ++n) {
-    const std::uint32_t* block_of = around.block_of[n];
-    if (block_of == nullptr) continue;
+    const std::uint64_t* mask = around.mask[n];
+    if (mask == nullptr) continue;
+    const std::uint32_t* first_of = around.first[n];
     const V4 weight = all_four(around.weight[n]);
     if (is_one_block) {
-      const std::uint32_t place = block_of[block];
+      const std::uint32_t place = place_of(mask, first_of, block);
       if (place == 0) continue;
       any = true;
-      const LitBlock& lit = lit_block(rows, place, room[0]);
+      const LitBlock& lit = lit_block(rows, place, lit_blocks);
       first += load_four(lit.pair[0] + place_in_block) * weight;
       second += load_four(lit.pair[1] + place_in_block) * weight;
       continue;
     }
-    const std::uint32_t here = block >= 0 ? block_of[block] : 0,
-                        beside = block + 1 < rows.blocks ? block_of[block + 1] : 0;
+    const std::uint32_t here = block >= 0 ? place_of(mask, first_of, block) : 0,
+                        beside = block + 1 < rows.blocks ? place_of(mask, first_of, block + 1) : 0;
     if ((here | beside) == 0) continue;
     any = true;
-    const LitBlock &low = lit_block(rows, here, room[0]), &high = lit_block(rows, beside, room[1]);
-    const std::uint32_t pairs[2][2] = {{low.pair[0][kBlock - 1], high.pair[0][0]},
-                                       {low.pair[1][kBlock - 1], high.pair[1][0]}};
+    std::uint32_t pairs[2][2];
+    const LitBlock& low = lit_block(rows, here, lit_blocks);
+    for (int m = 0; m < 2; ++m) pairs[m][0] = low.pair[m][kBlock - 1];
+    const LitBlock& high = lit_block(rows, beside, lit_blocks);
+    for (int m = 0; m < 2; ++m) pairs[m][1] = high.pair[m][0];
     first += load_four(pairs[0]) * weight;
     second += load_four(pairs[1]) * weight;
   }
@@ -667,7 +679,7 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
 }
 
 HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
-                          int plane_count, float z_per_plane, TracedRay& ray) {
+                          int plane_count, float z_per_plane, LitBlocks& lit, TracedRay& ray) {
   V4 sum{};
   float clear = 1;
   ray.met = -1;
@@ -703,7 +715,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
     ++p;
     V4 mixed;
     // what a place is just beside counts for nothing
-    if (!mix_voxels(rows, around, mixed) || mixed[3] == 0) continue;
+    if (!mix_voxels(rows, around, lit, mixed) || mixed[3] == 0) continue;
     const float q = plane + 0.5f;
     float begun = q - ray.first, left = ray.last + 1 - q;
     begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
@@ -720,8 +732,8 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
 }
 
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays) {
-  for (int n = 0; n < count; ++n) trace_ray(rows, cubes, planes, plane_count, z_per_plane, rays[n]);
+                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit) {
+  for (int n = 0; n < count; ++n) trace_ray(rows, cubes, planes, plane_count, z_per_plane, lit, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -839,8 +851,8 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays) {
-  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, cubes, planes, plane_count, z_per_plane, count, rays);
+                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit) {
+  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, cubes, planes, plane_count, z_per_plane, count, rays, lit);
 }
 
 }  // namespace palpate::internal::volume_picture

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -31,18 +33,41 @@ struct LightFall {
   float ambient, diffuse, specular;
 };
 
-/// Rows of blocks, seen along an axis: x along a row, z away from the viewer or towards it. A block is lit
-/// when a line or a ray first meets it, by whichever thread that happens to; of a block that is met by two at
-/// once, one keeps what it lit, and both use the same.
+/// What a thread has lit last, so much as its own cache holds: a block is met again on the next plane and by
+/// the next lines, and lighting it anew takes less time than fetching all that was ever lit from memory. A
+/// block lies where its place says, and is lit anew where another one took that.
+struct alignas(64) LitBlocks {
+  static constexpr std::uint32_t kCount = 4096;
+  LitBlock lit[kCount];
+  std::uint32_t place[kCount];
+
+  /// For another light, or other blocks. Place 0 is the empty block: nothing comes from it.
+  void forget() {
+    lit[0] = {};
+    std::fill_n(place, kCount, 0u);
+  }
+};
+
+/// Blocks of a row whose places follow each other, those that are there: so a row of 512 voxels is found by 8
+/// numbers and 64 bits, which stay in a cache where a number for each block would not.
+inline constexpr int kGroup = 8;
+
+/// Where a block of a row lies; 0: it is not there.
+inline std::uint32_t place_of(const std::uint64_t* mask, const std::uint32_t* first, int block) {
+  const auto group = static_cast<std::uint32_t>(mask[block / 64] >> (block % 64 / kGroup * kGroup) & 0xff),
+             bit = 1u << block % kGroup;
+  if ((group & bit) == 0) return 0;
+  return first[block / kGroup] + static_cast<std::uint32_t>(std::popcount(group & (bit - 1)));
+}
+
+/// Rows of blocks, seen along an axis: x along a row, z away from the viewer or towards it.
 struct RowsView {
-  const std::uint64_t* mask = nullptr;      ///< a bit for each block that is there; `words` a row
-  const std::uint32_t* block_of = nullptr;  ///< `blocks` a row; 0: not there
-  const VoxelBlock* voxels = nullptr;       ///< the first one is empty
-  LitBlock* lit = nullptr;                  ///< of each, where
-  std::uint8_t* state = nullptr;            ///< is lit_now; lit_now + 1: somebody is lighting it
-  std::uint8_t lit_now = 0;
+  const std::uint64_t* mask = nullptr;  ///< a bit for each block that is there; `words` a row
+  const std::uint32_t* first =
+      nullptr;  ///< where the first of each group of kGroup that is there lies; `groups` a row
+  const VoxelBlock* voxels = nullptr;  ///< the first one is empty
   LightFall light{};
-  int blocks = 0, words = 0;
+  int blocks = 0, words = 0, groups = 0;
   int count[3]{};           ///< voxels along x, y, z
   std::ptrdiff_t row[3]{};  ///< from a row to the next along y and z; [0] is not used
 };
@@ -71,10 +96,12 @@ inline constexpr float kNoPlane = 1e9f;
 /// Lines that are gathered together, and rows of voxels, across the lines, that they have in common at most.
 inline constexpr int kMostLines = 4, kMostRows = 6;
 inline constexpr int kRowPadding = 32 * kBlock;
-/// Room for rows of voxels, kRowPadding more at either end: red, green, blue and extinction of each.
+/// Room for rows of voxels, kRowPadding more at either end: red, green, blue and extinction of each; and the
+/// thread's lit blocks.
 struct MixingRoom {
+  LitBlocks* lit;
   float* pair[kMostRows][4];
-  float* line[4];
+  float* line[kMostLines][4];
 };
 
 /// Gathers lines v ... v + count - 1 from all planes, front to back, on each plane one line after another:
@@ -113,7 +140,7 @@ struct TracedRay {
   float clear, met;                      ///< as in Gathered
 };
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays);
+                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit);
 
 /// Final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the column.
 struct Warp {
