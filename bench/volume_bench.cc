@@ -264,8 +264,9 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// 32^3 voxels in the middle that are cut away and filled again, one change after another as a burr makes them, each
-/// time by turns with preparing all. The first change finds nothing of what it reads in a cache: told apart.
+/// 32^3 voxels in the middle that are cut away and filled again, one change after another as a burr makes
+/// them, each time by turns with preparing all. The first change finds nothing of what it reads in a cache:
+/// told apart.
 nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& options) {
   constexpr int kSide = 32, kChanges = 8;
   const std::vector<StructureLook> looks{{{}, 0}, {kBone, 1}};
@@ -297,8 +298,9 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
     box_ms.push_back(median({changes_ms.begin() + 1, changes_ms.end()}));
     share.push_back(all_ms.back() / box_ms.back());
   }
-  std::printf("\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f; the first one %.2f ms (medians of %d)\n",
-              median(all_ms), kSide, median(box_ms), median(share), median(first_ms), options.boxes);
+  std::printf(
+      "\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f; the first one %.2f ms (medians of %d)\n",
+      median(all_ms), kSide, median(box_ms), median(share), median(first_ms), options.boxes);
   return {{"whole_ms", median(all_ms)},
           {"box_ms", median(box_ms)},
           {"first_box_ms", median(first_ms)},

@@ -107,10 +107,14 @@ HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t place, LitBlocks
   lit.place[slot] = place;
 }
 
+HWY_INLINE bool is_lit(std::uint32_t place, const LitBlocks& lit) {
+  return lit.place[place % LitBlocks::kCount] == place;
+}
+
 /// A block, lit: until the next one is asked for.
 HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
   const std::uint32_t slot = place % LitBlocks::kCount;
-  if (HWY_UNLIKELY(lit.place[slot] != place)) light_now(rows, place, lit);
+  if (HWY_UNLIKELY(!is_lit(place, lit))) light_now(rows, place, lit);
   return lit.lit[slot];
 }
 
@@ -164,7 +168,7 @@ HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begi
       const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
       if (place == 0) continue;
       any = true;
-      if (lit.place[place % LitBlocks::kCount] != place) __builtin_prefetch(&rows.voxels[place]);
+      if (!is_lit(place, lit)) __builtin_prefetch(&rows.voxels[place]);
     }
   return any;
 }
@@ -577,73 +581,68 @@ HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
   return place;
 }
 
-/// The four rows of voxels around a place on a ray.
+/// The eight voxels around a place on a ray: two of each of four rows, in one block or at the border of two.
 struct AroundPlace {
-  int x;  ///< the voxel before the place
-  float part;
-  const std::uint64_t* mask[4];  ///< null: beyond the grid
-  const std::uint32_t* first[4];
+  float plane;
+  int in_block;  ///< the voxel before the place; the last one of a block: the other one lies in the next
+  float part;    ///< how far the place is beyond it
+  std::uint32_t places[4][2];
   float weight[4];
 };
 
-HWY_INLINE void find_rows_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
-                                 AroundPlace& around) {
-  around.x = place.x;
+/// Asks for the blocks, too: nobody has met lately what lies around a ray. @returns whether there are any
+HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
+                            const LitBlocks& lit, AroundPlace& around) {
+  const int block = block_of_voxel(place.x);
+  around.in_block = place.x - block * kBlock;
   around.part = place.x_part;
+  std::uint32_t any = 0;
   for (int n = 0; n < 4; ++n) {
     const int far = n & 1, deep = n >> 1, yy = place.y + far, zz = plane.slice + deep;
     const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
-    const std::ptrdiff_t row = yy * rows.row[1] + zz * rows.row[2];
-    around.mask[n] = is_in ? rows.mask + row * rows.words : nullptr;
-    around.first[n] = rows.first + (is_in ? row * rows.groups : 0);
+    const std::ptrdiff_t row = is_in ? yy * rows.row[1] + zz * rows.row[2] : 0;
+    for (int m = 0; m < 2; ++m) {
+      const int b = block + m;
+      const bool is_there = is_in && b >= 0 && b < rows.blocks && (m == 0 || around.in_block == kBlock - 1);
+      const std::uint32_t found =
+          is_there ? place_of(rows.mask + row * rows.words, rows.first + row * rows.groups, b) : 0;
+      if (!is_lit(found, lit)) __builtin_prefetch(&rows.voxels[found]);
+      around.places[n][m] = found;
+      any |= found;
+    }
     around.weight[n] =
         (far != 0 ? place.y_part : 1 - place.y_part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
   }
+  return any != 0;
 }
 
-/// Red, green, blue and extinction of the eight voxels around a place. @returns whether there are any
-HWY_INLINE bool mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlocks& lit_blocks,
-                           V4& mixed) {
+/// Red, green, blue and extinction of them.
+HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlocks& lit) {
   // of two voxels: red and green; blue and extinction
   V4 first{}, second{};
-  const int place_in_block = around.x & (kBlock - 1);
-  const bool is_one_block = around.x >= 0 && place_in_block != kBlock - 1;
-  const int block = around.x >= 0 ? around.x / kBlock : -1;
-  bool any = false;
   for (int n = 0; n < 4; ++n) {
-    const std::uint64_t* mask = around.mask[n];
-    if (mask == nullptr) continue;
-    const std::uint32_t* first_of = around.first[n];
+    const auto& places = around.places[n];
+    if ((places[0] | places[1]) == 0) continue;
     const V4 weight = all_four(around.weight[n]);
-    if (is_one_block) {
-      const std::uint32_t place = place_of(mask, first_of, block);
-      if (place == 0) continue;
-      any = true;
-      const LitBlock& lit = lit_block(rows, place, lit_blocks);
-      first += load_four(lit.pair[0] + place_in_block) * weight;
-      second += load_four(lit.pair[1] + place_in_block) * weight;
+    const LitBlock& low = lit_block(rows, places[0], lit);
+    if (around.in_block < kBlock - 1) {
+      first += load_four(low.pair[0] + around.in_block) * weight;
+      second += load_four(low.pair[1] + around.in_block) * weight;
       continue;
     }
-    const std::uint32_t here = block >= 0 ? place_of(mask, first_of, block) : 0,
-                        beside = block + 1 < rows.blocks ? place_of(mask, first_of, block + 1) : 0;
-    if ((here | beside) == 0) continue;
-    any = true;
     std::uint32_t pairs[2][2];
-    const LitBlock& low = lit_block(rows, here, lit_blocks);
     for (int m = 0; m < 2; ++m) pairs[m][0] = low.pair[m][kBlock - 1];
-    const LitBlock& high = lit_block(rows, beside, lit_blocks);
+    const LitBlock& high = lit_block(rows, places[1], lit);
     for (int m = 0; m < 2; ++m) pairs[m][1] = high.pair[m][0];
     first += load_four(pairs[0]) * weight;
     second += load_four(pairs[1]) * weight;
   }
-  if (!any) return false;
   const float near = 1 - around.part, far = around.part;
   const V4 weight{near, near, far, far};
   first *= weight;
   second *= weight;
-  mixed =
-      __builtin_shufflevector(first, second, 0, 1, 4, 5) + __builtin_shufflevector(first, second, 2, 3, 6, 7);
-  return true;
+  return __builtin_shufflevector(first, second, 0, 1, 4, 5) +
+         __builtin_shufflevector(first, second, 2, 3, 6, 7);
 }
 
 /// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
@@ -693,30 +692,39 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
   float planes_per[3];
   for (int a = 0; a < 3; ++a) planes_per[a] = std::abs(pace[a]) < 1e-6f ? 0 : 1 / pace[a];
   const int stop = end > begin ? static_cast<int>(end) : 0;
-  for (int p = end > begin ? static_cast<int>(begin) : 0; p < stop && clear >= kDone;) {
-    const auto plane = static_cast<float>(p);
-    const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
-    const Place at = place_at(rows, x, y);
-    const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
-    std::ptrdiff_t index = 0;
-    int bit = 0;
-    for (int a = 0; a < 3; ++a) {
-      index += (cell[a] >> kCubeShift) * std::ptrdiff_t{cubes.step[a]};
-      bit += (cell[a] & (kCubeSide - 1)) << cubes.shift[a];
+  int p = end > begin ? static_cast<int>(begin) : 0;
+  const auto find_next = [&](AroundPlace& around) HWY_ATTR {
+    while (p < stop) {
+      const auto plane = static_cast<float>(p);
+      const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
+      const Place at = place_at(rows, x, y);
+      const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
+      std::ptrdiff_t index = 0;
+      int bit = 0;
+      for (int a = 0; a < 3; ++a) {
+        index += (cell[a] >> kCubeShift) * std::ptrdiff_t{cubes.step[a]};
+        bit += (cell[a] & (kCubeSide - 1)) << cubes.shift[a];
+      }
+      const std::uint64_t filled = cubes.filled[index];
+      if ((filled >> bit & 1) == 0) {
+        const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
+        p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, place, planes_per, p);
+        continue;
+      }
+      around.plane = plane;
+      if (find_around(rows, at, planes[p++], lit, around)) return true;
     }
-    const std::uint64_t filled = cubes.filled[index];
-    if ((filled >> bit & 1) == 0) {
-      const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
-      p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, place, planes_per, p);
-      continue;
-    }
-    AroundPlace around;
-    find_rows_around(rows, at, planes[p], around);
-    ++p;
-    V4 mixed;
+    return false;
+  };
+  // the next place is found, and its voxels asked for, while this one's are on their way
+  AroundPlace found[2];
+  bool is_found = find_next(found[0]);
+  for (int n = 0; is_found && clear >= kDone; n = 1 - n) {
+    is_found = find_next(found[1 - n]);
+    const V4 mixed = mix_voxels(rows, found[n], lit);
     // what a place is just beside counts for nothing
-    if (!mix_voxels(rows, around, lit, mixed) || mixed[3] == 0) continue;
-    const float q = plane + 0.5f;
+    if (mixed[3] == 0) continue;
+    const float plane = found[n].plane, q = plane + 0.5f;
     float begun = q - ray.first, left = ray.last + 1 - q;
     begun = begun < 0 ? 0 : begun > 1 ? 1 : begun;
     left = left < 0 ? 0 : left > 1 ? 1 : left;
