@@ -56,7 +56,7 @@ constexpr std::uint8_t kFarthestLeap = 12;
 
 /// A Gaussian after [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
-  const std::vector<float> gaussian = sample_gaussian(sigma_voxels, 1000).weights;
+  const std::vector<float> gaussian = sample_normal_kernel(sigma_voxels).weights;
   const auto at = [&](int t) {
     const auto n = static_cast<std::size_t>(std::abs(t));
     return n < gaussian.size() ? gaussian[n] : 0.0f;

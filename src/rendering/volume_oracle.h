@@ -137,7 +137,7 @@ class VolumeOracle {
     const auto sigma = internal::sigma_in_voxels(grid_, terms::normal_sigma_mm(grid_));
     for (int axis = 0; axis < 3; ++axis) {
       std::vector<double> gaussian;
-      for (const float w : internal::sample_gaussian((*sigma)[axis], 1000).weights) gaussian.push_back(w);
+      for (const float w : terms::sample_normal_kernel((*sigma)[axis]).weights) gaussian.push_back(w);
       for (const std::vector<double>& kernel : {std::vector<double>{0.5, 0.25}, gaussian}) {
         std::vector<double> next(values.size());
         for (int k = -1; k <= n[2]; ++k)
