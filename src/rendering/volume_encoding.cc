@@ -118,9 +118,7 @@ BlockRows::BlockRows(const GridGeometry& grid, int along)
 void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
   const std::array<int, 3> at{i, j, k};
   const int number = at[static_cast<std::size_t>(along_)] / kBlock;
-  const std::size_t row =
-      static_cast<std::size_t>(at[static_cast<std::size_t>(across_)]) +
-      static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(k);
+  const std::size_t row = row_number(at[static_cast<std::size_t>(across_)], k);
   const std::size_t group =
       row * static_cast<std::size_t>(groups_) + static_cast<std::size_t>(number / kGroup);
   std::uint64_t& word = mask_[row * static_cast<std::size_t>(words_) + static_cast<std::size_t>(number / 64)];
@@ -158,14 +156,6 @@ void BlockRows::make_room(std::size_t group, int count) {
   voxels_.resize(end + room_[group]);
   std::copy_n(voxels_.begin() + first_[group], count, voxels_.begin() + static_cast<std::ptrdiff_t>(end));
   first_[group] = static_cast<std::uint32_t>(end);
-}
-
-const VoxelBlock* BlockRows::at(int i, int j, int k) const {
-  const std::array<int, 3> voxel{i, j, k};
-  const auto along = static_cast<std::size_t>(along_), across = static_cast<std::size_t>(across_);
-  return find(static_cast<std::size_t>(voxel[across]) +
-                  static_cast<std::size_t>(dims_[across]) * static_cast<std::size_t>(k),
-              voxel[along] / kBlock);
 }
 
 RowsView BlockRows::view(const Vector<Patient>& into, const VolumeLight& light) const {
@@ -213,10 +203,9 @@ void Leaps::fill(const BlockRows& rows, const Cubes& cubes) {
   constexpr int kLast = kCubeSide - 1;
   for (int k = first(2); k < end(2); ++k)
     for (int j = first(1); j < end(1); ++j) {
-      const std::size_t row =
-          static_cast<std::size_t>(j) + static_cast<std::size_t>(voxels_[1]) * static_cast<std::size_t>(k);
+      const BlockRows::Row row = rows.row(j, k);
       for (int block = first(0) / kBlock; block * kBlock < end(0); ++block) {
-        const VoxelBlock* voxels = rows.find(row, block);
+        const VoxelBlock* voxels = row[block];
         if (voxels == nullptr) continue;
         std::uint64_t cells = 0;
         for (int n = 0; n < kBlock; ++n)
@@ -336,13 +325,14 @@ class Encoding::Tile {
           // voxels of the row whose look has changed
           const bool is_in = is_changed(across, c) && is_changed(2, k);
           const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
+          const BlockRows::Row row = encoding_.rows_[a].row(box_.first[across] + c, box_.first[2] + k);
           for (int b = 0; b < size[a]; b += kBlock) {
             const std::array<int, 3> at{box_.first[0] + (along == 0 ? b : c),
                                         box_.first[1] + (along == 0 ? c : b), box_.first[2] + k};
             const int end = std::min(b + kBlock, size[a]), from = std::max(b, changed[0]),
                       to = std::min(end, changed[1]);
             const bool is_whole = from == b && to == end;
-            const VoxelBlock* before = is_whole ? nullptr : encoding_.rows_[a].at(at[0], at[1], at[2]);
+            const VoxelBlock* before = is_whole ? nullptr : row[(box_.first[a] + b) / kBlock];
             if (before == nullptr && from >= to) continue;
             VoxelBlock block{};
             if (before != nullptr) block = *before;
@@ -419,9 +409,9 @@ class Encoding::Tile {
     for (int k = 0; k < box_.size[2]; ++k)
       for (int j = 0; j < box_.size[1]; ++j) {
         const bool is_in = is_changed(1, j) && is_changed(2, k);
+        const BlockRows::Row row = encoding_.rows_[0].row(box_.first[1] + j, box_.first[2] + k);
         for (int b = 0; b < box_.size[0]; b += kBlock) {
-          const VoxelBlock* before =
-              encoding_.rows_[0].at(box_.first[0] + b, box_.first[1] + j, box_.first[2] + k);
+          const VoxelBlock* before = row[(box_.first[0] + b) / kBlock];
           if (before == nullptr) continue;
           for (int i = b; i < std::min(b + kBlock, box_.size[0]); ++i)
             if (!is_in || !is_changed(0, i)) looks_[offset(i, j, k)].extinction = before->extinction[i - b];

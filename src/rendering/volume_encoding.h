@@ -33,19 +33,32 @@ class BlockRows {
   void put(int i, int j, int k, const VoxelBlock& block);
   /// @param into  away from the viewer, unit
   RowsView view(const Vector<Patient>& into, const VolumeLight& light) const;
-  /// A row's block; null where it is empty. @param row  across the rows first, then along k
-  const VoxelBlock* find(std::size_t row, int block) const {
-    const std::uint32_t place = place_of(mask_.data() + row * static_cast<std::size_t>(words_),
-                                         first_.data() + row * static_cast<std::size_t>(groups_), block);
-    return place != 0 ? &voxels_[place] : nullptr;
+  /// Its blocks, by their number; null where one is empty.
+  struct Row {
+    const std::uint64_t* mask;
+    const std::uint32_t* first;
+    const VoxelBlock* voxels;
+
+    const VoxelBlock* operator[](int block) const {
+      const std::uint32_t place = place_of(mask, first, block);
+      return place != 0 ? voxels + place : nullptr;
+    }
+  };
+  /// @param across  the voxel across the rows; @param k  the slice
+  Row row(int across, int k) const {
+    const std::size_t number = row_number(across, k);
+    return {mask_.data() + number * static_cast<std::size_t>(words_),
+            first_.data() + number * static_cast<std::size_t>(groups_), voxels_.data()};
   }
-  /// The block that begins with a voxel, likewise.
-  const VoxelBlock* at(int i, int j, int k) const;
   std::size_t bytes() const;
 
  private:
   int along_ = 0, across_ = 1;
   std::array<int, 3> dims_{};
+  std::size_t row_number(int across, int k) const {
+    return static_cast<std::size_t>(across) +
+           static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(k);
+  }
   /// For one block more of a group that has `count`.
   void make_room(std::size_t group, int count);
 

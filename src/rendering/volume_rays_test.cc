@@ -195,8 +195,7 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
     const auto is_filled = [&](int i, int j, int k) {
       if (i < 0 || j < 0 || k < 0 || i >= grid.dims[0] || j >= grid.dims[1] || k >= grid.dims[2])
         return false;
-      const auto* block =
-          encoding.rows_for(2).find(static_cast<std::size_t>(j + grid.dims[1] * k), i / kBlock);
+      const auto* block = encoding.rows_for(2).row(j, k)[i / kBlock];
       return block != nullptr && block->extinction[i % kBlock] != 0;
     };
     std::vector<std::array<int, 3>> filled;

@@ -74,8 +74,8 @@ inline double normal_sigma_mm(const GridGeometry& grid) {
   const double most = std::max(2.5, 2.5 * grid.min_spacing_mm());
   return std::min({internal::kMaxSigma_mm, most, 2.5 * grid.spacing_mm.maxCoeff()});
 }
-/// Its weights along an axis, to 3 standard deviations: the farther they reach, the more is made anew around what
-/// changed.
+/// Its weights along an axis, to 3 standard deviations: the farther they reach, the more is made anew around
+/// what changed.
 inline internal::AxisKernel sample_normal_kernel(double sigma_voxels) {
   return internal::sample_gaussian(sigma_voxels, static_cast<int>(std::ceil(3 * sigma_voxels)));
 }
