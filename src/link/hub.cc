@@ -345,8 +345,9 @@ void Hub::show_pose() {
   const std::int64_t clock_ns = monotonic_ns();
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
+  const NearMessage near(tick);
   for (const auto& viewer : viewers_)
-    if (viewer->is_due(now)) viewer->show(pose, now);
+    if (viewer->is_due(now)) viewer->show(pose, host_.scene().tells_near() ? &near : nullptr, now);
 }
 
 // ---- what has to be seen to now and then

@@ -185,6 +185,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.yielded = fields.flag("yielded").value_or(false);
   hello.task = fields.flag("task").value_or(false);
+  hello.near = fields.flag("near").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
   return hello;

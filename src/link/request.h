@@ -23,6 +23,7 @@ struct Hello {
   double poses_hz = 60;
   bool yielded = false;  ///< it wants to be told how tissue has yielded
   bool task = false;     ///< it wants to be told how far a run of a task is
+  bool near = false;     ///< it wants to be told what is near the tools and what keeps them away
 };
 struct StopRequest {};
 struct PointerRequest {

@@ -148,6 +148,7 @@ void Viewer::greet(const Hello& hello) {
   welcomed_ = true;
   wants_yields_ = hello.yielded;
   wants_training_ = hello.task;
+  wants_near_ = hello.near;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -183,12 +184,16 @@ bool Viewer::is_due(Clock::time_point now) const {
   return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
 }
 
-void Viewer::show(const PoseMessage& pose, Clock::time_point now) {
+void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
   // one that has fallen behind its rate does not catch up
   next_pose_ = std::max(next_pose_ + pose_period_, now);
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
+  if (wants_near_ && near && !(near_ && near->says_the_same(*near_))) {
+    near_ = *near;
+    near_due_ = true;
+  }
   write_next();
 }
 
@@ -210,6 +215,9 @@ void Viewer::write_next() {
   } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
     pose_is_next_ = true;
     write(net::buffer(*yield_out_), true);
+  } else if (std::exchange(near_due_, false)) {
+    near_out_ = *near_;
+    write(net::buffer(near_out_.bytes()), true);
   } else if (std::exchange(pose_due_, false)) {
     pose_is_next_ = false;
     pose_out_ = pose_;

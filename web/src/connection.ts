@@ -1,6 +1,7 @@
 // The WebSocket: it comes back by itself, keeps the latest pose, and knows how old that is.
 
 import type { Sweep } from "./cuts.js";
+import { decodeNear, isNear, type Near } from "./near.js";
 import type { State } from "./scene.js";
 import type { Debriefing, TaskRun } from "./training.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
@@ -42,6 +43,8 @@ export interface Listener {
   onCut(first: number, sweeps: Sweep[]): void;
   /** How tissue around a device has yielded; on another connection all is told anew. */
   onYield(told: Yield): void;
+  /** What is near each tool, right before the pose from which on it holds; on another connection it is told anew. */
+  onNear(near: Near[]): void;
   /** How far a run of a task is. */
   onTask(run: TaskRun): void;
   /** One that is over. */
@@ -75,7 +78,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
-      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true };
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true, near: true };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
     };
     socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
@@ -155,6 +158,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (typeof data !== "string") {
       try {
+        if (isNear(data)) return this.listener.onNear(decodeNear(data));
         if (isYield(data)) return this.listener.onYield(decodeYield(data));
         const pose = decodePose(data);
         this.pose = pose;

@@ -9,6 +9,7 @@ import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
 import type { Measure } from "./measure.js";
 import { Measures } from "./measures_panel.js";
+import { NearPanel } from "./near_panel.js";
 import type { Picture } from "./picture.js";
 import { PointerDevice } from "./pointer.js";
 import { conceal, revealed, type Concealed } from "./quiz.js";
@@ -62,6 +63,7 @@ class Page {
   readonly requests: Requests;
   readonly timeline: Timeline;
   readonly training: Training;
+  readonly nearPanel: NearPanel;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
@@ -106,6 +108,7 @@ class Page {
         this.cut();
       },
       onTask: (run) => this.training.tell(run),
+      onNear: (near) => (this.session.near = near),
       onDebriefing: (debriefing) => this.training.debrief(debriefing),
       onYield: (told) => {
         this.yields.tell(told);
@@ -135,7 +138,9 @@ class Page {
       record: () => this.record(),
       togglePlaying: () => this.timeline.toggle(),
       beginOrEnd: () => this.training.beginOrEnd(),
+      toggleSound: () => this.nearPanel.toggleSound(),
     });
+    this.nearPanel = new NearPanel(session, this.connection);
     this.timeline = new Timeline(session, this.connection, this.requests);
     this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind));
     const orient = this.addHeads();
@@ -251,7 +256,7 @@ class Page {
     const hidden = JSON.stringify(toFind);
     if (hidden === this.hidden || !session.volumes || !session.scene) return;
     this.hidden = hidden;
-    session.hidesNames = toFind !== null;
+    session.quiz = toFind;
     document.body.classList.toggle("quiz", toFind !== null);
     // one after the other with what a burr takes away
     this.cutting = this.cutting.then(async () => {
@@ -320,6 +325,7 @@ class Page {
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
+        this.nearPanel.show(scene);
         this.timeline.show(scene.recording);
         this.training.show(scene);
         if (this.session.state) this.onState(this.session.state);
@@ -439,6 +445,7 @@ class Page {
       this.isOutdated = true;
       this.cuts.beginAnew();
       this.yields.forget();
+      this.session.near = [];
       this.areYieldsDue = true;
       this.training.beginAnew();
       this.cut();
@@ -447,10 +454,12 @@ class Page {
     this.controls.allow();
     this.timeline.allow();
     this.training.allow();
+    this.nearPanel.sound();
     this.session.touch();
   }
   private onState(state: State): void {
     this.session.state = state;
+    this.nearPanel.sound();
     this.controls.showState(state);
     this.timeline.showState(state);
     this.training.allow();
@@ -463,6 +472,7 @@ class Page {
   }
   private onPose(pose: Pose): void {
     this.session.setPose(pose);
+    this.nearPanel.sound();
     this.controls.addPose(pose);
     this.timeline.addPose(pose);
     this.capture.addPose(pose);
@@ -597,6 +607,7 @@ class Page {
     if (now - this.figures_ms > FIGURES_MS) {
       this.figures_ms = now;
       this.controls.draw();
+      this.nearPanel.draw(now);
       this.timeline.draw();
       this.training.draw();
       write(byId("record"), this.capture.isRecording ? words.recording(`${this.capture.seconds().toFixed(0)} s`) : words.record);

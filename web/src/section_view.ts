@@ -12,6 +12,7 @@ import {
   drawAge, drawCross, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText,
   type Projection,
 } from "./overlay.js";
+import { drawNoGoOnPlane, drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
@@ -230,6 +231,7 @@ export class SectionView {
       pixelsPerMm: () => 1 / mm,
       clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
     };
+    drawNoGoOnPlane(frame, session, { plane: this.plane, pixel: (p) => this.pixelOf(p), mmPerPixel: mm });
     if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
     const device = session.pose?.devices[0];
     let top = 40;
@@ -255,6 +257,7 @@ export class SectionView {
     drawScale(frame, mm);
     if (session.strain) drawStrainLegend(frame, session.yields);
     drawSide(frame, session.scene);
+    drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
     const normal = normalOf(this.plane);
     const slices = slicesAlong(session.volumes, normal);

@@ -7,6 +7,7 @@ import { add, dot, length, orientationLetters, scale, sub, multiply, normalizeQu
 import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "./in_volume.js";
 import { LivePicture } from "./live_picture.js";
 import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Frame, type Projection } from "./overlay.js";
+import { drawNoGoInVolume, drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
 import type { PointerDevice } from "./pointer.js";
 import { memory_GB } from "./screen.js";
@@ -260,6 +261,7 @@ export class VolumeView {
     const frame = this.picture.frame();
     const projection = this.projection();
     frame.context.clearRect(0, 0, frame.width, frame.height);
+    drawNoGoInVolume(frame, projection, session, session.volumes!);
     this.drawMarks(frame, projection);
     const device = session.pose?.devices[0];
     if (device) {
@@ -282,6 +284,7 @@ export class VolumeView {
     // in perspective no length holds all over the picture
     if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
     drawSide(frame, session.scene!);
+    drawNoGoWarning(frame, session, 60);
     drawAge(frame, session);
   }
 

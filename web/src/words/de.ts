@@ -42,6 +42,7 @@ export const de: Words = {
   askedAtDevice: "Am Gerät wird gefragt: Es geschieht, sobald dort jemand zustimmt, innerhalb von 20 s.",
   shortPose: (bytes) => `eine Pose mit ${bytes} Bytes`,
   noPose: "keine Pose: sie beginnt nicht mit PLPT",
+  noNear: (bytes) => `keine ganze Nachricht darüber, was nah ist, mit ${bytes} Bytes`,
   noYield: (bytes) => `keine ganze Nachricht über nachgebendes Gewebe, mit ${bytes} Bytes`,
   poseOfDevices: (bytes, devices) => `eine Pose mit ${bytes} Bytes für ${devices} Geräte`,
 
@@ -166,7 +167,7 @@ export const de: Words = {
   flags: {
     emergencyStop: "Not-Halt", paused: "Pause", stale: "keine Pose von der Hand", deviceFault: "Gerätefehler", halted: "angehalten", jump: "Sprung",
     notFinite: "keine Zahl", clamped: "an der Grenze", thermal: "Motor warm", clutched: "ausgekuppelt", wedged: "verkeilt",
-    ruptured: "durch die Oberfläche", inside: "innen, seit der Kontakt begann", passivity: "gedämpft", turnHeld: "Drehung gehalten", ramp: "klingt an oder ab",
+    ruptured: "durch die Oberfläche", inside: "innen, seit der Kontakt begann", noGo: "ferngehalten", passivity: "gedämpft", turnHeld: "Drehung gehalten", ramp: "klingt an oder ab",
   },
   stoppedBy: {
     you: "angehalten von dieser Seite", viewer: "angehalten von einem anderen Betrachter", key: "angehalten durch eine Taste, wo palpate läuft",
@@ -180,6 +181,22 @@ export const de: Words = {
   holdToTouch: "zum Tasten die Maustaste im Bild halten",
   nobodyHolds: "niemand hält den Zeiger",
   otherHolds: "ein anderer Betrachter hat den Zeiger und ruht",
+
+  // what is near
+  nearTool: "Nah am Instrument",
+  nearAbout: "Die Strukturen, die dem Umriss des Instruments am nächsten sind, und wie weit sie weg sind",
+  nothingNear: (reach) => `Nichts innerhalb von ${reach}`,
+  nearInWords: (name, mm) => `${name}: ${mm} Millimeter`,
+  insideInWords: (name, mm) => `${name}: ${mm} Millimeter darin`,
+  keepAway: (way) => `${way} Abstand halten`,
+  beforeRegion: (name, way) => `${name}: noch ${way}, bevor es wegdrückt`,
+  tooNear: (name, way) => `${name}: ${way} zu nah`,
+  pushesBy: (force) => `weggedrückt mit ${force}`,
+  keptAwayFrom: (name) => `ferngehalten von ${name}`,
+  someRegion: "eine Sperrzone",
+  sound: "Ton",
+  soundTitle: "Töne, schneller und höher, je näher eine Sperrzone ist, und ohne Pause, wo sie wegdrückt; was am nächsten ist, wird auch gesprochen (N)",
+  soundHeld: "Der Browser lässt ihn nach dem ersten Druck auf die Seite hören.",
 
   // force and loop
   forceAndLoop: "Kraft und Regelung",
@@ -428,6 +445,7 @@ export const de: Words = {
     ["`S`, `O`, `D`", "Foto, Aufzeichnen, Farben"],
     ["`Strg Z`, `Strg Umschalt Z`", "was eingestellt, gedreht, gezeigt, von anderswo angesehen, gemessen oder gemerkt wurde: rückgängig, wieder her"],
     ["`B`", "eine Aufgabe: beginnen, beenden, noch einmal"],
+    ["`N`", "der Ton der Sperrzonen: an, aus"],
     ["`U`, `Umschalt U`", "was eine Fräse oder ein Shaver zuletzt abtrug, von Motor an bis Motor aus: zurück, wieder weg"],
     ["Pfeiltasten in der Liste", "von Struktur zu Struktur, auch Pos1, Ende und Bild; Tabulator geht hinter die Liste"],
     ["`Esc`", "verwirft die begonnene Messung, schließt dies"],

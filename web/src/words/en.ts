@@ -41,6 +41,7 @@ export const en = {
   askedAtDevice: "Asked at the device: it happens when somebody there agrees, within 20 s.",
   shortPose: (bytes: string) => `a pose of ${bytes} bytes`,
   noPose: "no pose: it does not begin with PLPT",
+  noNear: (bytes: string) => `no whole message of what is near, with ${bytes} bytes`,
   noYield: (bytes: string) => `no whole message of tissue that yields, with ${bytes} bytes`,
   poseOfDevices: (bytes: string, devices: string) => `a pose of ${bytes} bytes for ${devices} devices`,
 
@@ -165,7 +166,7 @@ export const en = {
   flags: {
     emergencyStop: "emergency stop", paused: "paused", stale: "no pose from the hand", deviceFault: "device fault", halted: "halted", jump: "jump",
     notFinite: "not finite", clamped: "at the limit", thermal: "motor warm", clutched: "clutched", wedged: "wedged", ruptured: "through the surface",
-    inside: "inside since contact began", passivity: "damped", turnHeld: "turn held", ramp: "fading",
+    inside: "inside since contact began", noGo: "kept away", passivity: "damped", turnHeld: "turn held", ramp: "fading",
   },
   stoppedBy: {
     you: "stopped by this page", viewer: "stopped by another viewer", key: "stopped by a key where palpate runs",
@@ -179,6 +180,22 @@ export const en = {
   holdToTouch: "hold the button in a picture to touch",
   nobodyHolds: "nobody holds the pointer",
   otherHolds: "another viewer has the pointer, and rests",
+
+  // what is near
+  nearTool: "Near the tool",
+  nearAbout: "The structures that are nearest to the tool's outline, and how far away they are",
+  nothingNear: (reach: string) => `Nothing within ${reach}`,
+  nearInWords: (name: string, mm: string) => `${name}: ${mm} millimetres`,
+  insideInWords: (name: string, mm: string) => `${name}: ${mm} millimetres inside`,
+  keepAway: (way: string) => `keep ${way} away`,
+  beforeRegion: (name: string, way: string) => `${name}: ${way} to go before it pushes`,
+  tooNear: (name: string, way: string) => `${name}: ${way} too near`,
+  pushesBy: (force: string) => `pushed out by ${force}`,
+  keptAwayFrom: (name: string) => `kept away from ${name}`,
+  someRegion: "some region",
+  sound: "Sound",
+  soundTitle: "Beeps, faster and higher the nearer a no-go region is, and without a break where it pushes; what is nearest is spoken, too (N)",
+  soundHeld: "The browser lets it sound after the first press on the page.",
 
   // force and loop
   forceAndLoop: "Force and loop",
@@ -428,6 +445,7 @@ export const en = {
     ["`S`, `O`, `D`", "screenshot, record, theme"],
     ["`Ctrl Z`, `Ctrl Shift Z`", "what was set, turned, shown, looked at from elsewhere, measured or marked: undone, done again"],
     ["`B`", "a task: begin, end, again"],
+    ["`N`", "the sound of no-go regions: on, off"],
     ["`U`, `Shift U`", "the last stroke of a burr or shaver, what it took away from motor on to motor off: undone, done again"],
     ["arrow keys in the list", "from structure to structure, with Home, End and Page keys; the tab key goes on behind the list"],
     ["`Esc`", "drops the measure that is begun, closes this"],
