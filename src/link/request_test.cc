@@ -43,6 +43,8 @@ TEST(Request, EveryMessageOfTheDocument) {
 
   EXPECT_FALSE(hello->task);
   EXPECT_FALSE(hello->near);
+  EXPECT_FALSE(hello->plan);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->plan);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->near);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->task);
 

@@ -261,6 +261,26 @@ class FakeHost : public ViewerHost {
     training_.time_s = time_s;
   }
 
+  std::shared_ptr<const ViewedPlan> plan() const override {
+    const std::lock_guard lock(mutex_);
+    return plan_;
+  }
+  Result<void> change(const PlanRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (!plan_ || request.version != plan_->version)
+      return Error{ErrorKind::kUsage, "is another plan", "version", "look again"};
+    auto next = std::make_shared<ViewedPlan>(*plan_);
+    ++next->version;
+    if (request.name) next->title = *request.name;
+    next->saved = request.save;
+    plan_ = std::move(next);
+    return {};
+  }
+  void rehearse(ViewedPlan plan) {
+    const std::lock_guard lock(mutex_);
+    plan_ = std::make_shared<const ViewedPlan>(std::move(plan));
+  }
+
   double played_at_s() const {
     const std::lock_guard lock(mutex_);
     return played_at_s_;
@@ -308,6 +328,7 @@ class FakeHost : public ViewerHost {
   ViewedState state_;
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
   DeviceTick near_;
+  std::shared_ptr<const ViewedPlan> plan_;
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::array<double, 3> tip_{};

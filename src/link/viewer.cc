@@ -149,6 +149,7 @@ void Viewer::greet(const Hello& hello) {
   wants_yields_ = hello.yielded;
   wants_training_ = hello.task;
   wants_near_ = hello.near;
+  wants_plan_ = hello.plan;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -176,6 +177,10 @@ void Viewer::show_training() {
   if (!welcomed_ || !wants_training_) return;
   training_due_ = true;
   write_next();
+}
+
+void Viewer::show_plan() {
+  if (welcomed_ && wants_plan_) write_next();
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
@@ -206,6 +211,8 @@ void Viewer::write_next() {
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
+  } else if (next_plan()) {
+    write(net::buffer(text_out_), false);
   } else if (!(pose_due_ && pose_is_next_) && next_training()) {
     pose_is_next_ = true;
     write(net::buffer(text_out_), false);
@@ -230,6 +237,15 @@ bool Viewer::next_sweeps() {
   std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
   if (text.empty()) return false;
   text_out_ = std::move(text);
+  return true;
+}
+
+// it changes by hand, seldom
+bool Viewer::next_plan() {
+  if (!welcomed_ || !wants_plan_ || plan_had_ == hub_.told_plan()) return false;
+  plan_had_ = hub_.told_plan();
+  if (!plan_had_) return false;
+  text_out_ = *plan_had_;
   return true;
 }
 

@@ -42,6 +42,7 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 ///     pose_        the latest, which replaces one that was not sent
 ///     near_        the latest of what is near, likewise; it goes out before the pose with which it came
 ///     training_due_, debriefing_due_  how far a run of a task is, and the last one's figures, likewise
+///     plan_had_    which text it has of the plan; the hub has the newest
 ///     yields_had_  which message it has of the tissue around each device; the hub has the newest
 ///
 /// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
@@ -65,6 +66,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void show_yields();
   /// There is something new of a run of a task.
   void show_training();
+  /// The plan is another one.
+  void show_plan();
   /// An answer.
   void say(std::string text);
   /// Says goodbye with a close code, and why to the log.
@@ -97,6 +100,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_sweeps();
   bool next_yield();
   bool next_training();
+  bool next_plan();
   void rest_from_yields();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
@@ -128,6 +132,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::size_t next_yielding_ = 0;                        ///< device whose turn it is
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;
+  bool wants_plan_ = false;
+  std::shared_ptr<const std::string> plan_had_;
   bool wants_training_ = false, training_due_ = false;
   std::shared_ptr<const std::string> debriefing_had_;
   std::uint64_t sequence_ = 0;

@@ -3526,10 +3526,6 @@ outward = "right"
         server.command = lambda: [cls.program, "explore", cls.scene_file, "--device", "pointer", "--port", str(server.port), "--seconds", "600", *more]
         return server
 
-    def setUp(self):
-        super().setUp()
-        self.let_another_viewer_lead()
-
     def lead(self, place):
         self.page.run("clearInterval(window.leading); window.leading = setInterval(() => window.lead(arguments[0]), 30)", place)
         self.page.wait(f"Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, n) => x - {json.dumps(place)}[n])) < 0.01")
@@ -3542,6 +3538,7 @@ outward = "right"
         return self.page.run("palpateViewer.draw(); return document.getElementById(arguments[0]).textContent", name)
 
     def test_what_keeps_away_is_told_drawn_and_heard_until_a_stop(self):
+        self.let_another_viewer_lead()
         self.page.run("""window.voices = { begun: 0, ended: 0 };
             for (const [what, name] of [["begun", "start"], ["ended", "stop"]]) {
               const honest = OscillatorNode.prototype[name];
@@ -3607,7 +3604,7 @@ outward = "right"
             return [...document.querySelectorAll("#near tr")].filter((row) => !row.hidden).map((row) => [row.cells[0].textContent, row.cells[1].textContent, row.querySelector(".swatch").style.background]);""")
         names = {structure["label"]: structure["name"].replace("_", " ") for structure in self.scene["structures"]}
         self.assertEqual([row[0].split(" · ")[0] for row in rows], [names[one["label"]] for one in near])
-        self.assertEqual(rows[0][:1], ["patella · keep 4.00 mm away"])
+        self.assertEqual(rows[0][:1], ["patella · keep 4.00 mm"])
         self.assertTrue(all(row[1].endswith("mm") and row[2].startswith("rgb") for row in rows), rows)
         self.page.wait("palpateViewer.draw(), document.getElementById('near-words').textContent.startsWith('patella: ')")
 
@@ -3661,6 +3658,145 @@ outward = "right"
             time.sleep(0.3)
             self.assertIsNone(self.page.run("return palpateViewer.tone"))
             self.page.post("/url", {"url": "about:blank"})
+
+
+class WithPlan(Viewer):
+    """palpate itself with a plan, which is seen while it is rehearsed, changed by mouse, finger and keys, and saved."""
+
+    PLAN = """title = "A hole into the femur"
+
+[[trajectory]]
+name = "hole"
+entry = [34.0, -14.0, 18.0]
+target = [20.0, -9.0, 24.0]
+enters = ["femur"]
+entry_within = 2.0
+
+[[keep_away]]
+structures = ["patella"]
+distance = 6
+"""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-plan-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.program, knee = command(0, "pointer", None)[0], os.path.join(folder.name, "knee")
+        cls.scene_file, cls.plan = (os.path.join(folder.name, name) for name in ("scene.toml", "plan.toml"))
+        for arguments in (("data", "fetch", "knee-phantom", "-o", knee, "--voxel", "1.5"),
+                          ("scene", "new", os.path.join(knee, "knee-phantom.seg.nrrd"), "-o", cls.scene_file)):
+            subprocess.run([cls.program, "-q", *arguments], check=True, stdout=subprocess.DEVNULL)
+        with open(cls.scene_file, "a", encoding="utf-8") as file:
+            file.write('\n[distances]\nstructures = "all"\n')
+        with open(cls.plan, "w", encoding="utf-8") as file:
+            file.write(cls.PLAN)
+        cls.server = Server("pointer")
+        cls.server.command = lambda: [cls.program, "explore", cls.scene_file, "--device", "pointer", "--plan", cls.plan, "--port", str(cls.server.port), "--seconds", "600"]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def text(self, name):
+        return self.page.run("palpateViewer.draw(); return document.getElementById(arguments[0]).textContent", name)
+
+    def saved(self):
+        """What palpate reads of the plan's file."""
+        done = subprocess.run([self.program, "plan", "show", self.plan, "--scene", self.scene_file], capture_output=True, text=True, check=True)
+        return done.stdout
+
+    def lead(self, place):
+        self.page.run("clearInterval(window.leading); window.leading = setInterval(() => window.lead(arguments[0]), 30)", place)
+        self.page.wait(f"Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, n) => x - {json.dumps(place)}[n])) < 0.01")
+
+    def test_a_tip_beside_a_trajectory_has_its_figures_and_what_comes_too_near_is_warned_of(self):
+        entry, target = numpy.array([34.0, -14, 18]), numpy.array([20.0, -9, 24])
+        axis = (target - entry) / numpy.linalg.norm(target - entry)
+        aside = numpy.cross(axis, [0, 0, 1])
+        aside /= numpy.linalg.norm(aside)
+        self.assertEqual(self.text("plan-title"), "A hole into the femur")
+        self.let_another_viewer_lead()
+        self.lead((entry - 12 * axis + 3 * aside).tolist())
+        self.page.wait("palpateViewer.draw(), document.getElementById('plan-nearest').textContent === 'hole'")
+        left = numpy.linalg.norm(target - entry) + 12
+        self.assertEqual([self.text("plan-lateral"), self.text("plan-left"), self.text("plan-angle")], ["3.00 mm", f"{left:.1f} mm", "–"])
+        # its line is drawn in the section where that goes through both of its ends
+        self.assertTrue(self.page.run("return document.getElementById('plan-breach').hidden"))
+        self.page.run("document.querySelector('#plan-list .figure').click()")
+        self.page.run("[...document.querySelectorAll('#plan-list .end button')].find((one) => one.dataset.plan === 'show-entry_mm-0').click(); document.querySelector('[data-layout=five]').click()")
+        self.page.wait("palpateViewer.draw(), palpateViewer.pixelOf('axial', [34, -14, 18]).off_mm < 0.01")
+        drawn = self.page.run("return palpateViewer.drawnOver('axial', [[31.2, -13, 19.2], [34, -14, 18]])")
+        self.assertGreater(min(drawn), 60)
+        # the patella's middle is far within what is to be kept away from it
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        patella = next(structure["label"] for structure in scene["structures"] if structure["name"] == "patella")
+        places = numpy.argwhere(labels == patella) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
+        front = places[places[:, 1].argmin()]
+        self.lead([front[0], front[1] - 6, front[2]])
+        self.page.wait("palpateViewer.draw(), !document.getElementById('plan-breach').hidden")
+        self.assertRegex(self.text("plan-breach"), r"⚠ patella: [\d.]+ mm away, 6.00 mm are planned")
+        self.page.wait("document.getElementById('spoken').textContent.includes('nearer to patella than planned')")
+        self.assertEqual(self.barriers(), [])
+        self.page.run("clearInterval(window.leading)")
+
+    def test_a_trajectory_is_made_moved_undone_and_saved(self):
+        page, places = self.page, "palpateViewer.plan.list.map(({ name }) => name).join()"
+        page.run("document.querySelector('[data-layout=section]').click()")
+        page.press("e")
+        page.wait("palpateViewer.plan.isShared && document.querySelector('[data-tool=plan]').ariaChecked === 'true'")
+        # two presses in the section
+        left, top, width, height = self.box("#picture-oblique .stack")
+        points = [(round(left + a * width), round(top + b * height)) for a, b in ((0.3, 0.3), (0.45, 0.6))]
+        for x, y in points:
+            page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0})
+        page.wait(f"{places} === 'hole,Trajectory 2'")
+        made = page.run("return palpateViewer.plan.list[1]")
+        for end, (x, y) in zip(("entry_mm", "target_mm"), points):
+            seen = page.run("return palpateViewer.pixelOf('oblique', arguments[0])", made[end])
+            self.assertLess(abs(seen["x"] - (x - left)) + abs(seen["y"] - (y - top)), 2.5)
+        # its target is dragged, by a finger
+        for kind, touched in (("Start", [points[1]]), ("Move", [(points[1][0] + 30, points[1][1])]), ("Move", [(points[1][0] + 60, points[1][1])]), ("End", [])):
+            page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": 0} for x, y in touched])
+        page.wait(f"palpateViewer.plan.list[1].target_mm.some((x, n) => Math.abs(x - {json.dumps(made['target_mm'])}[n]) > 1)")
+        moved = page.run("return palpateViewer.plan.list[1]")
+        self.assertEqual(moved["entry_mm"], made["entry_mm"])
+        # and named and placed by keys alone
+        page.run("document.querySelector('[data-plan=name-1]').focus()")
+        page.run("document.activeElement.value = ''")
+        for key in "second\ue007":
+            page.press(key)
+        page.run("document.activeElement.blur()")
+        page.wait(f"{places} === 'hole,second'")
+        page.run("document.querySelector('[data-plan=at-entry_mm-1]').focus(); document.activeElement.value = ''")
+        for key in "1,2,3.5\ue007":
+            page.press(key)
+        page.run("document.activeElement.blur()")
+        page.wait("palpateViewer.plan.list[1].entry_mm.join() === '1,2,3.5'")
+        # undone one by one, and done again
+        for wanted in ("palpateViewer.plan.list[1].entry_mm.join() !== '1,2,3.5'", f"{places} === 'hole,Trajectory 2'"):
+            page.click("#undo")
+            page.wait(wanted)
+        page.click("#redo")
+        page.wait(f"{places} === 'hole,second'")
+        with open(self.plan, encoding="utf-8") as file:
+            self.assertEqual(file.read(), self.PLAN, "nothing is written unasked")
+        self.assertEqual(self.barriers(), [])
+        page.click("#plan-save")
+        page.wait("palpateViewer.plan.plan.saved")
+        shown = self.saved()
+        self.assertIn("trajectory second", shown)
+        self.assertIn("keep away       6 mm from patella", shown)
+        # somebody else changes the file: it is left as it is
+        with open(self.plan, "a", encoding="utf-8") as file:
+            file.write("# by somebody else\n")
+        page.run("document.querySelector('[data-plan=remove-1]').click()")
+        page.wait(f"{places} === 'hole'")
+        page.click("#plan-save")
+        page.wait("!document.getElementById('toast').hidden && document.getElementById('toast').textContent.includes('has been changed since')")
+        with open(self.plan, encoding="utf-8") as file:
+            self.assertIn("# by somebody else", file.read())
+        with open(self.plan, "w", encoding="utf-8") as file:
+            file.write(self.PLAN)
 
 
 class WithTokens(Viewer):

@@ -182,7 +182,7 @@ export class Controls {
     }
     if (writes || target.matches("select") || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const keys: Record<string, () => void> = {
-      w: () => this.chooseTool("window"), v: () => this.chooseTool("pan"), r: () => this.chooseTool("ruler"), a: () => this.chooseTool("angle"), t: () => this.chooseTool("touch"),
+      w: () => this.chooseTool("window"), v: () => this.chooseTool("pan"), r: () => this.chooseTool("ruler"), a: () => this.chooseTool("angle"), e: () => this.chooseTool("plan"), t: () => this.chooseTool("touch"),
       "1": () => this.actions.layout("two"), "2": () => this.actions.layout("five"), "3": () => this.actions.layout("volume"), "4": () => this.actions.layout("section"),
       "5": () => this.actions.layout("inside"), "6": () => this.actions.layout("scope"),
       "?": () => this.help(byId("help-box").hidden),

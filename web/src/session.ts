@@ -4,6 +4,7 @@ import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } 
 import type { Bookmark } from "./bookmarks.js";
 import { keep, recall, recallScene } from "./kept.js";
 import type { Near, NearStructure } from "./near.js";
+import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
 import { looksOf, restored, type KeptLooks } from "./looks.js";
 import { showsTheSame, type HeldTool, type Rgb, type Scene, type State, type Volumes } from "./scene.js";
@@ -11,7 +12,7 @@ import type { DevicePose, Pose } from "./wire.js";
 import { Flag } from "./wire.js";
 import { words } from "./words.js";
 
-export type Tool = "window" | "pan" | "ruler" | "angle" | "touch";
+export type Tool = "window" | "pan" | "ruler" | "angle" | "plan" | "touch";
 export interface Look { colour: Rgb; opacity: number; visible: boolean }
 /** Of a section: what is shown of all that lies so near to its plane. */
 export interface Slab { kind: "none" | "mean" | "maximum" | "minimum"; mm: number }
@@ -68,6 +69,7 @@ export class Session {
   alike: { values: number[]; as: number } | null = null;
   /** Labels of structures that are to be found in a quiz, in which no structure has a name; null: there is none. */
   quiz: number[] | null = null;
+  plans!: PlanStore; // what is rehearsed
   near: Near[] = []; // of each device; none where nothing is told
   /** To the no-go region that any tool is deepest in or else nearest to; null: to none. */
   approach: Approach | null = null;

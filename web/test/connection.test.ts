@@ -33,7 +33,7 @@ function connection() {
   const tasks: number[] = [], nears: number[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
+    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onPlan: (plan) => tasks.push(100 + plan.version), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();

@@ -13,6 +13,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/device/telemetry.h"
+#include "palpate/link/viewed_plan.h"
 #include "palpate/link/viewed_training.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
@@ -299,6 +300,12 @@ class ViewerHost {
   /// A run begins, or ends.
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "there are no tasks here", "", ""};
+  }
+  /// That is rehearsed, another object after each change; null: there is none.
+  virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
+  /// All of what is asked, or an error. Of saving the disk is waited for.
+  virtual Result<void> change(const PlanRequest& /*request*/) {
+    return Error{ErrorKind::kUsage, "there is no plan here", "", "start palpate explore with --plan"};
   }
 };
 
