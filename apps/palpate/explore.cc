@@ -43,6 +43,7 @@ struct ExploreArguments {
   bool no_viewer = false;
   ServingOptions serving;
   std::string task, learner;
+  std::optional<std::filesystem::path> plan;
   std::filesystem::path records;
 };
 
@@ -59,6 +60,9 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (options.cpu >= cpus)
     return Error{ErrorKind::kUsage, "this machine has no CPU " + std::to_string(options.cpu), "--cpu",
                  "choose one from 0 to " + std::to_string(cpus - 1)};
+  if (options.plan && options.no_viewer)
+    return Error{ErrorKind::kUsage, "a plan is shown in the page, and --no-viewer serves none", "--plan",
+                 "leave out one of the two; palpate plan compare looks at a recording beside it"};
   if (!options.no_viewer)
     if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
       return servable.error();
@@ -71,6 +75,7 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (!options.recording && !options.supervisor_log) return claims;
   auto inputs = input_files(options.target);
   if (options.script) inputs.push_back(*options.script);
+  if (options.plan) inputs.push_back(*options.plan);
   const ViewerServerOptions& viewers = options.serving.viewers;
   for (const auto& input : {viewers.token_file, viewers.tls_certificate, viewers.tls_key})
     if (!input.empty()) inputs.push_back(input);
@@ -435,6 +440,12 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!options.learner.empty())
     if (const auto kept = check_records(options.records, options.learner, console); !kept)
       return console.fail(kept.error());
+  std::shared_ptr<SharedPlan> plan;
+  if (options.plan) {
+    auto opened = SharedPlan::open(*options.plan, *loaded->model, true);
+    if (!opened) return console.fail(opened.error());
+    plan = *std::move(opened);
+  }
   auto training = training_of(options, *loaded, console);
   if (!training) return console.fail(training.error());
 
@@ -448,6 +459,7 @@ int explore_target(ExploreArguments options, Console& console) {
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.training = *training;
+  session.plan = plan;
   const auto held = kept_held_hands();
   if (!held) return console.fail(held.error());
   session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
@@ -496,6 +508,9 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
               [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
   verb->add_option("--records", options.records, "The file of the records (palpate records --help)")
       ->needs(learner);
+  verb->add_option("--plan", options.plan,
+                   "Plan that is rehearsed (palpate plan --help): the page shows it, and saves what is made "
+                   "of it there; a file that is not there yet begins empty");
   verb->add_option("--max-force", options.max_force_N,
                    "Limit of the force in N, beside the device's own; default: the lesser of its continuous "
                    "rating and 3 N")

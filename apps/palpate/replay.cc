@@ -18,6 +18,7 @@ struct ReplayOptions {
   std::string target;
   std::optional<int> volume;
   bool view = false;
+  std::optional<std::filesystem::path> plan;
   ServingOptions serving;
 };
 
@@ -25,7 +26,14 @@ struct ReplayOptions {
 int show_recording(RecordingSource recording, const LoadedScene& loaded, const ReplayOptions& options,
                    Console& console) {
   const Progress progress = console.progress();
-  const auto playback = open_playback(std::move(recording), loaded.model, loaded.scene.modality, progress);
+  std::shared_ptr<SharedPlan> plan;
+  if (options.plan) {
+    auto opened = SharedPlan::open(*options.plan, *loaded.model, false);
+    if (!opened) return console.fail(opened.error());
+    plan = *std::move(opened);
+  }
+  const auto playback =
+      open_playback(std::move(recording), loaded.model, loaded.scene.modality, progress, std::move(plan));
   if (!playback) {
     Error error = playback.error();
     if (error.where.empty()) error.where = options.recording.string();
@@ -87,6 +95,7 @@ void add_replay(CLI::App& app, Run& run) {
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");
   const std::size_t others = verb->get_options().size();
+  verb->add_option("--plan", options->plan, "Plan that is shown beside it (palpate plan --help)");
   add_serving_options(*verb, options->serving);
   const auto all = verb->get_options();
   for (std::size_t i = others; i < all.size(); ++i) all[i]->needs(view);

@@ -1,6 +1,6 @@
 """Takes docs/viewer.md's and docs/training.md's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, or of palpate replay --view
+usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does or in a scene with a no-go region, or of palpate replay --view
 """
 
 import os
@@ -30,12 +30,26 @@ def task(page, folder):
     page.screenshot(os.path.join(folder, "viewer-training.png"))
 
 
+def no_go(page, folder):
+    """A region that pushes."""
+    page.resize(1440, 900)
+    page.dark(True)
+    page.run("document.querySelector('[data-layout=two]').click()")
+    page.wait("palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 120)
+    page.wait("palpateViewer.isVolumeSharp && palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 300)
+    page.run("palpateViewer.draw()")
+    time.sleep(0.3)
+    page.screenshot(os.path.join(folder, "viewer-no-go.png"))
+
+
 def main(url, folder):
     with browser.Browser() as page:
         page.post("/url", {"url": url})
         page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
         if page.run("return palpateViewer.training.run?.phase === 'running'"):
             return task(page, folder)
+        if page.run("return palpateViewer.scene.no_go.length > 0"):
+            return no_go(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
         of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"))
         of_recording = (("viewer-recording", True, "two"), ("viewer-inside", True, "inside"))

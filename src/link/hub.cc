@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "link/connection.h"
+#include "link/plan_json.h"
 #include "link/task_json.h"
 #include "link/viewer.h"
 #include "palpate/base/clock.h"
@@ -202,6 +203,7 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
       return grant_pointer(viewer, *pointer);
     if (const auto* task = std::get_if<TaskRequest>(&request.what)) return grant_task(viewer, *task);
     if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
+    if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return host_.change(*plan);
     return grant_rearm(viewer, std::get<RearmRequest>(request.what));
   }();
   return granted ? Result<Grant>(Grant::kDone) : granted.error();
@@ -273,6 +275,7 @@ std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState
 }
 
 void Hub::look_at_state() {
+  look_at_plan();
   const ViewedState before = std::exchange(state_, host_.state());
   const std::uint64_t in_common = sweeps_in_common(before, state_);
   if (in_common < before.sweeps)
@@ -281,6 +284,14 @@ void Hub::look_at_state() {
   if (text == last_state_) return;
   last_state_ = std::move(text);
   for (const auto& viewer : viewers_) viewer->show_state();
+}
+
+void Hub::look_at_plan() {
+  auto plan = host_.plan();
+  if (plan == plan_) return;
+  plan_ = std::move(plan);
+  told_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
+  for (const auto& viewer : viewers_) viewer->show_plan();
 }
 
 // ---- poses
@@ -345,8 +356,9 @@ void Hub::show_pose() {
   const std::int64_t clock_ns = monotonic_ns();
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
+  const NearMessage near(tick);
   for (const auto& viewer : viewers_)
-    if (viewer->is_due(now)) viewer->show(pose, now);
+    if (viewer->is_due(now)) viewer->show(pose, host_.scene().tells_near() ? &near : nullptr, now);
 }
 
 // ---- what has to be seen to now and then

@@ -94,6 +94,8 @@ class Hub {
   std::string sweeps_after(SweepsHad& had) const;
   /// How tissue has yielded around a device, as it was looked at last.
   const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
+  /// The plan as it was looked at last, null where there is none.
+  const std::shared_ptr<const std::string>& told_plan() const { return told_plan_; }
   /// Tells viewers how far a run of a task is, where they do not know.
   void look_at_training(Clock::time_point now);
   /// What was told of it last; empty: the session has no tasks.
@@ -113,6 +115,7 @@ class Hub {
   void wait_for_poses();
   void show_pose();
   void look_at_yields(Clock::time_point now);
+  void look_at_plan();
   void wait_for_sweep();
   void sweep();
 
@@ -146,6 +149,8 @@ class Hub {
   };
   std::array<LookedAt, kMaxDevices> yields_;
   Clock::time_point next_yields_{};
+  std::shared_ptr<const ViewedPlan> plan_;
+  std::shared_ptr<const std::string> told_plan_;
   std::string training_;
   std::shared_ptr<const ViewedDebriefing> debriefed_;
   std::shared_ptr<const std::string> debriefing_;

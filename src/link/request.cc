@@ -11,8 +11,11 @@ namespace {
 
 // JavaScript's numbers hold no larger whole one exactly
 constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
-constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024, kMostTask_bytes = 256;
+constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024, kMostTask_bytes = 256,
+                      kMostTrajectory_bytes = 200;
 constexpr int kMostTissues = 1 << 16;
+// more than a plan may have
+constexpr int kMostTrajectories = 1000;
 // how far from 1 a quaternion's length may be that was computed in floats
 constexpr std::size_t kMostCode_bytes = 16;
 constexpr double kUnitTolerance = 1e-3;
@@ -177,6 +180,28 @@ TaskRequest read_task(Fields& fields) {
   return request;
 }
 
+PlanRequest read_plan(Fields& fields) {
+  PlanRequest request;
+  fields.want("version");
+  request.version = static_cast<std::uint32_t>(fields.whole("version", 0, 0xffffffff).value_or(0));
+  if (const auto place = fields.whole("trajectory", 0, kMostTrajectories))
+    request.trajectory = static_cast<std::size_t>(*place);
+  request.name = fields.name("name", kMostTrajectory_bytes);
+  request.entry_mm = fields.numbers<3>("entry_mm");
+  request.target_mm = fields.numbers<3>("target_mm");
+  request.remove = fields.flag("remove").value_or(false);
+  if (const auto version = fields.whole("back_to", 0, 0xffffffff))
+    request.back_to = static_cast<std::uint32_t>(*version);
+  request.save = fields.flag("save").value_or(false);
+  fields.end();
+  const bool changes = request.name || request.entry_mm || request.target_mm;
+  const int asked = int{changes} + int{request.remove} + int{request.back_to.has_value()} + int{request.save};
+  if (asked != 1) fields.refuse("", "one of a change, remove, back_to and save is asked for");
+  if (request.trajectory.has_value() != (changes || request.remove))
+    fields.refuse("trajectory", "belongs to a change and to remove, and to them alone");
+  return request;
+}
+
 std::optional<ViewerMessage> read_hello(Fields& fields) {
   Hello hello;
   fields.want("protocol");
@@ -185,6 +210,8 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.yielded = fields.flag("yielded").value_or(false);
   hello.task = fields.flag("task").value_or(false);
+  hello.plan = fields.flag("plan").value_or(false);
+  hello.near = fields.flag("near").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
   return hello;
@@ -227,6 +254,8 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = read_play(fields);
   } else if (*type == "task") {
     request.what = read_task(fields);
+  } else if (*type == "plan") {
+    request.what = read_plan(fields);
   } else if (*type == "rearm") {
     fields.want("stop");
     RearmRequest rearm;

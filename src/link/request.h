@@ -23,6 +23,8 @@ struct Hello {
   double poses_hz = 60;
   bool yielded = false;  ///< it wants to be told how tissue has yielded
   bool task = false;     ///< it wants to be told how far a run of a task is
+  bool plan = false;     ///< it wants to be told of the plan that is rehearsed
+  bool near = false;     ///< it wants to be told what is near the tools and what keeps them away
 };
 struct StopRequest {};
 struct PointerRequest {
@@ -36,7 +38,7 @@ struct TipMessage {
 struct Request {
   std::int64_t id = 0;
   std::variant<SettingsRequest, TissueRequest, StrokeRequest, StopRequest, RearmRequest, PointerRequest,
-               PlayRequest, TaskRequest, Error>
+               PlayRequest, TaskRequest, PlanRequest, Error>
       what;
 };
 

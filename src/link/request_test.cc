@@ -42,6 +42,10 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->yielded);
 
   EXPECT_FALSE(hello->task);
+  EXPECT_FALSE(hello->near);
+  EXPECT_FALSE(hello->plan);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->plan);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->near);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->task);
 
   const auto begin = parsed<TaskRequest>(R"({"type": "task", "id": 8, "begin": "hold-steady"})");

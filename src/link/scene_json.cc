@@ -116,6 +116,18 @@ Json tool_json(const ViewedTool& tool) {
           {"shaver", tool.shaver}};
 }
 
+// of the three places one is not null
+Json no_go_json(const ViewedNoGo& region) {
+  const auto* label = std::get_if<LabelId>(&region.place);
+  const auto* plane = std::get_if<ViewedNoGo::Plane>(&region.place);
+  const auto* ball = std::get_if<ViewedNoGo::Ball>(&region.place);
+  Json json = {{"name", shown(region.name)}, {"keep_away_mm", region.keep_away_mm}};
+  json["label"] = label ? Json(*label) : Json();
+  json["plane"] = plane ? Json{{"point_mm", plane->point_mm}, {"outward", plane->outward}} : Json();
+  json["ball"] = ball ? Json{{"centre_mm", ball->centre_mm}, {"radius_mm", ball->radius_mm}} : Json();
+  return json;
+}
+
 Json error_json(const Error& error) {
   return {{"what", shown(error.what)}, {"where", shown(error.where)}, {"how", printable(error.remedy)}};
 }
@@ -194,6 +206,9 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
   json["tasks"] = Json::array();
   for (const ViewedTask& task : scene.tasks) json["tasks"].push_back(task_json(task));
+  json["distances"] = scene.told_reach_mm ? Json{{"reach_mm", *scene.told_reach_mm}} : Json();
+  json["no_go"] = Json::array();
+  for (const ViewedNoGo& region : scene.no_go) json["no_go"].push_back(no_go_json(region));
   return text_of(json);
 }
 

@@ -50,7 +50,9 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 19u);
+  EXPECT_EQ(json.size(), 21u);
+  EXPECT_TRUE(json["distances"].is_null());
+  EXPECT_TRUE(json["no_go"].empty());
   EXPECT_TRUE(json["tasks"].empty());
   EXPECT_TRUE(json["recording"].is_null());
 }
@@ -62,6 +64,20 @@ TEST(SceneJson, WhatIsNotKnownIsNull) {
   EXPECT_TRUE(json["volume"]["scan"].is_null());
   EXPECT_TRUE(json["device"]["peak_force_N"].is_null());
   EXPECT_EQ(json["role"], "view");
+}
+
+TEST(SceneJson, TellsWhatKeepsAway) {
+  FakeHost host;
+  host.edit_scene().told_reach_mm = 15;
+  host.edit_scene().no_go = {{"artery\x1b[2J", 2, LabelId{2}},
+                             {"behind", 1, ViewedNoGo::Plane{{1, 2, 3}, {0, -1, 0}}},
+                             {"ball", 0.5, ViewedNoGo::Ball{{4, 5, 6}, 7.5}}};
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, Role::kView));
+  EXPECT_EQ(json["distances"], Json::parse(R"({"reach_mm": 15.0})"));
+  EXPECT_EQ(json["no_go"], Json::parse(R"([
+    {"name": "artery\\u001b[2J", "keep_away_mm": 2.0, "label": 2, "plane": null, "ball": null},
+    {"name": "behind", "keep_away_mm": 1.0, "label": null, "plane": {"point_mm": [1, 2, 3], "outward": [0, -1, 0]}, "ball": null},
+    {"name": "ball", "keep_away_mm": 0.5, "label": null, "plane": null, "ball": {"centre_mm": [4, 5, 6], "radius_mm": 7.5}}])"));
 }
 
 TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {

@@ -103,6 +103,10 @@ class FakeHost : public ViewerHost {
     TickRecord tick;
     tick.tick = static_cast<std::uint64_t>(snapshots);
     tick.model_version = 3;
+    {
+      const std::lock_guard lock(mutex_);
+      tick.device[0] = near_;
+    }
     tick.device[0].tip_patient_mm = {1, 2, 3};
     stiffness_N_per_mm[0] = 0.75;
     return tick;
@@ -128,6 +132,11 @@ class FakeHost : public ViewerHost {
   void yield(std::size_t device, std::shared_ptr<const ViewedYield> yield) {
     const std::lock_guard lock(mutex_);
     yields_.at(device) = std::move(yield);
+  }
+  /// What ticks say of what is near and what keeps away.
+  void bring_near(const DeviceTick& near) {
+    const std::lock_guard lock(mutex_);
+    near_ = near;
   }
   /// So many fewer.
   void uncut(std::uint64_t count) {
@@ -252,6 +261,26 @@ class FakeHost : public ViewerHost {
     training_.time_s = time_s;
   }
 
+  std::shared_ptr<const ViewedPlan> plan() const override {
+    const std::lock_guard lock(mutex_);
+    return plan_;
+  }
+  Result<void> change(const PlanRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    if (!plan_ || request.version != plan_->version)
+      return Error{ErrorKind::kUsage, "is another plan", "version", "look again"};
+    auto next = std::make_shared<ViewedPlan>(*plan_);
+    ++next->version;
+    if (request.name) next->title = *request.name;
+    next->saved = request.save;
+    plan_ = std::move(next);
+    return {};
+  }
+  void rehearse(ViewedPlan plan) {
+    const std::lock_guard lock(mutex_);
+    plan_ = std::make_shared<const ViewedPlan>(std::move(plan));
+  }
+
   double played_at_s() const {
     const std::lock_guard lock(mutex_);
     return played_at_s_;
@@ -298,6 +327,8 @@ class FakeHost : public ViewerHost {
   mutable std::mutex mutex_;
   ViewedState state_;
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
+  DeviceTick near_;
+  std::shared_ptr<const ViewedPlan> plan_;
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::array<double, 3> tip_{};
@@ -331,10 +362,12 @@ class TestLog {
 struct TestServer {
   /// @param input  ViewedScene::input
   explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
-                      const std::string& input = "script", std::vector<ViewedTask> tasks = {})
+                      const std::string& input = "script", std::vector<ViewedTask> tasks = {},
+                      std::vector<ViewedNoGo> no_go = {})
       : host(dims) {
     host.edit_scene().input = input;
     host.edit_scene().tasks = std::move(tasks);
+    host.edit_scene().no_go = std::move(no_go);
     options.port = 0;
     options.log = log.writer();
     auto started = ViewerServer::start(host, options);

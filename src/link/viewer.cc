@@ -148,6 +148,8 @@ void Viewer::greet(const Hello& hello) {
   welcomed_ = true;
   wants_yields_ = hello.yielded;
   wants_training_ = hello.task;
+  wants_near_ = hello.near;
+  wants_plan_ = hello.plan;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -177,18 +179,26 @@ void Viewer::show_training() {
   write_next();
 }
 
+void Viewer::show_plan() {
+  if (welcomed_ && wants_plan_) write_next();
+}
+
 bool Viewer::is_due(Clock::time_point now) const {
   // half a turn early is nearer than half a turn late
   constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMostPoses_hz));
   return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
 }
 
-void Viewer::show(const PoseMessage& pose, Clock::time_point now) {
+void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
   // one that has fallen behind its rate does not catch up
   next_pose_ = std::max(next_pose_ + pose_period_, now);
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
+  if (wants_near_ && near && !(near_ && near->says_the_same(*near_))) {
+    near_ = *near;
+    near_due_ = true;
+  }
   write_next();
 }
 
@@ -201,6 +211,8 @@ void Viewer::write_next() {
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
+  } else if (next_plan()) {
+    write(net::buffer(text_out_), false);
   } else if (!(pose_due_ && pose_is_next_) && next_training()) {
     pose_is_next_ = true;
     write(net::buffer(text_out_), false);
@@ -210,6 +222,9 @@ void Viewer::write_next() {
   } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
     pose_is_next_ = true;
     write(net::buffer(*yield_out_), true);
+  } else if (std::exchange(near_due_, false)) {
+    near_out_ = *near_;
+    write(net::buffer(near_out_.bytes()), true);
   } else if (std::exchange(pose_due_, false)) {
     pose_is_next_ = false;
     pose_out_ = pose_;
@@ -222,6 +237,15 @@ bool Viewer::next_sweeps() {
   std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
   if (text.empty()) return false;
   text_out_ = std::move(text);
+  return true;
+}
+
+// it changes by hand, seldom
+bool Viewer::next_plan() {
+  if (!welcomed_ || !wants_plan_ || plan_had_ == hub_.told_plan()) return false;
+  plan_had_ = hub_.told_plan();
+  if (!plan_had_) return false;
+  text_out_ = *plan_had_;
   return true;
 }
 

@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "link/guess_limit.h"
+#include "link/near_message.h"
 #include "link/pose_message.h"
 #include "link/request.h"
 #include "link/scene_json.h"
@@ -39,7 +40,9 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 ///     answers_     texts, in order; when there are many, nothing but a stop is done until some were taken
 ///     state_due_   the state as it is when its turn comes
 ///     pose_        the latest, which replaces one that was not sent
+///     near_        the latest of what is near, likewise; it goes out before the pose with which it came
 ///     training_due_, debriefing_due_  how far a run of a task is, and the last one's figures, likewise
+///     plan_had_    which text it has of the plan; the hub has the newest
 ///     yields_had_  which message it has of the tissue around each device; the hub has the newest
 ///
 /// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
@@ -56,12 +59,15 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void check(Clock::time_point now);
   /// Offers a pose; taken where the viewer's own rate says that one is due.
   bool is_due(Clock::time_point now) const;
-  void show(const PoseMessage& pose, Clock::time_point now);
+  /// @param near  of the same tick; null: the scene tells nothing of it
+  void show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
   void show_state();
   /// There may be something new of how tissue has yielded.
   void show_yields();
   /// There is something new of a run of a task.
   void show_training();
+  /// The plan is another one.
+  void show_plan();
   /// An answer.
   void say(std::string text);
   /// Says goodbye with a close code, and why to the log.
@@ -94,6 +100,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_sweeps();
   bool next_yield();
   bool next_training();
+  bool next_plan();
   void rest_from_yields();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
@@ -125,10 +132,15 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::size_t next_yielding_ = 0;                        ///< device whose turn it is
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;
+  bool wants_plan_ = false;
+  std::shared_ptr<const std::string> plan_had_;
   bool wants_training_ = false, training_due_ = false;
   std::shared_ptr<const std::string> debriefing_had_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_out_;
+  bool wants_near_ = false, near_due_ = false;
+  std::optional<NearMessage> near_;
+  NearMessage near_out_;
   std::string text_out_;
 };
 

@@ -233,17 +233,26 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
   return regions;
 }
 
+// What the tool is kept away from is told in any case: how near it comes is to be known before it is pushed.
 ToldDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
                                 const std::vector<std::size_t>& voxels) {
   ToldDistances told;
   told.reach_mm = settings.reach_mm;
-  if (settings.structures == ToldStructures::kNone) return told;
-  for (std::size_t label = 1; label < voxels.size(); ++label) {
+  const auto is_kept_away_from = [&](std::size_t label) {
+    return std::ranges::any_of(parts.no_go, [&](const NoGoRegion& region) {
+      const auto* structure = std::get_if<NoGoStructure>(&region.place);
+      return structure != nullptr && structure->label == label;
+    });
+  };
+  const auto is_chosen = [&](std::size_t label) {
     const int tissue = label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
     const bool felt = tissue >= 0 && parts.tissues[static_cast<std::size_t>(tissue)].felt;
-    if (voxels[label] > 0 && (felt || settings.structures == ToldStructures::kAll))
+    return settings.structures == ToldStructures::kAll ||
+           (felt && settings.structures == ToldStructures::kFelt);
+  };
+  for (std::size_t label = 1; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && (is_chosen(label) || is_kept_away_from(label)))
       told.structures.push_back(static_cast<LabelId>(label));
-  }
   return told;
 }
 

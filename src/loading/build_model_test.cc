@@ -219,6 +219,22 @@ TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
   EXPECT_EQ(spared("[second_tool]\n"), (std::pair<std::size_t, bool>(0, false)));
 }
 
+TEST(BuildModel, WhatKeepsAwayIsToldWhicheverDistancesAreAskedFor) {
+  const LabelMap labels = blocks(grid_of(1, 30));
+  const auto told = [&](const std::string& more) {
+    const auto model = build_model(scene_of(std::string(kScene) + more), &labels, nullptr);
+    PALPATE_CHECK(model.ok());
+    return (*model)->told_distances.structures;
+  };
+  const std::string region = "[[no_go]]\nname = 'there'\nstructures = [2]\n",
+                    plane = "[[no_go]]\nname = 'behind'\npoint = [0, 0, 0]\noutward = 'left'\n";
+  EXPECT_EQ(told(""), std::vector<LabelId>());
+  EXPECT_EQ(told(plane), std::vector<LabelId>());
+  EXPECT_EQ(told(region), std::vector<LabelId>{2});
+  EXPECT_EQ(told("[distances]\nstructures = 'all'\n" + region), told("[distances]\nstructures = 'all'\n"));
+  EXPECT_EQ(told("[distances]\nreach = 5\n" + region), std::vector<LabelId>{2});
+}
+
 TEST(BuildModel, IsReadyForTheScenesMethodAndItsSettingsAreHashed) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto hash_with = [&](const std::string& force) {

@@ -577,7 +577,8 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .default_text = "\"none\"",
              .choices = {"none", "felt", "all"},
-             .meaning = "`felt`: of what is felt. `all`: of every structure of the label map."},
+             .meaning = "`felt`: of what is felt. `all`: of every structure of the label map. Those of a "
+                        "[[no_go]] are told in any case."},
             {.name = "reach",
              .type = kNumber,
              .default_text = "20",

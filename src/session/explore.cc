@@ -242,6 +242,7 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
                     scene.modality,  options.asks_here,
                     training};
   parts.coarser_tissue = coarser_tissue;
+  parts.plan = options.plan;
   return parts;
 }
 

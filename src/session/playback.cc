@@ -171,12 +171,13 @@ class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
            const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
-           YieldIndex yields)
+           YieldIndex yields, std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
         edits_(std::move(edits)),
         nearest_(std::move(nearest)),
+        plan_(std::move(plan)),
         place_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
         blocks_(
@@ -286,6 +287,12 @@ class Playback final : public ViewerHost {
     const std::lock_guard lock(cut_mutex_);
     return cut_.by(*model_, std::move(sweeps));
   }
+  std::shared_ptr<const ViewedPlan> plan() const override {
+    return plan_ != nullptr ? plan_->viewed() : nullptr;
+  }
+  Result<void> change(const PlanRequest& request) override {
+    return plan_ != nullptr ? plan_->change(request) : ViewerHost::change(request);
+  }
   Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
@@ -315,6 +322,7 @@ class Playback final : public ViewerHost {
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;
+  const std::shared_ptr<SharedPlan> plan_;  ///< may be null
 
   mutable std::mutex mutex_;  // of what follows
   mutable Place place_;
@@ -327,7 +335,8 @@ class Playback final : public ViewerHost {
 
 Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                                                   std::shared_ptr<const Model> model, Modality modality,
-                                                  const Progress& progress) {
+                                                  const Progress& progress,
+                                                  std::shared_ptr<SharedPlan> plan) {
   const RecordingHead& head = recording.head();
   if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
   if (head.ticks == 0)
@@ -403,7 +412,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   try {
     return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(*yields)));
+        std::move(edits), std::move(nearest), std::move(*yields), std::move(plan)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

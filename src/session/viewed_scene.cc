@@ -48,17 +48,30 @@ const char* name_of(Protection protection) {
   return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
 }
 
+std::array<double, 3> coordinates_of(const auto& place) {
+  return {place.x(), place.y(), place.z()};
+}
+
 ViewedTool viewed_tool(const Tool& tool) {
-  const auto numbers = [](const Eigen::Vector3d& p) { return std::array{p.x(), p.y(), p.z()}; };
   ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), burr_shape(tool), {}, {}};
   viewed.shaver = tool.burr && tool.burr->shaver;
-  for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(numbers(point));
+  for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(coordinates_of(point));
   for (const ToolCapsule& capsule : tool.capsules)
-    viewed.capsules.push_back(
-        {numbers(capsule.from_mm), numbers(capsule.to_mm), capsule.radius_mm, capsule.radius_mm});
+    viewed.capsules.push_back({coordinates_of(capsule.from_mm), coordinates_of(capsule.to_mm),
+                               capsule.radius_mm, capsule.radius_mm});
   if (const auto& burr = tool.burr; burr && burr->length_mm > 0)
     viewed.capsules.push_back(
-        {{}, numbers(burr->spindle * burr->length_mm), tool.radius_mm, burr->end_radius_mm});
+        {{}, coordinates_of(burr->spindle * burr->length_mm), tool.radius_mm, burr->end_radius_mm});
+  return viewed;
+}
+
+ViewedNoGo viewed_no_go(const NoGoRegion& region) {
+  ViewedNoGo viewed{region.name, region.keep_away_mm, {}};
+  if (const auto* structure = std::get_if<NoGoStructure>(&region.place)) viewed.place = structure->label;
+  if (const auto* plane = std::get_if<NoGoPlane>(&region.place))
+    viewed.place = ViewedNoGo::Plane{coordinates_of(plane->point), coordinates_of(plane->outward)};
+  if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
+    viewed.place = ViewedNoGo::Ball{coordinates_of(ball->centre), ball->radius_mm};
   return viewed;
 }
 
@@ -87,6 +100,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
                              tissue.rests_on, name_of(tissue.protection)});
   }
   for (std::size_t d = 0; d < devices; ++d) scene.tools.push_back(viewed_tool(model.tool_of(d)));
+  if (!model.told_distances.structures.empty()) scene.told_reach_mm = model.told_distances.reach_mm;
+  for (const NoGoRegion& region : model.no_go) scene.no_go.push_back(viewed_no_go(region));
   return scene;
 }
 

@@ -1054,6 +1054,16 @@ Result<void> ViewedSession::task_here() {
   return parts_.training->begin_or_end();
 }
 
+// ---- the plan
+
+std::shared_ptr<const ViewedPlan> ViewedSession::plan() const {
+  return parts_.plan != nullptr ? parts_.plan->viewed() : nullptr;
+}
+
+Result<void> ViewedSession::change(const PlanRequest& request) {
+  return parts_.plan != nullptr ? parts_.plan->change(request) : ViewerHost::change(request);
+}
+
 Result<void> ViewedSession::play(const PlayRequest& /*request*/) {
   return refused("a session runs: there is no recording to be looked at", "",
                  "palpate replay RECORDING --view shows one");

@@ -21,6 +21,7 @@
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/servo/servo_loop.h"
+#include "palpate/session/shared_plan.h"
 #include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/arming_code.h"
@@ -64,6 +65,7 @@ struct ViewedParts {
   /// That the model's soft tissue is solved in coarser cells than the scene has because this machine is
   /// slower, in words; empty: it is not.
   std::string coarser_tissue = {};
+  std::shared_ptr<SharedPlan> plan = {};  ///< that is rehearsed; may be null
 };
 
 /// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
@@ -113,6 +115,8 @@ class ViewedSession final : public ViewerHost {
   ViewedTraining training() const override;
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
   Result<void> train(const TaskRequest& request) override;
+  std::shared_ptr<const ViewedPlan> plan() const override;
+  Result<void> change(const PlanRequest& request) override;
 
   // ---- keys, at the device itself
   void stop_here();

@@ -229,6 +229,15 @@ class Viewer(unittest.TestCase):
         data = base64.b64decode(self.page.run("return palpateViewer.volumePicture(arguments[0], arguments[1], arguments[2])", width, height, mm))
         return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
 
+    def barriers(self):
+        """What axe finds, of WCAG 2.2 A and AA and of its best practice."""
+        if not self.page.run("return window.axe !== undefined"):
+            with open(AXE, encoding="utf-8") as source:
+                self.page.run(source.read())
+        return self.run_async("""axe.run(document, { resultTypes: ["violations"],
+                runOnly: { type: "tag", values: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] } })
+            .then(({ violations }) => done(violations.flatMap(({ id, nodes }) => nodes.map(({ html, failureSummary }) => [id, html, failureSummary]))))""")
+
     def let_another_viewer_lead(self):
         """From here on `lead(place)` in the page has the tip where it is asked for at once."""
         self.page.wait("palpateViewer.state.pointer")
@@ -1596,15 +1605,6 @@ class WithRamp(Viewer):
         assert_seen_again()
         self.page.run("document.querySelector('#bookmarks button:last-child').click()")
         self.assertEqual(self.page.run("return document.querySelectorAll('#bookmarks li').length"), 0)
-
-    def barriers(self):
-        """What axe finds, of WCAG 2.2 A and AA and of its best practice."""
-        if not self.page.run("return window.axe !== undefined"):
-            with open(AXE, encoding="utf-8") as source:
-                self.page.run(source.read())
-        return self.run_async("""axe.run(document, { resultTypes: ["violations"],
-                runOnly: { type: "tag", values: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"] } })
-            .then(({ violations }) => done(violations.flatMap(({ id, nodes }) => nodes.map(({ html, failureSummary }) => [id, html, failureSummary]))))""")
 
     def test_nothing_stands_in_anybodys_way(self):
         self.addCleanup(self.page.resize, *SIZE)
@@ -3464,6 +3464,339 @@ class WithMilling(Viewer):
         self.page.click("#redo-stroke")
         self.page.wait(f"{strokes(1, 0)} && {removed} === {gone_mm3} && {at_place} === null")
         self.page.run("clearInterval(window.leading)")
+
+
+class WithKeptAway(Viewer):
+    """palpate itself with no-go regions: a ball before the knee, the patella, a plane; and distances of all structures. Then what was recorded of it."""
+
+    BALL_MM, BALL_AWAY_MM, PATELLA_AWAY_MM = 6, 2, 4
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-kept-away-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.program, knee = command(0, "pointer", None)[0], os.path.join(folder.name, "knee")
+        cls.scene_file, cls.recording = (os.path.join(folder.name, name) for name in ("scene.toml", "run.h5"))
+        cls.palpate("data", "fetch", "knee-phantom", "-o", knee, "--voxel", "1.5")
+        cls.palpate("scene", "new", os.path.join(knee, "knee-phantom.seg.nrrd"), "-o", cls.scene_file)
+        # the ball is where no structure is: 30 mm before the patella
+        cls.server = cls.explores()
+        with cls.server:
+            scene = cls.server.scene()
+            labels, patient_from_voxel = cls.server.labels(scene)
+        cls.patella = next(structure for structure in scene["structures"] if structure["name"] == "patella")
+        places = numpy.argwhere(labels == cls.patella["label"]) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
+        cls.front = places[places[:, 1].argmin()].tolist()  # anterior is -y
+        cls.ball = [cls.front[0], cls.front[1] - 30, cls.front[2]]
+        with open(cls.scene_file, "a", encoding="utf-8") as file:
+            file.write(f"""
+[distances]
+structures = "all"
+reach = 25
+
+[[no_go]]
+name = "the_ball"
+centre = {cls.ball}
+radius = {cls.BALL_MM}
+keep_away = {cls.BALL_AWAY_MM}
+
+[[no_go]]
+name = "patella"
+structures = ["patella"]
+keep_away = {cls.PATELLA_AWAY_MM}
+
+[[no_go]]
+name = "behind"
+point = [{cls.ball[0] + 60}, 0, 0]
+outward = "right"
+""")
+        cls.server = cls.explores().__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.radius_mm = cls.scene["tool"]["radius_mm"]
+        cls.open_browser()
+
+    @classmethod
+    def palpate(cls, *arguments):
+        subprocess.run([cls.program, "-q", *arguments], check=True, stdout=subprocess.DEVNULL)
+
+    @classmethod
+    def explores(cls, *more):
+        server = Server("pointer")
+        server.command = lambda: [cls.program, "explore", cls.scene_file, "--device", "pointer", "--port", str(server.port), "--seconds", "600", *more]
+        return server
+
+    def lead(self, place):
+        self.page.run("clearInterval(window.leading); window.leading = setInterval(() => window.lead(arguments[0]), 30)", place)
+        self.page.wait(f"Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, n) => x - {json.dumps(place)}[n])) < 0.01")
+
+    def before_ball(self, mm):
+        """So far from where the ball begins to push."""
+        return [self.ball[0], self.ball[1] - self.BALL_MM - self.BALL_AWAY_MM - self.radius_mm - mm, self.ball[2]]
+
+    def text(self, name):
+        return self.page.run("palpateViewer.draw(); return document.getElementById(arguments[0]).textContent", name)
+
+    def test_what_keeps_away_is_told_drawn_and_heard_until_a_stop(self):
+        self.let_another_viewer_lead()
+        self.page.run("""window.voices = { begun: 0, ended: 0 };
+            for (const [what, name] of [["begun", "start"], ["ended", "stop"]]) {
+              const honest = OscillatorNode.prototype[name];
+              OscillatorNode.prototype[name] = function (...when) { window.voices[what] += 1; return honest.apply(this, when); };
+            }""")
+        self.assertEqual([region["name"] for region in self.scene["no_go"]], ["the_ball", "patella", "behind"])
+        self.lead(self.before_ball(5))
+        self.page.wait("palpateViewer.approach !== null && Math.abs(palpateViewer.approach.mm - 5) < 0.02")
+        self.assertIn("the ball: 5.0", self.text("no-go"))
+        self.assertIsNone(self.page.run("return palpateViewer.tone"), "it is off by default")
+        self.page.press("n")
+        self.page.wait("palpateViewer.tone?.beeps_per_s > 2")
+        far = self.page.run("return palpateViewer.tone")
+        self.lead(self.before_ball(1))
+        self.page.wait(f"palpateViewer.tone?.beeps_per_s > {far['beeps_per_s']} && palpateViewer.tone.frequency_Hz > {far['frequency_Hz']}")
+
+        # within it
+        self.lead(self.before_ball(-1.5))
+        self.page.wait("palpateViewer.approach.pushes && palpateViewer.tone?.beeps_per_s === 0")
+        self.assertAlmostEqual(self.page.run("return palpateViewer.approach.mm"), -1.5, delta=0.02)
+        self.assertRegex(self.text("no-go"), r"⚠ the ball: 1\.5\d mm too near · pushed out by [\d.]+ m?N")
+        self.page.wait("document.getElementById('flags').textContent.includes('kept away from the ball')")
+        self.page.wait("document.getElementById('spoken').textContent.includes('kept away from the ball')")
+        self.assertGreater(self.page.run("return Math.hypot(...palpateViewer.pose.devices[0].force)"), 0)
+        # the ball's circle in the section, through whose middle it goes, and the rim
+        circle = [[self.ball[0], self.ball[1] + self.BALL_MM * math.cos(angle), self.ball[2] + self.BALL_MM * math.sin(angle)] for angle in (0.3, 1.7, 4)]
+        self.page.wait("palpateViewer.draw(), palpateViewer.pixelOf('oblique', %s).off_mm < 0.1" % json.dumps(circle[1]))
+        self.assertGreater(min(self.page.run("return palpateViewer.drawnOver('oblique', arguments[0])", circle)), 100)
+        rim = self.page.run("""palpateViewer.draw();
+            const { width, rgba } = palpateViewer.drawnOverVolume(), bytes = atob(rgba);
+            return Array.from({ length: width }, (_, n) => bytes.charCodeAt(4 * (2 * width + n) + 3)).filter((alpha) => alpha > 200).length / width;""")
+        self.assertTrue(0.5 < rim < 0.9, rim)
+        self.assertEqual(self.barriers(), [])
+        self.page.resize(390, 844)
+        self.addCleanup(self.page.resize, *SIZE)
+        self.page.wait("innerWidth <= 390")
+        self.page.dark(False)
+        self.assertEqual(self.barriers(), [])
+        self.page.dark(True)
+        self.page.resize(*SIZE)
+
+        # after a stop nothing is heard, nor after the sound is switched off, and it is told and drawn all the same
+        voices = lambda: self.page.run("return [window.voices.begun, window.voices.ended]")  # noqa: E731
+        begun, ended = voices()
+        self.assertEqual(begun, ended + 1)
+        self.page.press(" ")
+        self.page.wait("palpateViewer.state.stop !== null && palpateViewer.tone === null")
+        self.assertEqual(voices(), [begun, begun])
+        time.sleep(0.5)
+        self.assertEqual([*voices(), self.page.run("return palpateViewer.tone")], [begun, begun, None])
+        self.assertIn("too near", self.text("no-go"))
+        self.page.click("#sound")
+        self.assertEqual(self.page.run("return document.getElementById('sound').ariaPressed"), "false")
+
+        # what is near stands in its order, with what the ticks say
+        self.lead([self.front[0], self.front[1] - 10, self.front[2]])
+        self.page.wait("palpateViewer.near[0].structures[0].label === %d" % self.patella["label"])
+        near = self.page.run("return palpateViewer.near[0].structures")
+        self.assertEqual([one["mm"] for one in near], sorted(one["mm"] for one in near))
+        self.assertLess(abs(near[0]["mm"] - (10 - self.radius_mm)), 1.5, "half a voxel, and a surface that is not quite flat")
+        self.assertLessEqual(max(one["mm"] for one in near), 25)
+        rows = self.page.run("""palpateViewer.draw();
+            return [...document.querySelectorAll("#near tr")].filter((row) => !row.hidden).map((row) => [row.cells[0].textContent, row.cells[1].textContent, row.querySelector(".swatch").style.background]);""")
+        names = {structure["label"]: structure["name"].replace("_", " ") for structure in self.scene["structures"]}
+        self.assertEqual([row[0].split(" · ")[0] for row in rows], [names[one["label"]] for one in near])
+        self.assertEqual(rows[0][:1], ["patella · keep 4.00 mm"])
+        self.assertTrue(all(row[1].endswith("mm") and row[2].startswith("rgb") for row in rows), rows)
+        self.page.wait("palpateViewer.draw(), document.getElementById('near-words').textContent.startsWith('patella: ')")
+
+        # the structure that pushes is lit, also where it was hidden
+        inside = [self.front[0], self.front[1] + 3, self.front[2]]
+        colour = """palpateViewer.draw(); const { x, y } = palpateViewer.pixelOf("sagittal", arguments[0]); return palpateViewer.colourAt("sagittal", x, y);"""
+        self.page.run("document.querySelector('[data-layout=five]').click()")
+        self.slide("#fill", 1)
+        self.page.run("document.getElementById('hide-all').click()")
+        self.page.wait("palpateViewer.areSectionsSharp")
+        before = self.page.run(colour, inside)
+        self.lead([self.front[0], self.front[1] - self.radius_mm - 1, self.front[2]])
+        self.page.wait("palpateViewer.approach.pushes && palpateViewer.approach.region === 1")
+        lit = self.page.run(colour, inside)
+        self.assertTrue(all(abs(a - b) <= 3 for a, b in zip(lit, (255, 107, 94))), (before, lit))
+        self.assertNotEqual(before, lit)
+        self.lead(self.before_ball(40))
+        self.page.wait("!palpateViewer.approach?.pushes")
+        self.assertNotEqual(self.page.run(colour, inside), lit)
+        self.page.run("clearInterval(window.leading)")
+
+    def test_a_recording_tells_what_its_ticks_told(self):
+        script = self.recording.replace("run.h5", "script.toml")
+        with open(script, "w", encoding="utf-8") as file:
+            file.write('[[step]]\napproach = "patella"\n[[step]]\npress = 0.8\n')
+        # the hand is kept from pressing: a step fails
+        done = subprocess.run([self.program, "-q", "simulate", self.scene_file, "-s", script, "-o", self.recording], stdout=subprocess.DEVNULL)
+        self.assertIn(done.returncode, (0, 3))
+        server = Server("recording")
+        server.command = lambda: [self.program, "replay", self.recording, self.scene_file, "--view", "--port", str(server.port)]
+        with server:
+            self.addCleanup(setattr, self, "server", self.server)
+            self.server = server
+            self.open_page()
+            import h5py
+            with h5py.File(self.recording) as run:
+                time_s, no_go, depth, label, near = (run[name][:] for name in ("ticks/time_s", "device0/no_go", "device0/no_go_depth_mm", "device0/near_label", "device0/near_mm"))
+            pushed = numpy.flatnonzero(no_go)
+            self.assertGreater(len(pushed), 10)
+            for row in (int(pushed[len(pushed) // 2]), int(pushed[0]) - 1):
+                self.page.run("const place = document.getElementById('place'); place.value = arguments[0]; place.dispatchEvent(new Event('input', { bubbles: true }))", time_s[row] + 0.0005)
+                self.page.wait(f"palpateViewer.pose.tick === {row}")
+                told = self.page.run("return palpateViewer.near[0]")
+                self.assertEqual([told["noGo"] + 1, [one["label"] for one in told["structures"]]], [no_go[row], [one for one in label[row] if one]])
+                self.assertEqual([one["mm"] for one in told["structures"]], [float(numpy.float32(mm)) for mm in near[row][:len(told["structures"])]])
+                self.assertEqual(told["depth"], float(numpy.float32(depth[row])))
+                self.assertEqual(self.page.run("return palpateViewer.approach.pushes"), no_go[row] != 0)
+                self.assertEqual("too near" in self.text("no-go"), no_go[row] != 0)
+            # at rest it is silent
+            self.page.press("n")
+            time.sleep(0.3)
+            self.assertIsNone(self.page.run("return palpateViewer.tone"))
+            self.page.post("/url", {"url": "about:blank"})
+
+
+class WithPlan(Viewer):
+    """palpate itself with a plan, which is seen while it is rehearsed, changed by mouse, finger and keys, and saved."""
+
+    PLAN = """title = "A hole into the femur"
+
+[[trajectory]]
+name = "hole"
+entry = [34.0, -14.0, 18.0]
+target = [20.0, -9.0, 24.0]
+enters = ["femur"]
+entry_within = 2.0
+
+[[keep_away]]
+structures = ["patella"]
+distance = 6
+"""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-plan-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.program, knee = command(0, "pointer", None)[0], os.path.join(folder.name, "knee")
+        cls.scene_file, cls.plan = (os.path.join(folder.name, name) for name in ("scene.toml", "plan.toml"))
+        for arguments in (("data", "fetch", "knee-phantom", "-o", knee, "--voxel", "1.5"),
+                          ("scene", "new", os.path.join(knee, "knee-phantom.seg.nrrd"), "-o", cls.scene_file)):
+            subprocess.run([cls.program, "-q", *arguments], check=True, stdout=subprocess.DEVNULL)
+        with open(cls.scene_file, "a", encoding="utf-8") as file:
+            file.write('\n[distances]\nstructures = "all"\n')
+        with open(cls.plan, "w", encoding="utf-8") as file:
+            file.write(cls.PLAN)
+        cls.server = Server("pointer")
+        cls.server.command = lambda: [cls.program, "explore", cls.scene_file, "--device", "pointer", "--plan", cls.plan, "--port", str(cls.server.port), "--seconds", "600"]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def text(self, name):
+        return self.page.run("palpateViewer.draw(); return document.getElementById(arguments[0]).textContent", name)
+
+    def saved(self):
+        """What palpate reads of the plan's file."""
+        done = subprocess.run([self.program, "plan", "show", self.plan, "--scene", self.scene_file], capture_output=True, text=True, check=True)
+        return done.stdout
+
+    def lead(self, place):
+        self.page.run("clearInterval(window.leading); window.leading = setInterval(() => window.lead(arguments[0]), 30)", place)
+        self.page.wait(f"Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, n) => x - {json.dumps(place)}[n])) < 0.01")
+
+    def test_a_tip_beside_a_trajectory_has_its_figures_and_what_comes_too_near_is_warned_of(self):
+        entry, target = numpy.array([34.0, -14, 18]), numpy.array([20.0, -9, 24])
+        axis = (target - entry) / numpy.linalg.norm(target - entry)
+        aside = numpy.cross(axis, [0, 0, 1])
+        aside /= numpy.linalg.norm(aside)
+        self.assertEqual(self.text("plan-title"), "A hole into the femur")
+        self.let_another_viewer_lead()
+        self.lead((entry - 12 * axis + 3 * aside).tolist())
+        self.page.wait("palpateViewer.draw(), document.getElementById('plan-nearest').textContent === 'hole'")
+        left = numpy.linalg.norm(target - entry) + 12
+        self.assertEqual([self.text("plan-lateral"), self.text("plan-left"), self.text("plan-angle")], ["3.00 mm", f"{left:.1f} mm", "–"])
+        # its line is drawn in the section where that goes through both of its ends
+        self.assertTrue(self.page.run("return document.getElementById('plan-breach').hidden"))
+        self.page.run("document.querySelector('#plan-list .figure').click()")
+        self.page.run("[...document.querySelectorAll('#plan-list .end button')].find((one) => one.dataset.plan === 'show-entry_mm-0').click(); document.querySelector('[data-layout=five]').click()")
+        self.page.wait("palpateViewer.draw(), palpateViewer.pixelOf('axial', [34, -14, 18]).off_mm < 0.01")
+        drawn = self.page.run("return palpateViewer.drawnOver('axial', [[31.2, -13, 19.2], [34, -14, 18]])")
+        self.assertGreater(min(drawn), 60)
+        # the patella's middle is far within what is to be kept away from it
+        scene = self.server.scene()
+        labels, patient_from_voxel = self.server.labels(scene)
+        patella = next(structure["label"] for structure in scene["structures"] if structure["name"] == "patella")
+        places = numpy.argwhere(labels == patella) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
+        front = places[places[:, 1].argmin()]
+        self.lead([front[0], front[1] - 6, front[2]])
+        self.page.wait("palpateViewer.draw(), !document.getElementById('plan-breach').hidden")
+        self.assertRegex(self.text("plan-breach"), r"⚠ patella: [\d.]+ mm away, 6.00 mm are planned")
+        self.page.wait("document.getElementById('spoken').textContent.includes('nearer to patella than planned')")
+        self.assertEqual(self.barriers(), [])
+        self.page.run("clearInterval(window.leading)")
+
+    def test_a_trajectory_is_made_moved_undone_and_saved(self):
+        page, places = self.page, "palpateViewer.plan.list.map(({ name }) => name).join()"
+        page.run("document.querySelector('[data-layout=section]').click()")
+        page.press("e")
+        page.wait("palpateViewer.plan.isShared && document.querySelector('[data-tool=plan]').ariaChecked === 'true'")
+        # two presses in the section
+        left, top, width, height = self.box("#picture-oblique .stack")
+        points = [(round(left + a * width), round(top + b * height)) for a, b in ((0.3, 0.3), (0.45, 0.6))]
+        for x, y in points:
+            page.pointer({"type": "pointerMove", "x": x, "y": y}, {"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0})
+        page.wait(f"{places} === 'hole,Trajectory 2'")
+        made = page.run("return palpateViewer.plan.list[1]")
+        for end, (x, y) in zip(("entry_mm", "target_mm"), points):
+            seen = page.run("return palpateViewer.pixelOf('oblique', arguments[0])", made[end])
+            self.assertLess(abs(seen["x"] - (x - left)) + abs(seen["y"] - (y - top)), 2.5)
+        # its target is dragged, by a finger
+        for kind, touched in (("Start", [points[1]]), ("Move", [(points[1][0] + 30, points[1][1])]), ("Move", [(points[1][0] + 60, points[1][1])]), ("End", [])):
+            page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": 0} for x, y in touched])
+        page.wait(f"palpateViewer.plan.list[1].target_mm.some((x, n) => Math.abs(x - {json.dumps(made['target_mm'])}[n]) > 1)")
+        moved = page.run("return palpateViewer.plan.list[1]")
+        self.assertEqual(moved["entry_mm"], made["entry_mm"])
+        # and named and placed by keys alone
+        page.run("document.querySelector('[data-plan=name-1]').focus()")
+        page.run("document.activeElement.value = ''")
+        for key in "second\ue007":
+            page.press(key)
+        page.run("document.activeElement.blur()")
+        page.wait(f"{places} === 'hole,second'")
+        page.run("document.querySelector('[data-plan=at-entry_mm-1]').focus(); document.activeElement.value = ''")
+        for key in "1,2,3.5\ue007":
+            page.press(key)
+        page.run("document.activeElement.blur()")
+        page.wait("palpateViewer.plan.list[1].entry_mm.join() === '1,2,3.5'")
+        # undone one by one, and done again
+        for wanted in ("palpateViewer.plan.list[1].entry_mm.join() !== '1,2,3.5'", f"{places} === 'hole,Trajectory 2'"):
+            page.click("#undo")
+            page.wait(wanted)
+        page.click("#redo")
+        page.wait(f"{places} === 'hole,second'")
+        with open(self.plan, encoding="utf-8") as file:
+            self.assertEqual(file.read(), self.PLAN, "nothing is written unasked")
+        self.assertEqual(self.barriers(), [])
+        page.click("#plan-save")
+        page.wait("palpateViewer.plan.plan.saved")
+        shown = self.saved()
+        self.assertIn("trajectory second", shown)
+        self.assertIn("keep away       6 mm from patella", shown)
+        # somebody else changes the file: it is left as it is
+        with open(self.plan, "a", encoding="utf-8") as file:
+            file.write("# by somebody else\n")
+        page.run("document.querySelector('[data-plan=remove-1]').click()")
+        page.wait(f"{places} === 'hole'")
+        page.click("#plan-save")
+        page.wait("!document.getElementById('toast').hidden && document.getElementById('toast').textContent.includes('has been changed since')")
+        with open(self.plan, encoding="utf-8") as file:
+            self.assertIn("# by somebody else", file.read())
+        with open(self.plan, "w", encoding="utf-8") as file:
+            file.write(self.PLAN)
 
 
 class WithTokens(Viewer):

@@ -125,6 +125,20 @@ class Rehearsal(cli.PalpateTest):
         self.assertEqual(plan.read_bytes(), before)
 
 
+class PlanInThePage(cli.PalpateTest):
+    """What `--plan` of explore and replay refuses, before anything is loaded or served for long."""
+
+    def test_a_plan_that_cannot_be_shown_is_refused(self):
+        plan = self.write("plan.toml", 'title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\nenters = ["femurr"]\n')
+        knee = f"knee-phantom:spacing={cli.KNEE_MM}"
+        self.fail_clearly(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, says="--no-viewer serves none")
+        self.fail_clearly(cli.BAD_INPUT, "explore", knee, "--plan", plan, "--port", 0, says='did you mean "femur"?')
+        self.fail_clearly(cli.OUTPUT, "explore", knee, "--plan", self.folder / "nowhere" / "plan.toml", "--port", 0, says="nowhere")
+        self.fail_clearly(cli.USAGE, "replay", "run.h5", "--plan", plan, says="--view")
+        self.fail_clearly(cli.USAGE, "explore", knee, "--plan", plan, "-o", plan, "--port", 0, says="plan.toml")
+        self.assertIn("femurr", plan.read_text(encoding="utf-8"))
+
+
 class KeptAway(cli.PalpateTest):
     """[distances] and [[no_go]] in a session: told, pushed, recorded, and replayed to the hash."""
 

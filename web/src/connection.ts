@@ -1,6 +1,8 @@
 // The WebSocket: it comes back by itself, keeps the latest pose, and knows how old that is.
 
 import type { Sweep } from "./cuts.js";
+import { decodeNear, isNear, type Near } from "./near.js";
+import type { Plan } from "./plan.js";
 import type { State } from "./scene.js";
 import type { Debriefing, TaskRun } from "./training.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
@@ -10,7 +12,7 @@ import { words } from "./words.js";
 /** "ended": it is not tried, or not again, before open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 export interface Refusal { what: string; where?: string; how?: string }
-export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task"; [value: string]: unknown }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task" | "plan"; [value: string]: unknown }
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
@@ -42,6 +44,10 @@ export interface Listener {
   onCut(first: number, sweeps: Sweep[]): void;
   /** How tissue around a device has yielded; on another connection all is told anew. */
   onYield(told: Yield): void;
+  /** What is near each tool, right before the pose from which on it holds; on another connection it is told anew. */
+  onNear(near: Near[]): void;
+  /** The plan that is rehearsed; on another connection it is told anew. */
+  onPlan(plan: Plan): void;
   /** How far a run of a task is. */
   onTask(run: TaskRun): void;
   /** One that is over. */
@@ -75,7 +81,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
-      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true };
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true, near: true, plan: true };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
     };
     socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
@@ -155,6 +161,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (typeof data !== "string") {
       try {
+        if (isNear(data)) return this.listener.onNear(decodeNear(data));
         if (isYield(data)) return this.listener.onYield(decodeYield(data));
         const pose = decodePose(data);
         this.pose = pose;
@@ -184,6 +191,9 @@ export class Connection {
         break;
       case "cut":
         this.listener.onCut(message.first as number, message.sweeps as Sweep[]);
+        break;
+      case "plan":
+        this.listener.onPlan(message as Plan);
         break;
       case "task":
         this.listener.onTask(message as TaskRun);

@@ -24,11 +24,12 @@ export interface Actions {
   record(): void;
   togglePlaying(): void;
   beginOrEnd(): void;
+  toggleSound(): void;
 }
 
 /** Of a tick, in the order in which they are told. */
 const FLAGS: (keyof Words["flags"])[] = [
-  "emergencyStop", "paused", "stale", "deviceFault", "halted", "jump", "notFinite", "clamped", "thermal", "clutched", "wedged", "ruptured", "inside",
+  "emergencyStop", "paused", "stale", "deviceFault", "halted", "jump", "notFinite", "noGo", "clamped", "thermal", "clutched", "wedged", "ruptured", "inside",
   "passivity", "turnHeld", "ramp",
 ];
 type Preset = keyof Words["presets"];
@@ -181,12 +182,13 @@ export class Controls {
     }
     if (writes || target.matches("select") || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const keys: Record<string, () => void> = {
-      w: () => this.chooseTool("window"), v: () => this.chooseTool("pan"), r: () => this.chooseTool("ruler"), a: () => this.chooseTool("angle"), t: () => this.chooseTool("touch"),
+      w: () => this.chooseTool("window"), v: () => this.chooseTool("pan"), r: () => this.chooseTool("ruler"), a: () => this.chooseTool("angle"), e: () => this.chooseTool("plan"), t: () => this.chooseTool("touch"),
       "1": () => this.actions.layout("two"), "2": () => this.actions.layout("five"), "3": () => this.actions.layout("volume"), "4": () => this.actions.layout("section"),
       "5": () => this.actions.layout("inside"), "6": () => this.actions.layout("scope"),
       "?": () => this.help(byId("help-box").hidden),
       f: () => this.toggleFollow(), s: this.actions.screenshot, o: this.actions.record, d: nextTheme, p: () => this.togglePause(),
       b: () => event.repeat || this.actions.beginOrEnd(),
+      n: () => event.repeat || this.actions.toggleSound(),
       // one stroke a press, however long it is
       u: () => event.repeat || byId(event.shiftKey ? "redo-stroke" : "undo-stroke").click(),
     };
@@ -229,8 +231,12 @@ export class Controls {
     // a pointer that nobody presses is at rest: nothing has come between the hand and its force
     const isResting = scene?.device.input === "pointer" && (device.flags & Flag.stale) !== 0;
     const flags = FLAGS.filter((name) => device.flags & Flag[name] && !(isResting && (name === "stale" || name === "ramp")));
-    const told = flags.map((name) => (name === "emergencyStop" && state?.stopped_by ? words.stoppedBy[state.stopped_by] : words.flags[name]));
-    if (state?.stop != null) return [...told, this.rearmHint((device.flags & (Flag.contact | Flag.inside)) !== 0)];
+    const { pushing } = this.session;
+    const told = flags.map((name) => {
+      if (name === "emergencyStop" && state?.stopped_by) return words.stoppedBy[state.stopped_by];
+      return name === "noGo" && pushing ? words.keptAwayFrom(this.session.regionName(pushing.region)) : words.flags[name];
+    });
+    if (state?.stop != null) return [...told, this.rearmHint((device.flags & (Flag.contact | Flag.inside | Flag.noGo)) !== 0)];
     if (isResting) told.push(state?.pointer ? words.holdToTouch : state?.pointer_by ? words.otherHolds : words.nobodyHolds);
     return told;
   }

@@ -28,7 +28,7 @@ export function runs(a: Vec3, b: Vec3, pieces: number, isHidden: (p: Vec3) => bo
 const piecesOf = (frame: Frame, a: [number, number], b: [number, number]): number =>
   Math.min(80, Math.max(1, Math.ceil(Math.hypot(b[0] - a[0], b[1] - a[1]) / (6 * frame.ratio))));
 
-function drawLine(frame: Frame, seen: InVolume, a: Vec3, b: Vec3, thick: number, colour: string, slack_mm: number, dash: number[] = []): void {
+export function drawLine(frame: Frame, seen: InVolume, a: Vec3, b: Vec3, thick: number, colour: string, slack_mm: number, dash: number[] = []): void {
   const { context } = frame;
   for (const run of runs(a, b, piecesOf(frame, seen.pixel(a), seen.pixel(b)), (p) => seen.hides(p, slack_mm))) {
     context.save();

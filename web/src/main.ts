@@ -9,7 +9,10 @@ import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
 import type { Measure } from "./measure.js";
 import { Measures } from "./measures_panel.js";
+import { NearPanel } from "./near_panel.js";
 import type { Picture } from "./picture.js";
+import { PlanPanel } from "./plan_panel.js";
+import { PlanStore } from "./plan_store.js";
 import { PointerDevice } from "./pointer.js";
 import { conceal, revealed, type Concealed } from "./quiz.js";
 import { Requests } from "./requests.js";
@@ -62,6 +65,8 @@ class Page {
   readonly requests: Requests;
   readonly timeline: Timeline;
   readonly training: Training;
+  readonly nearPanel: NearPanel;
+  readonly planPanel: PlanPanel;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
@@ -106,6 +111,8 @@ class Page {
         this.cut();
       },
       onTask: (run) => this.training.tell(run),
+      onPlan: (plan) => this.session.plans.tell(plan),
+      onNear: (near) => (this.session.near = near),
       onDebriefing: (debriefing) => this.training.debrief(debriefing),
       onYield: (told) => {
         this.yields.tell(told);
@@ -115,6 +122,8 @@ class Page {
     const { session } = this;
     session.movedAt = (place) => this.yields.movedAt(place);
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
+    session.plans = new PlanStore(this.history, (request) => this.requests.once({ type: "plan", ...request }),
+      () => this.connection.link === "connected" && this.connection.role === "control");
     this.pointer = new PointerDevice(session, this.connection);
     this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.slicer.mostSide, this.pointer, this.history, (rotation, gesture) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
@@ -135,7 +144,10 @@ class Page {
       record: () => this.record(),
       togglePlaying: () => this.timeline.toggle(),
       beginOrEnd: () => this.training.beginOrEnd(),
+      toggleSound: () => this.nearPanel.toggleSound(),
     });
+    this.nearPanel = new NearPanel(session, this.connection);
+    this.planPanel = new PlanPanel(session, (place) => this.showPlace(place));
     this.timeline = new Timeline(session, this.connection, this.requests);
     this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind));
     const orient = this.addHeads();
@@ -251,7 +263,7 @@ class Page {
     const hidden = JSON.stringify(toFind);
     if (hidden === this.hidden || !session.volumes || !session.scene) return;
     this.hidden = hidden;
-    session.hidesNames = toFind !== null;
+    session.quiz = toFind;
     document.body.classList.toggle("quiz", toFind !== null);
     // one after the other with what a burr takes away
     this.cutting = this.cutting.then(async () => {
@@ -320,6 +332,7 @@ class Page {
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
+        this.nearPanel.show(scene);
         this.timeline.show(scene.recording);
         this.training.show(scene);
         if (this.session.state) this.onState(this.session.state);
@@ -365,6 +378,7 @@ class Page {
     this.displace(null);
     this.areYieldsDue = true;
     this.measures.forget();
+    this.session.plans.forget();
     this.history.clear();
     this.bookmarks.load();
     this.cut();
@@ -439,6 +453,9 @@ class Page {
       this.isOutdated = true;
       this.cuts.beginAnew();
       this.yields.forget();
+      this.session.near = [];
+      this.session.plans.tell(null);
+      this.planPanel.beginAnew();
       this.areYieldsDue = true;
       this.training.beginAnew();
       this.cut();
@@ -447,10 +464,12 @@ class Page {
     this.controls.allow();
     this.timeline.allow();
     this.training.allow();
+    this.nearPanel.sound();
     this.session.touch();
   }
   private onState(state: State): void {
     this.session.state = state;
+    this.nearPanel.sound();
     this.controls.showState(state);
     this.timeline.showState(state);
     this.training.allow();
@@ -463,6 +482,8 @@ class Page {
   }
   private onPose(pose: Pose): void {
     this.session.setPose(pose);
+    this.nearPanel.sound();
+    this.planPanel.addPose(pose.devices[0]!);
     this.controls.addPose(pose);
     this.timeline.addPose(pose);
     this.capture.addPose(pose);
@@ -491,6 +512,15 @@ class Page {
     const now = this.session.pose?.rotation;
     const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > LEAST_TURN_DEG;
     if (isOther && this.connection.role === "control") void this.requests.once({ type: "set", rotation_wxyz: rotation });
+  }
+
+  /** The planes rest there. */
+  private showPlace(place: Vec3): void {
+    const { session } = this;
+    this.history.change("place", () => {
+      session.planes = { follow: false, cross: place, obliqueNormal: session.obliqueNormal };
+      for (const section of this.sections) section.offset_mm = 0;
+    });
   }
 
   /** The planes rest where a measure was made. */
@@ -597,6 +627,8 @@ class Page {
     if (now - this.figures_ms > FIGURES_MS) {
       this.figures_ms = now;
       this.controls.draw();
+      this.nearPanel.draw(now);
+      this.planPanel.draw();
       this.timeline.draw();
       this.training.draw();
       write(byId("record"), this.capture.isRecording ? words.recording(`${this.capture.seconds().toFixed(0)} s`) : words.record);

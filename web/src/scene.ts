@@ -26,6 +26,8 @@ export interface Tissue {
 export interface Capsule { from_mm: Vec3; to_mm: Vec3; radius_mm: number; end_radius_mm: number }
 /** What a device holds. */
 export interface HeldTool { name: string; radius_mm: number; cuts: boolean; burr: "ball" | "cylinder" | "cone" | null; shaver: boolean; points_mm: Vec3[]; capsules: Capsule[] }
+/** A region that pushes a tool out which comes nearer to it than `keep_away_mm`: a structure's label, all that lies behind a plane, or a ball. */
+export interface NoGo { name: string; keep_away_mm: number; label: number | null; plane: { point_mm: Vec3; outward: Vec3 } | null; ball: { centre_mm: Vec3; radius_mm: number } | null }
 export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" | "dynamic_friction" | "viscosity_N_s_per_mm">;
 
 export interface Scene {
@@ -66,6 +68,8 @@ export interface Scene {
   rate_hz: number;
   recording: Recording | null; // that is looked at, where no session runs
   tasks?: Task[]; // that may be begun
+  distances: { reach_mm: number } | null; // of structures so near to a tool it is told how far they are; null: of none
+  no_go: NoGo[];
 }
 
 /**

@@ -6,6 +6,7 @@ import { add, dot, length, normalize, orientationLetters, rotate, scale, spread,
 import type { History } from "./history.js";
 import { LivePicture } from "./live_picture.js";
 import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "./overlay.js";
+import { drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
 import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame } from "./scope.js";
 import { readable, type Session } from "./session.js";
@@ -241,6 +242,7 @@ export class ScopeView {
     if (device) text(frame, touchedText(session, device), 12 * ratio, 40 * ratio, 12, session.isFresh ? "#eef3f5" : "#a4adb3", "left", "top");
     drawLetters(frame, orientationLetters(right, scale(up, -1)), session.scene.oriented, true);
     drawSide(frame, session.scene);
+    drawNoGoWarning(frame, session, 78);
     drawAge(frame, session);
   }
 

@@ -12,7 +12,9 @@ import {
   drawAge, drawCross, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText,
   type Projection,
 } from "./overlay.js";
+import { drawNoGoOnPlane, drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
+import { drawPlanOnPlane } from "./plan_marks.js";
 import type { PointerDevice } from "./pointer.js";
 import type { Session } from "./session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
@@ -65,6 +67,7 @@ export class SectionView {
   private readonly pointers = new Map<number, [number, number]>();
   private gesture = 0; // that changes what is seen
   private readonly chooser = new SliceChooser((slice) => this.goTo(slice), () => (this.history.gesture += 1));
+  private plans = false; // a press makes or moves a trajectory
   private measure: Pick<Measure, "kind" | "points"> | null = null; // being made
   private restsAt: Vec3 | null = null; // where the plane stays meanwhile, less its offset
 
@@ -230,6 +233,8 @@ export class SectionView {
       pixelsPerMm: () => 1 / mm,
       clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
     };
+    drawNoGoOnPlane(frame, session, { plane: this.plane, pixel: (p) => this.pixelOf(p), mmPerPixel: mm });
+    drawPlanOnPlane(frame, session.plans, this.plane, (p) => this.pixelOf(p));
     if (session.cross && !session.follow) drawCross(frame, this.pixelOf(session.cross));
     const device = session.pose?.devices[0];
     let top = 40;
@@ -255,6 +260,7 @@ export class SectionView {
     drawScale(frame, mm);
     if (session.strain) drawStrainLegend(frame, session.yields);
     drawSide(frame, session.scene);
+    drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
     const normal = normalOf(this.plane);
     const slices = slicesAlong(session.volumes, normal);
@@ -325,13 +331,19 @@ export class SectionView {
       surface.focus({ preventScroll: true });
       this.pointers.set(event.pointerId, picture.at(event));
       if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
-      if (this.pointers.size > 1) return this.letGo();
+      if (this.pointers.size > 1) {
+        this.dropPlan();
+        return this.letGo();
+      }
       if (event.button !== 0) return;
       if (session.tool === "touch" && this.pointer.isTaken) {
         this.holdAt(this.patientAt(picture.at(event)));
         this.pointer.hold(this.held!, event.pointerType === "touch");
       } else if (session.tool === "ruler" || session.tool === "angle") {
         this.addMeasurePoint(this.patientAt(picture.at(event)));
+      } else if (session.tool === "plan") {
+        this.plans = true;
+        session.plans.press(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
       }
     });
     surface.addEventListener("pointermove", (event) => {
@@ -352,6 +364,10 @@ export class SectionView {
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
       this.letGo();
+      if (this.plans) {
+        this.plans = false;
+        if (event.type === "pointerup") session.plans.release(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
+      }
       const ruler = this.measure;
       if (ruler && event.type === "pointerup" && ruler.kind === "ruler" && length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.mmPerPixel) this.finishMeasure();
     };
@@ -372,7 +388,10 @@ export class SectionView {
       const actions: Record<string, () => void> = {
         ArrowUp: () => this.step(-1), ArrowDown: () => this.step(1), PageUp: () => this.step(-10), PageDown: () => this.step(10),
         "+": () => this.zoom(1.2), "=": () => this.zoom(1.2), "-": () => this.zoom(1 / 1.2), Home: () => this.change("reset", () => this.reset()),
-        Escape: () => this.dropMeasure(),
+        Escape: () => {
+          this.dropMeasure();
+          session.plans.drop();
+        },
       };
       if (this.moveTipByKey(event.key)) return event.preventDefault();
       const action = actions[event.key];
@@ -391,6 +410,12 @@ export class SectionView {
     // what follows the tip goes through it from here on, so that nothing jumps when it is let go
     if (this.session.follow) this.offset_mm = 0;
     this.held = p;
+  }
+  /** Two fingers zoom. */
+  private dropPlan(): void {
+    if (!this.plans) return;
+    this.plans = false;
+    this.session.plans.drop();
   }
   private letGo(): void {
     if (!this.held) return;
@@ -425,6 +450,8 @@ export class SectionView {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
       this.mmPerPixel = zoomed(this.mmPerPixel, spread(other, before, at));
       this.pan = [this.pan[0] - (dx / 2) * this.mmPerPixel, this.pan[1] - (dy / 2) * this.mmPerPixel];
+    } else if (this.plans) {
+      session.plans.move(this.patientAt(at));
     } else if (this.held) {
       this.held = this.patientAt(at);
       this.pointer.move(this.held);
@@ -441,6 +468,14 @@ export class SectionView {
     this.pointers.set(event.pointerId, at);
   }
 
+  /** From there to where a place is drawn, pixels of the screen. */
+  private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
+    const { ratio } = this.picture.frame();
+    return (p) => {
+      const [px, py] = this.pixelOf(p);
+      return Math.hypot(px - x, py - y) / ratio;
+    };
+  }
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure) {
       // the plane rests: else its points would lie on several, and the length be none that was seen

@@ -3,13 +3,16 @@
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "./geometry.js";
 import type { Bookmark } from "./bookmarks.js";
 import { keep, recall, recallScene } from "./kept.js";
+import type { Near, NearStructure } from "./near.js";
+import type { PlanStore } from "./plan_store.js";
+import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
 import { looksOf, restored, type KeptLooks } from "./looks.js";
 import { showsTheSame, type HeldTool, type Rgb, type Scene, type State, type Volumes } from "./scene.js";
 import type { DevicePose, Pose } from "./wire.js";
 import { Flag } from "./wire.js";
 import { words } from "./words.js";
 
-export type Tool = "window" | "pan" | "ruler" | "angle" | "touch";
+export type Tool = "window" | "pan" | "ruler" | "angle" | "plan" | "touch";
 export interface Look { colour: Rgb; opacity: number; visible: boolean }
 /** Of a section: what is shown of all that lies so near to its plane. */
 export interface Slab { kind: "none" | "mean" | "maximum" | "minimum"; mm: number }
@@ -22,10 +25,12 @@ export interface KeptScene { looks: KeptLooks; bookmarks: Bookmark[] }
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
 export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
 /** And of the page, whatever it shows: the window of each modality, in parts of the scan's own but for CT, whose values are the same in every scan. */
-export interface KeptPage { layout: Layout; cards: Record<string, boolean>; windows: Partial<Record<Scene["modality"], Window>> }
+export interface KeptPage { layout: Layout; cards: Record<string, boolean>; sound: boolean; windows: Partial<Record<Scene["modality"], Window>> }
 export const PAGE_KEY = "palpate.page";
 
 const TRAIL_S = 2;
+/** Red, green, blue and opacity of what pushes a tool out. */
+const LIT = [255, 107, 94, 255];
 /** While one of these holds, the force is withheld or fades to nothing. */
 const WITHHELD = Flag.emergencyStop | Flag.paused | Flag.stale | Flag.deviceFault | Flag.halted | Flag.clutched;
 
@@ -62,7 +67,12 @@ export class Session {
   holding = false; // this page moves the tip just now
   /** Structures, by the values of voxels, that look as another one does. */
   alike: { values: number[]; as: number } | null = null;
-  hidesNames = false; // of structures, as a quiz does
+  /** Labels of structures that are to be found in a quiz, in which no structure has a name; null: there is none. */
+  quiz: number[] | null = null;
+  plans!: PlanStore; // what is rehearsed
+  near: Near[] = []; // of each device; none where nothing is told
+  /** To the no-go region that any tool is deepest in or else nearest to; null: to none. */
+  approach: Approach | null = null;
   trail: { p: Vec3; time: number }[] = [];
 
   lookVersion = 0; // another one: structures look otherwise
@@ -112,7 +122,44 @@ export class Session {
     this.trail.push({ p: shown, time: pose.time });
     while (this.trail.length > 0 && this.trail[0]!.time < pose.time - TRAIL_S) this.trail.shift();
     if (this.trail.length > 1 && this.trail.at(-2)!.time > pose.time) this.trail = [];
+    const lit = this.lit;
+    this.approach = this.approachOf(pose);
+    if (lit !== this.lit) this.touchLooks();
     this.touch();
+  }
+
+  private approachOf(pose: Pose): Approach | null {
+    if (!this.scene) return null;
+    // how near what is to be found is would tell where it is
+    const regions = this.scene.no_go.map((region) => (this.isHidden(region.label) ? null : region));
+    let nearest: Approach | null = null;
+    for (const device of pose.devices) {
+      const near = this.near[device.number];
+      if (!near) continue;
+      const parts = toolParts(this.heldBy(device), device.tip, (v) => this.toPatient(pose, rotate(device.orientation, v)));
+      const approach = nearestNoGo(regions, parts, near);
+      if (approach && !(nearest && nearest.mm <= approach.mm)) nearest = approach;
+    }
+    return nearest;
+  }
+  private isHidden(label: number | null): boolean {
+    return label !== null && this.quiz?.includes(label) === true;
+  }
+  /** What is near a device's tool and may be told. */
+  nearTo(device: DevicePose): NearStructure[] {
+    return (this.near[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
+  }
+  /** The region that pushes a tool out. */
+  get pushing(): Approach | null {
+    return this.approach?.pushes ? this.approach : null;
+  }
+  /** The structure that is to be seen at once, for it pushes: its place in the scene's list. */
+  private get lit(): number | null {
+    const label = this.pushing && this.scene!.no_go[this.pushing.region]?.label;
+    return label ? this.scene!.structures.findIndex((structure) => structure.label === label) : null;
+  }
+  regionName(place: number): string {
+    return this.quiz ? words.someRegion : readable(this.scene!.no_go[place]!.name);
   }
 
   /** Where the tool is drawn: held at the surface while it touches, and in its dent where the surface yields. */
@@ -169,6 +216,8 @@ export class Session {
     const rgba = new Uint8Array(1024);
     this.looks.slice(0, 255).forEach((look, place) =>
       rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4));
+    const { lit } = this;
+    if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
     for (const value of this.alike?.values ?? []) rgba.copyWithin(4 * value, 4 * this.alike!.as, 4 * this.alike!.as + 4);
     return rgba;
   }
@@ -184,10 +233,10 @@ export class Session {
   }
   /** Of the structure at a place of the scene's list. */
   nameAt(place: number): string {
-    return this.hidesNames ? words.someStructure : this.scene!.structures[place]!.name;
+    return this.quiz ? words.someStructure : this.scene!.structures[place]!.name;
   }
   structureName(label: number): string | null {
-    if (this.hidesNames) return words.someStructure;
+    if (this.quiz) return words.someStructure;
     return this.scene?.structures.find((structure) => structure.label === label)?.name ?? null;
   }
 }

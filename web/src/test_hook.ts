@@ -51,6 +51,8 @@ export function openToTests(page: Page): void {
       volume.draw(performance.now());
       page.scope.draw(performance.now());
       page.controls.draw();
+      page.nearPanel.draw(performance.now());
+      page.planPanel.draw();
       page.timeline.draw();
     },
     /** [x, y] of a patient's point in a section's picture, in pixels of its canvas, and how far off its plane it is */
@@ -77,6 +79,12 @@ export function openToTests(page: Page): void {
         return Math.max(...near.flatMap((dx) => near.map((dy) => data[4 * (x + dx + width * (y + dy)) + 3] ?? 0)));
       });
     },
+    /** The trajectories that are shown, and whether palpate has them. */
+    get plan() { return { list: session.plans.list, isShared: session.plans.isShared, plan: session.plans.plan, chosen: session.plans.chosen }; },
+    /** What is told of what is near each tool, to which region it is how far, and the tone that is heard of that. */
+    get near() { return session.near; },
+    get approach() { return session.approach; },
+    get tone() { return page.nearPanel.heard.tone; },
     /** Of tasks: what the panel shows, how far a run is, and the last one that is over. */
     get training() { return { view: page.training.view, task: page.training.task?.name ?? null, run: page.training.run, debriefing: page.training.debriefing }; },
     /** Points of the rulers and angles that are made, in the patient. */

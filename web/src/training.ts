@@ -159,7 +159,7 @@ export class Training {
   // ---- words
 
   private namesOf(labels: number[]): string {
-    if (this.session.hidesNames) return words.someStructure;
+    if (this.session.quiz) return words.someStructure;
     const names = labels.map((label) => readable(this.session.structureName(label) ?? words.unnamed(String(label))));
     return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
   }
@@ -269,7 +269,7 @@ export class Training {
   }
 
   private listSteps(task: Task): void {
-    const made = [task.name, this.session.hidesNames, words.now].join();
+    const made = [task.name, this.session.quiz !== null, words.now].join();
     if (made === this.listed) return;
     this.listed = made;
     byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));

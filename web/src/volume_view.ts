@@ -7,7 +7,9 @@ import { add, dot, length, orientationLetters, scale, sub, multiply, normalizeQu
 import { boxSection, drawHeight, drawPlane, drawShaft, type InVolume } from "./in_volume.js";
 import { LivePicture } from "./live_picture.js";
 import { drawAge, drawCube, drawForceBar, drawLetters, drawScale, drawSide, drawTool, drawTrail, text, touchedText, type Frame, type Projection } from "./overlay.js";
+import { drawNoGoInVolume, drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
+import { drawPlanInVolume } from "./plan_marks.js";
 import type { PointerDevice } from "./pointer.js";
 import { memory_GB } from "./screen.js";
 import type { Memory } from "./scene.js";
@@ -51,6 +53,7 @@ export class VolumeView {
   private gesture = 0; // that turns the object or moves the camera
   private isOpen = false; // the camera has been put before the object as it stands, or where somebody wants it
   private held: Vec3 | null = null;
+  private plans = false; // a press makes or moves a trajectory
   private readonly pointers = new Map<number, [number, number]>();
 
   constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, readonly isSoftware: boolean,
@@ -260,6 +263,8 @@ export class VolumeView {
     const frame = this.picture.frame();
     const projection = this.projection();
     frame.context.clearRect(0, 0, frame.width, frame.height);
+    drawNoGoInVolume(frame, projection, session, session.volumes!);
+    drawPlanInVolume(frame, projection, session.plans);
     this.drawMarks(frame, projection);
     const device = session.pose?.devices[0];
     if (device) {
@@ -282,6 +287,7 @@ export class VolumeView {
     // in perspective no length holds all over the picture
     if (!camera.isPerspective) drawScale(frame, camera.mmPerPixel / frame.ratio);
     drawSide(frame, session.scene!);
+    drawNoGoWarning(frame, session, 60);
     drawAge(frame, session);
   }
 
@@ -341,6 +347,25 @@ export class VolumeView {
     session.cross = null;
     this.pointer.hold(this.held, isFinger, way.slice(0, -1));
   }
+  /** The first surface under a press that is shown, as far as it is not taken away. */
+  private shownUnder(at: [number, number]): Vec3 | null {
+    const { looks, volumes } = this.session;
+    const { width, height, ratio } = this.picture.frame();
+    const { from, into } = this.camera.ray((at[0] - width / 2) / ratio, (at[1] - height / 2) / ratio);
+    const isShown = (p: Vec3): boolean => {
+      const place = volumes!.structureAt(p);
+      return place !== null && looks[place]?.visible === true && !this.isTakenAway(p);
+    };
+    return firstFelt(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
+  }
+  /** From there to where a place is drawn, pixels of the screen. */
+  private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
+    const { ratio } = this.picture.frame();
+    return (p) => {
+      const [px, py] = this.pixelOf(p);
+      return Math.hypot(px - x, py - y) / ratio;
+    };
+  }
   private letGo(): void {
     if (!this.held) return;
     this.held = null;
@@ -359,7 +384,15 @@ export class VolumeView {
       const tip = session.pose?.devices[0]?.tip;
       if (session.tool === "touch" && this.pointer.isTaken && event.button === 0 && !this.turnsObject && tip && this.pointers.size === 1) {
         this.holdUnder(picture.at(event), tip, event.pointerType === "touch");
-      } else if (this.pointers.size > 1) this.letGo();
+      } else if (session.tool === "plan" && event.button === 0 && this.pointers.size === 1) {
+        const at = this.shownUnder(picture.at(event));
+        this.plans = at !== null;
+        if (at) session.plans.press(at, this.pixelsFrom(picture.at(event)));
+      } else if (this.pointers.size > 1) {
+        if (this.plans) session.plans.drop();
+        this.plans = false;
+        this.letGo();
+      }
     });
     surface.addEventListener("pointermove", (event) => {
       const at = picture.at(event);
@@ -373,6 +406,9 @@ export class VolumeView {
           this.camera.zoom(spread(other, before, at));
           this.camera.pan(dx / 2, dy / 2);
         }, this.gesture);
+      } else if (this.plans) {
+        const surfaceAt = this.shownUnder(at);
+        if (surfaceAt) session.plans.move(surfaceAt);
       } else if (this.held) {
         this.held = this.patientAt(at, this.held);
         this.pointer.move(this.held);
@@ -386,6 +422,11 @@ export class VolumeView {
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
       this.letGo();
+      if (this.plans) {
+        this.plans = false;
+        const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
+        if (at) session.plans.release(at, this.pixelsFrom(picture.at(event)));
+      }
       // what was asked for last still goes out with the next beat
       if (this.rotation === this.rotationSent) this.rotation = null;
       session.touch();

@@ -30,6 +30,7 @@ export const Flag = {
   ruptured: 1 << 19,
   passivity: 1 << 20,
   turnHeld: 1 << 21,
+  noGo: 1 << 22,
 } as const;
 
 /** A structure along the tip's way in. */

@@ -30,14 +30,14 @@ function connection() {
   });
   const links: Link[] = [];
   const yields: Yield[] = [];
-  const tasks: number[] = [];
+  const tasks: number[] = [], nears: number[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
+    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onPlan: (plan) => tasks.push(100 + plan.version), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();
-  return { made, sockets, timers, sent, links, told, yields, tasks, isAnswered };
+  return { made, sockets, timers, sent, links, told, yields, tasks, nears, isAnswered };
 }
 const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
@@ -198,4 +198,22 @@ test("runs of tasks are asked for, and told in their order", () => {
   sockets[0]!.onmessage(WELCOME);
   for (const message of [{ type: "task", run: 3 }, { type: "debriefing", run: 3 }, { type: "task", run: 4 }]) sockets[0]!.onmessage({ data: JSON.stringify(message) });
   assert.deepEqual(tasks, [3, -3, 4]);
+});
+
+test("what is near is asked for and told, and is no pose", () => {
+  const { sockets, sent, nears, told } = connection();
+  sockets[0]!.onopen();
+  assert.equal((sent[0] as { near?: boolean }).near, true);
+  sockets[0]!.onmessage(WELCOME);
+  const view = new DataView(new ArrayBuffer(100));
+  "PLPN".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
+  view.setUint16(4, 3, true);
+  view.setUint16(6, 100, true);
+  view.setUint16(16, 1, true);
+  view.setUint16(24, 2, true);
+  sockets[0]!.onmessage({ data: view.buffer });
+  assert.deepEqual(nears, [1]);
+  view.setUint16(16, 2, true);
+  sockets[0]!.onmessage({ data: view.buffer });
+  assert.deepEqual([nears.length, told.problems], [1, 1], "of more devices than it has room for");
 });

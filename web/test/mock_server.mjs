@@ -160,6 +160,8 @@ const scene = (role) => ({
   rate_hz: 1000,
   recording: null,
   tasks: [],
+  distances: null,
+  no_go: [],
 });
 const state = {
   method: "proxy", law: "elastic", law_awaited: null, law_failed: null, method_awaited: null, method_failed: null, friction: true, viscosity: true, passivity: true, paused: false, motor: false, motor_is_on: false, strokes: { undo: 0, redo: 0 }, removed: [], nearest: [], emergency_stop: false, stop: null, max_force_N: 1.4,

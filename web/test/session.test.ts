@@ -10,7 +10,7 @@ function session(): Session {
   const made = new Session();
   const voxels = new Uint8Array([0, 0, 1, 1, 1, 0]);
   made.volumes = new Volumes("h", 1, [6, 1, 1], [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], null, voxels, 1, 0);
-  made.scene = { structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }] } as unknown as Scene;
+  made.scene = { structures: [{ label: 7, name: "femoral_cartilage", colour: [0, 0, 0], tissue: 0 }], no_go: [] } as unknown as Scene;
   return made;
 }
 const device = (x: number, label: number, flags: number, force: Vec3): DevicePose => ({ tip: [x, 0, 0], label, flags, force } as DevicePose);

@@ -8,10 +8,12 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "palpate/base/result.h"
 #include "palpate/device/telemetry.h"
+#include "palpate/link/viewed_plan.h"
 #include "palpate/link/viewed_training.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
@@ -82,6 +84,20 @@ struct ViewedTool {
   bool shaver = false;            ///< what cuts is called a shaver, and not a burr
 };
 
+/// A region that the tool is to keep out of.
+struct ViewedNoGo {
+  struct Plane {
+    std::array<double, 3> point_mm{}, outward{};  ///< patient; unit, towards where the tool may be
+  };
+  struct Ball {
+    std::array<double, 3> centre_mm{};  ///< patient
+    double radius_mm = 0;
+  };
+  std::string name;
+  double keep_away_mm = 0;                   ///< so far before it the force begins
+  std::variant<LabelId, Plane, Ball> place;  ///< a structure, all that lies behind a plane, or a ball
+};
+
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
@@ -106,6 +122,12 @@ struct ViewedScene {
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< that is looked at, where no session runs
   std::vector<ViewedTask> tasks;             ///< that may be begun
+  /// Of structures so near to a tool ticks tell the distance; empty: of none.
+  std::optional<double> told_reach_mm;
+  std::vector<ViewedNoGo> no_go;  ///< in the order that DeviceTick::no_go counts
+
+  /// Whether ticks say anything of what is near and what keeps away.
+  bool tells_near() const { return told_reach_mm.has_value() || !no_go.empty(); }
 };
 
 /// How the loop has kept time in the last second, and what it missed since it began.
@@ -278,6 +300,12 @@ class ViewerHost {
   /// A run begins, or ends.
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "there are no tasks here", "", ""};
+  }
+  /// That is rehearsed, another object after each change; null: there is none.
+  virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
+  /// All of what is asked, or an error. Of saving the disk is waited for.
+  virtual Result<void> change(const PlanRequest& /*request*/) {
+    return Error{ErrorKind::kUsage, "there is no plan here", "", "start palpate explore with --plan"};
   }
 };
 

@@ -12,6 +12,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo_loop.h"
+#include "palpate/session/shared_plan.h"
 #include "palpate/session/training.h"
 
 /// A script on the real clock: the simulated hand feels a scene through the same loop as a person with a
@@ -80,6 +81,8 @@ struct ExploreOptions {
   bool asks_here = false;
   /// Tasks that are done in it; none: nothing is evaluated.
   TrainingOptions training;
+  /// A plan that viewers see, and may change; null: none is rehearsed.
+  std::shared_ptr<SharedPlan> plan = {};
   /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
   /// recorded. What it returns is destroyed when the session ends, before the host. Its error is explore()'s.
   /// Empty: nobody looks on.

@@ -6,6 +6,7 @@
 #include "palpate/link/viewer_server.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
+#include "palpate/session/shared_plan.h"
 
 /// A recording as viewers look at it: any place of it, at any speed, forwards and backwards.
 ///
@@ -24,10 +25,12 @@ struct Model;
 /// numbers; while a place is being read the last one stands. What is asked of a session is refused, and a
 /// stop ends the playing: nothing pushes.
 /// @param modality  as the scene says it
+/// @param plan      that is shown beside it; may be null
 /// Errors: kBadInput for another scene's recording, one without ticks or whose clock does not rise; those of
 /// RecordingSource::read; kUnavailable where there is no thread to be had.
 Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                                                   std::shared_ptr<const Model> model, Modality modality,
-                                                  const Progress& progress = {});
+                                                  const Progress& progress = {},
+                                                  std::shared_ptr<SharedPlan> plan = {});
 
 }  // namespace palpate

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+
+#include "palpate/device/telemetry.h"
+
+namespace palpate::link {
+
+/// What is near the tools of one tick and what keeps them away as viewers get it, in the layout of
+/// docs/viewer-protocol.md.
+class NearMessage {
+ public:
+  static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMostNearTold;
+
+  NearMessage() = default;
+  explicit NearMessage(const TickRecord& tick);
+
+  /// All but the tick is the same.
+  bool says_the_same(const NearMessage& other) const;
+  std::string_view bytes() const { return {bytes_.data(), size_}; }
+
+ private:
+  std::array<char, kHead_bytes + kMaxDevices * kDevice_bytes> bytes_{};
+  std::size_t size_ = 0;
+};
+
+}  // namespace palpate::link

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <string>
+
+#include "palpate/link/viewed_plan.h"
+
+/// What the server sends of a plan (docs/viewer-protocol.md).
+namespace palpate::link {
+
+std::string plan_json(const ViewedPlan& plan);
+
+}  // namespace palpate::link

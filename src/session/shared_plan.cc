@@ -1,0 +1,167 @@
+#include "palpate/session/shared_plan.h"
+
+#include <algorithm>
+#include <system_error>
+#include <utility>
+
+#include "palpate/base/file.h"
+#include "palpate/rehearsal/plan_in_scene.h"
+
+namespace palpate {
+namespace {
+
+Error cannot_change(std::string what, std::string where, std::string remedy) {
+  return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
+}
+
+bool plans_nothing(const PlanFile& plan) {
+  return plan.trajectories.empty() && plan.regions.empty() && plan.distances.empty();
+}
+
+std::array<double, 3> place_of(const Point<Patient>& point) {
+  return {point.x(), point.y(), point.z()};
+}
+Point<Patient> point_of(const std::array<double, 3>& place) {
+  return {place[0], place[1], place[2]};
+}
+
+// regions name their trajectories by place
+Result<void> remove_trajectory(PlanFile& plan, std::size_t place) {
+  for (PlanRegion& region : plan.regions) {
+    if (region.shape == PlanShape::kStructures) continue;
+    if (region.trajectory == place)
+      return cannot_change("the region \"" + region.name + "\" lies on this trajectory", "trajectory",
+                           "take the region out of the plan's file first");
+    if (region.trajectory > place) --region.trajectory;
+  }
+  plan.trajectories.erase(plan.trajectories.begin() + static_cast<std::ptrdiff_t>(place));
+  return {};
+}
+
+Result<PlanFile> changed_plan(PlanFile plan, const PlanRequest& request) {
+  const std::size_t place = *request.trajectory;
+  const std::size_t count = plan.trajectories.size();
+  if (place > count || (request.remove && place == count))
+    return cannot_change("the plan has no such trajectory", "trajectory", "look at the plan again");
+  if (request.remove) {
+    if (auto removed = remove_trajectory(plan, place); !removed) return removed.error();
+  } else {
+    if (place == count) {
+      if (!request.name || !request.entry_mm || !request.target_mm)
+        return cannot_change("a new trajectory has a name, an entry and a target", "trajectory",
+                             "give it all three");
+      plan.trajectories.emplace_back();
+    }
+    PlanTrajectory& trajectory = plan.trajectories[place];
+    if (request.name) trajectory.name = *request.name;
+    if (request.entry_mm) trajectory.entry = point_of(*request.entry_mm);
+    if (request.target_mm) trajectory.target = point_of(*request.target_mm);
+  }
+  if (plans_nothing(plan)) return plan;
+  // as the command line reads it, and to the same last bit
+  auto read = parse_plan(plan_text(plan), plan.source);
+  if (read) return read;
+  Error error = read.error();
+  error.where = "trajectory";
+  return error;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<SharedPlan>> SharedPlan::open(const std::filesystem::path& file, const Model& model,
+                                                     bool may_change) {
+  std::error_code ignored;
+  if (may_change && !std::filesystem::exists(file, ignored)) {
+    if (auto claimed = claim_output(file); !claimed) return claimed.error();
+    PlanFile none;
+    none.title = file.stem().string();
+    none.source = file.string();
+    return std::shared_ptr<SharedPlan>(new SharedPlan(file, {}, std::move(none), {}, true));
+  }
+  auto text = read_file(file, kMaxSceneBytes);
+  if (!text) return text.error();
+  auto plan = parse_plan(*text, file.string());
+  if (!plan) return plan.error();
+  const auto found = look_up_plan(*plan, model);
+  if (!found) return found.error();
+  std::vector<ViewedPlan::KeepAway> keep_away;
+  for (const auto& [label, mm] : found->distances_mm) keep_away.push_back({label, mm});
+  return std::shared_ptr<SharedPlan>(
+      new SharedPlan(file, *std::move(text), *std::move(plan), std::move(keep_away), may_change));
+}
+
+SharedPlan::SharedPlan(std::filesystem::path file, std::optional<std::string> in_file, PlanFile plan,
+                       std::vector<ViewedPlan::KeepAway> keep_away, bool may_change)
+    : file_(std::move(file)),
+      keep_away_(std::move(keep_away)),
+      may_change_(may_change),
+      in_file_(std::move(in_file)),
+      saved_(in_file_ ? plan_text(plan) : ""),
+      plan_(std::move(plan)) {
+  show();
+}
+
+std::shared_ptr<const ViewedPlan> SharedPlan::viewed() const {
+  const std::lock_guard lock(mutex_);
+  return viewed_;
+}
+
+void SharedPlan::show() {
+  auto next = std::make_shared<ViewedPlan>();
+  next->title = plan_.title;
+  for (const PlanTrajectory& trajectory : plan_.trajectories)
+    next->trajectories.push_back({trajectory.name, place_of(trajectory.entry), place_of(trajectory.target),
+                                  trajectory.entry_within_mm, trajectory.target_within_mm,
+                                  trajectory.angle_within_deg, trajectory.depth_within_mm});
+  next->keep_away = keep_away_;
+  next->version = viewed_ ? viewed_->version + 1 : 1;
+  next->saved = plans_nothing(plan_) ? !in_file_ : plan_text(plan_) == saved_;
+  next->can_change = may_change_;
+  viewed_ = std::move(next);
+}
+
+Result<void> SharedPlan::change(const PlanRequest& request) {
+  const std::lock_guard lock(mutex_);
+  if (!may_change_)
+    return cannot_change("the plan of a recording is looked at", "", "palpate explore --plan changes one");
+  if (request.version != viewed_->version)
+    return cannot_change("the plan has been changed by somebody else since", "version",
+                         "look at it again, and change that");
+  if (request.save) {
+    if (auto saved = save(); !saved) return saved;
+  } else {
+    auto next = request.back_to ? as_it_was(*request.back_to) : changed_plan(plan_, request);
+    if (!next) return next.error();
+    before_.emplace_back(viewed_->version, std::exchange(plan_, *std::move(next)));
+    if (before_.size() > kMostBefore) before_.pop_front();
+  }
+  show();
+  return {};
+}
+
+Result<PlanFile> SharedPlan::as_it_was(std::uint32_t version) const {
+  const auto kept = std::ranges::find(before_, version, &std::pair<std::uint32_t, PlanFile>::first);
+  if (kept != before_.end()) return kept->second;
+  return cannot_change("the plan as it was then is not kept", "back_to", "change it by hand");
+}
+
+Result<void> SharedPlan::save() {
+  if (plans_nothing(plan_))
+    return cannot_change("the plan plans nothing", "", "add a trajectory, or leave its file as it is");
+  std::error_code ignored;
+  std::optional<std::string> now;
+  if (std::filesystem::exists(file_, ignored)) {
+    auto text = read_file(file_, kMaxSceneBytes);
+    if (!text) return text.error();
+    now = *std::move(text);
+  }
+  if (now != in_file_)
+    return cannot_change("the plan's file has been changed since it was read", "",
+                         "download this plan, and bring the two together by hand");
+  const std::string text = plan_text(plan_);
+  if (auto written = write_file(file_, text); !written) return written;
+  in_file_ = saved_ = text;
+  return {};
+}
+
+}  // namespace palpate

@@ -1,0 +1,159 @@
+// The plan as it is changed here. Where palpate has it and this viewer may, palpate changes it, for all of its viewers; any other page makes one
+// of its own, which can be downloaded.
+
+import { add, length, normalize, scale, sub, type Vec3 } from "./geometry.js";
+import type { History } from "./history.js";
+import type { Plan, Trajectory } from "./plan.js";
+import { words } from "./words.js";
+
+/** A new one goes so deep, towards the middle of the volume. */
+const NEW_MM = 20;
+/** A press on a picture takes hold of an end that is so near, pixels of the screen. */
+const HOLD_PIXELS = 14;
+/** An entry that is drawn out farther than this has its target where it is let go, pixels. */
+const DRAWN_PIXELS = 6;
+const UNBOUND = { entry_within_mm: null, target_within_mm: null, angle_within_deg: null, depth_within_mm: null };
+
+export type End = "entry_mm" | "target_mm";
+/** Of a picture: from a press to where a place is drawn, pixels of the screen. */
+type PixelsTo = (p: Vec3) => number;
+
+export class PlanStore {
+  /** Place of the one that is changed; -1: none. */
+  chosen = -1;
+  onChange: () => void = () => {};
+  private told: Plan | null = null; // by palpate
+  private own: Plan | null = null; // made here
+  private begun: Vec3 | null = null; // entry of a new one, whose target is still to be pressed
+  private grip: { place: number; end: End; to: Vec3 } | null = null;
+
+  /** @param ask  asks palpate for a change. @param mayAsk  this viewer may have things changed */
+  constructor(private readonly history: History, private readonly ask: (request: Record<string, unknown>) => Promise<boolean>, private readonly mayAsk: () => boolean) {}
+
+  /** Whether what is changed here is palpate's. */
+  get isShared(): boolean {
+    return this.told?.can_change === true && this.mayAsk();
+  }
+  get isOwn(): boolean {
+    return !this.isShared && this.own !== null;
+  }
+  /** That is shown; null: there is none. */
+  get plan(): Plan | null {
+    return this.isShared ? this.told : this.own ?? this.told;
+  }
+  get list(): Trajectory[] {
+    return this.plan?.trajectories ?? [];
+  }
+  tell(plan: Plan | null): void {
+    this.told = plan;
+    this.changed();
+  }
+  /** Of another scene. */
+  forget(): void {
+    this.own = this.begun = this.grip = null;
+    this.chosen = -1;
+    this.changed();
+  }
+
+  // ---- changes, each of which can be undone
+
+  put(place: number, trajectory: Trajectory): void {
+    const { name, entry_mm, target_mm } = trajectory;
+    const list = this.list.slice();
+    list[place] = trajectory;
+    this.chosen = place;
+    void this.change(list, { trajectory: place, name, entry_mm, target_mm });
+  }
+  add(entry_mm: Vec3, target_mm: Vec3): void {
+    const names = this.list.map(({ name }) => name);
+    let number = names.length + 1;
+    while (names.includes(words.trajectoryNumber(String(number)))) number += 1;
+    this.put(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
+  }
+  /** One from a place towards another. */
+  addTowards(entry: Vec3, to: Vec3): void {
+    const way = sub(to, entry);
+    this.add(entry, add(entry, scale(length(way) > 1 ? normalize(way) : [0, 1, 0], NEW_MM)));
+  }
+  remove(place: number): void {
+    if (this.chosen >= place) this.chosen -= 1;
+    void this.change(this.list.filter((_, other) => other !== place), { trajectory: place, remove: true });
+  }
+  /** Into the plan's file. */
+  save(): Promise<boolean> {
+    return this.ask({ version: this.told?.version, save: true });
+  }
+
+  private async change(trajectories: Trajectory[], request: Record<string, unknown>): Promise<void> {
+    this.history.gesture += 1;
+    if (!this.isShared) {
+      const before = this.own;
+      const { title, keep_away } = this.plan ?? { title: words.planTitle, keep_away: [] };
+      const after: Plan = { version: 0, title, keep_away, saved: false, can_change: false, trajectories };
+      this.history.note("plan", { before, after, go: (_, to) => this.setOwn(to) });
+      this.setOwn(after);
+      return;
+    }
+    const { version } = this.told!;
+    if (!(await this.ask({ version, ...request }))) return;
+    // palpate keeps each version as it was, and that one goes back is another one
+    this.history.note("plan", { before: version, after: version + 1, go: (_, to) => this.goBack(to) });
+  }
+  private setOwn(plan: Plan | null): boolean {
+    this.own = plan;
+    this.changed();
+    return true;
+  }
+  private goBack(version: number): boolean | Promise<boolean> {
+    return this.told !== null && this.ask({ version: this.told.version, back_to: version });
+  }
+  private changed(): void {
+    if (this.chosen >= this.list.length) this.chosen = this.list.length - 1;
+    this.onChange();
+  }
+
+  // ---- presses in pictures
+
+  /** The first is an entry, unless it takes hold of an end that is there; the second is its target. */
+  press(at: Vec3, pixelsTo: PixelsTo): void {
+    const [nearest] = this.list.flatMap((one, place) => (["entry_mm", "target_mm"] as const).map((end) => ({ place, end, to: at, far: pixelsTo(one[end]) })))
+      .sort((a, b) => a.far - b.far);
+    if (this.begun) {
+      const entry = this.begun;
+      this.begun = null;
+      this.add(entry, at);
+    } else if (nearest && nearest.far <= HOLD_PIXELS) {
+      this.grip = nearest;
+      this.chosen = nearest.place;
+    } else this.begun = at;
+    this.onChange();
+  }
+  move(at: Vec3): void {
+    if (!this.grip) return;
+    this.grip.to = at;
+    this.onChange();
+  }
+  release(at: Vec3, pixelsTo: PixelsTo): void {
+    const { grip, begun } = this;
+    this.grip = null;
+    if (grip) {
+      const one = this.list[grip.place];
+      if (one && length(sub(one[grip.end], grip.to)) > 0 && pixelsTo(one[grip.end]) > DRAWN_PIXELS) this.put(grip.place, { ...one, [grip.end]: grip.to });
+    } else if (begun && pixelsTo(begun) > DRAWN_PIXELS) {
+      this.begun = null;
+      this.add(begun, at);
+    }
+    this.onChange();
+  }
+  /** What is begun is left. */
+  drop(): void {
+    this.begun = this.grip = null;
+    this.onChange();
+  }
+  /** As they are drawn: with the end that is being moved, and the entry of one that is begun. */
+  get drawn(): Trajectory[] {
+    const { grip, begun } = this;
+    const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));
+    return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
+  }
+}

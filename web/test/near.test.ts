@@ -1,0 +1,216 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { ApproachSound, HEARD_FROM_MM, toneAt } from "../src/approach_sound.js";
+import { length, sub, type Vec3 } from "../src/geometry.js";
+import { decodeNear, isNear, type Near } from "../src/near.js";
+import { nearestNoGo, toolParts, type ToolPart } from "../src/no_go.js";
+import type { HeldTool, NoGo, Scene } from "../src/scene.js";
+import { Session } from "../src/session.js";
+import { WireError, WireVersion, type Pose } from "../src/wire.js";
+
+/** Written by the table of docs/viewer-protocol.md. */
+function written(devices: Near[]): DataView {
+  const view = new DataView(new ArrayBuffer(24 + 76 * devices.length));
+  "PLPN".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
+  view.setUint16(4, 3, true);
+  view.setUint16(6, view.byteLength, true);
+  view.setBigUint64(8, 1234n, true);
+  view.setUint16(16, devices.length, true);
+  devices.forEach(({ noGo, depth, force, structures }, n) => {
+    const at = 24 + 76 * n;
+    view.setUint16(at, noGo + 1, true);
+    [depth, force].forEach((x, i) => view.setFloat32(at + 4 + 4 * i, x, true));
+    structures.forEach(({ label, mm }, i) => {
+      view.setUint16(at + 12 + 8 * i, label, true);
+      view.setFloat32(at + 16 + 8 * i, mm, true);
+    });
+  });
+  return view;
+}
+const decoded = (view: DataView) => decodeNear(view.buffer as ArrayBuffer);
+const NOTHING: Near = { noGo: -1, depth: 0, force: 0, structures: [] };
+
+test("what is near is read by the table of the protocol", () => {
+  const near: Near[] = [
+    { noGo: 4, depth: 1.25, force: 0.5, structures: Array.from({ length: 8 }, (_, n) => ({ label: 300 + n, mm: n - 1.5 })) },
+    NOTHING,
+  ];
+  assert.ok(isNear(written(near).buffer as ArrayBuffer));
+  assert.deepEqual(decoded(written(near)), near);
+  const other = written(near);
+  other.setUint16(4, 4, true);
+  assert.throws(() => decoded(other), WireVersion);
+  for (const [at, value] of [[0, 0], [6, 175], [16, 0], [16, 5], [16, 1]] as const) {
+    const broken = written(near);
+    broken.setUint16(at, value, true);
+    assert.throws(() => decoded(broken), WireError, `${at}`);
+  }
+  assert.throws(() => decodeNear(new ArrayBuffer(23)), WireError);
+});
+
+const PROBE = { radius_mm: 1.5, points_mm: [[0, 0, 0]], capsules: [] } as unknown as HeldTool;
+const SHAFT = { ...PROBE, capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 0.5, end_radius_mm: 3 }] } as unknown as HeldTool;
+const same = (v: Vec3): Vec3 => v;
+const region = (of: Partial<NoGo>): NoGo => ({ name: "there", keep_away_mm: 0, label: null, plane: null, ball: null, ...of });
+
+/** The least of many places along a part, where it has balls of its own. */
+const leastOf = (parts: ToolPart[], of: (p: Vec3) => number): number =>
+  Math.min(...parts.flatMap(({ from, to, radii_mm: [first, last] }) => Array.from({ length: 20001 }, (_, n) => {
+    const t = n / 20000;
+    return of(from.map((x, axis) => x + t * (to[axis]! - x)) as Vec3) - first - t * (last - first);
+  })));
+
+test("planes and balls are as far from the tool's outline as its nearest ball is", () => {
+  const plane = region({ plane: { point_mm: [0, 0, -10], outward: [0, 0, 1] }, keep_away_mm: 2 });
+  assert.ok(Math.abs(nearestNoGo([plane], toolParts(PROBE, [3, 4, 0], same), NOTHING)!.mm - 6.5) < 1e-9);
+  const ball = region({ ball: { centre_mm: [0, 0, 12], radius_mm: 5 }, keep_away_mm: 1 });
+  assert.ok(Math.abs(nearestNoGo([ball], toolParts(PROBE, [0, 0, 0], same), NOTHING)!.mm - 4.5) < 1e-9);
+  // a shaft that widens, beside the ball
+  for (const tip of [[20, 0, -30], [15, -9, 0], [0, 25, 5]] as Vec3[]) {
+    const parts = toolParts(SHAFT, tip, ([x, y, z]) => [z, x, y]);
+    const found = nearestNoGo([ball], parts, NOTHING)!.mm;
+    assert.ok(Math.abs(found - Math.max(0, leastOf(parts, (p) => length(sub(p, [0, 0, 12]))) - 6)) < 1e-3, `${tip} ${found}`);
+    const away = nearestNoGo([plane], parts, NOTHING)!.mm;
+    assert.ok(Math.abs(away - Math.max(0, leastOf(parts, ([, , z]) => z + 10) - 2)) < 1e-3, `${tip} ${away}`);
+  }
+});
+
+test("what pushes is as palpate tells it; else the nearest of what is told or follows", () => {
+  const regions = [region({ label: 7, keep_away_mm: 2 }), region({ label: 9 }), region({ ball: { centre_mm: [0, 0, 30], radius_mm: 1 } })];
+  const parts = toolParts(PROBE, [0, 0, 0], same);
+  const near = (...structures: Near["structures"]) => ({ ...NOTHING, structures });
+  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })), { region: 0, mm: 3, pushes: false });
+  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 9, mm: 2 }, { label: 7, mm: 5 })), { region: 1, mm: 2, pushes: false });
+  assert.deepEqual(nearestNoGo(regions, parts, near({ label: 8, mm: 1 })), { region: 2, mm: 27.5, pushes: false });
+  assert.deepEqual(nearestNoGo([null, regions[1]!], parts, near({ label: 7, mm: 5 }, { label: 9, mm: 6 })), { region: 1, mm: 6, pushes: false }, "not to be told");
+  assert.deepEqual(nearestNoGo(regions, parts, { ...near({ label: 7, mm: 1 }), noGo: 0, depth: 1 }), { region: 0, mm: -1, pushes: true });
+  assert.equal(nearestNoGo(regions, parts, { ...NOTHING, noGo: 3 }), null, "a region that the scene does not have");
+  assert.equal(nearestNoGo([regions[0]!], parts, NOTHING), null);
+});
+
+test("it sounds faster and higher the nearer it is, and without a break where it pushes", () => {
+  assert.equal(toneAt(HEARD_FROM_MM), null);
+  assert.equal(toneAt(NaN), null);
+  let before = toneAt(9.99)!;
+  for (let mm = 9.5; mm >= 0; mm -= 0.5) {
+    const tone = toneAt(mm)!;
+    assert.ok(tone.beeps_per_s > before.beeps_per_s && tone.frequency_Hz > before.frequency_Hz, `${mm}`);
+    before = tone;
+  }
+  for (const mm of [-0.01, -1, -2, -3]) {
+    const tone = toneAt(mm)!;
+    assert.equal(tone.beeps_per_s, 0);
+    assert.ok(tone.frequency_Hz > before.frequency_Hz);
+    before = tone;
+  }
+  assert.deepEqual(toneAt(-30), toneAt(-3));
+});
+
+/** What an audio context was told: `loud` is its gain at a time, as scheduled. */
+function audio() {
+  const told = { state: "suspended", now: 0, started: 0, stopped: 0, events: [] as { to: number; at: number }[], frequency: 0 };
+  class Context {
+    get state() { return told.state; }
+    get currentTime() { return told.now; }
+    destination = {};
+    resume() { told.state = "running"; }
+    createOscillator() {
+      return { type: "", frequency: { setTargetAtTime: (to: number) => (told.frequency = to) }, connect: (to: unknown) => to, start: () => told.started++, stop: () => told.stopped++ };
+    }
+    createGain() {
+      return { connect() {}, gain: {
+        value: 1,
+        cancelScheduledValues: (from: number) => (told.events = told.events.filter(({ at }) => at < from)),
+        setTargetAtTime: (to: number, at: number) => told.events.push({ to, at }),
+      } };
+    }
+  }
+  Object.assign(globalThis, { AudioContext: Context });
+  const loud = (at: number) => told.events.filter((event) => event.at <= at).at(-1)?.to ?? 0;
+  return { told, loud };
+}
+
+test("nothing sounds before it is switched on and somebody has pressed something", () => {
+  const { told } = audio();
+  const sound = new ApproachSound();
+  sound.tell(-1);
+  sound.wake();
+  assert.deepEqual([sound.tone, told.started, told.state], [null, 0, "suspended"]);
+  sound.switch(true);
+  sound.tell(-1);
+  assert.ok(sound.isHeldBack);
+  assert.deepEqual([sound.tone, told.started], [null, 0]);
+  sound.wake();
+  sound.tell(-1);
+  assert.deepEqual([sound.tone!.beeps_per_s, told.started, sound.isHeldBack], [0, 1, false]);
+});
+
+test("a tone without a break ends by itself where it is not renewed, and at once where it is silenced", () => {
+  const { told, loud } = audio();
+  const sound = new ApproachSound();
+  sound.switch(true);
+  sound.wake();
+  for (told.now = 0; told.now < 1; told.now += 1 / 60) {
+    sound.tell(-1);
+    assert.ok(loud(told.now) > 0 && loud(told.now + 0.2) > 0);
+  }
+  assert.equal(told.started, 1, "one voice goes on");
+  assert.equal(loud(told.now + 0.5), 0);
+  sound.silence();
+  assert.deepEqual([loud(told.now), sound.tone, told.stopped], [0, null, 1]);
+  sound.tell(-1);
+  assert.deepEqual([loud(told.now + 0.1) > 0, told.started], [true, 2]);
+  sound.switch(false);
+  sound.tell(-1);
+  assert.deepEqual([loud(told.now + 0.1), sound.tone, told.stopped], [0, null, 2]);
+});
+
+test("so many beeps come in a second as the tone has", () => {
+  const { told, loud } = audio();
+  const sound = new ApproachSound();
+  sound.switch(true);
+  sound.wake();
+  let beeps = 0, was = 0;
+  for (told.now = 0; told.now < 4; told.now += 1 / 60) {
+    sound.tell(5);
+    const is = loud(told.now);
+    if (is > 0 && was === 0) beeps++;
+    was = is;
+  }
+  const wanted = 4 * toneAt(5)!.beeps_per_s;
+  assert.ok(Math.abs(beeps - wanted) <= 0.1 * wanted + 1, `${beeps} of ${wanted}`);
+  // one that comes nearer at once does not wait for the end of a long pause
+  told.now = 10;
+  sound.tell(9.9);
+  told.now += 1 / 60;
+  sound.tell(0);
+  told.now += 0.2;
+  sound.tell(0);
+  assert.ok(loud(told.now) > 0);
+});
+
+test("a quiz tells no names, and nothing of what is to be found before it pushes", () => {
+  const made = new Session();
+  made.scene = {
+    structures: [{ label: 7, name: "left_nodule", colour: [0, 0, 0], tissue: 0 }, { label: 8, name: "skin", colour: [0, 0, 0], tissue: 0 }],
+    tools: [PROBE], world_from_patient: [], no_go: [region({ name: "the_nodule", label: 7, keep_away_mm: 1 })],
+  } as unknown as Scene;
+  made.looks = made.scene.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
+  const pose = { time: 1, rotation: [1, 0, 0, 0], devices: [{ number: 0, tip: [0, 0, 0], orientation: [1, 0, 0, 0], flags: 0 }] } as unknown as Pose;
+  const labels = () => made.nearTo(pose.devices[0]!).map(({ label }) => label);
+  const colour = () => [...made.palette().slice(4, 8)];
+  made.near = [{ ...NOTHING, structures: [{ label: 7, mm: 3 }, { label: 8, mm: 4 }] }];
+  made.setPose(pose);
+  assert.deepEqual([made.approach, labels(), made.regionName(0)], [{ region: 0, mm: 2, pushes: false }, [7, 8], "the nodule"]);
+  made.quiz = [7];
+  made.setPose(pose);
+  assert.deepEqual([made.approach, labels(), made.regionName(0), made.structureName(8)], [null, [8], "some region", "some structure"]);
+  // what pushes is felt, too; it is lit where it is no secret
+  made.near = [{ ...made.near[0]!, noGo: 0, depth: 0.5 }];
+  const before = made.lookVersion;
+  made.setPose(pose);
+  assert.deepEqual([made.pushing, made.lookVersion > before], [{ region: 0, mm: -0.5, pushes: true }, true]);
+  assert.equal(colour()[3], 255);
+  made.alike = { values: [1], as: 2 };
+  assert.equal(colour()[3], 0, "it looks as what lies around it");
+});
