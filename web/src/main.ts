@@ -137,7 +137,8 @@ class Page {
       beginOrEnd: () => this.training.beginOrEnd(),
     });
     this.timeline = new Timeline(session, this.connection, this.requests);
-    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind));
+    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
+      ({ optics_deg, back_mm }) => this.scope.standAs(optics_deg, back_mm));
     const orient = this.addHeads();
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
