@@ -373,14 +373,13 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
                                     Console& console) {
   TrainingOptions training;
   if (!options.task.empty()) {
-    auto task = load_task(options.task);
+    auto task = offered_task(options.task);
     if (!task) return task.error();
-    if (!task->data_set.empty() && kind_of(task->data_set) != kind_of(loaded.data_set))
-      console.warn()("the task is made for " + printable_name(task->data_set) +
+    const std::string& data_set = task->file.data_set;
+    if (!data_set.empty() && kind_of(data_set) != kind_of(loaded.data_set))
+      console.warn()("the task is made for " + printable_name(data_set) +
                      ", and measures another scene here");
-    std::string name = std::filesystem::path(options.task).stem().string();
-    if (name.empty()) name = "task";
-    training.tasks.push_back({printable_name(name), *std::move(task)});
+    training.tasks.push_back(*std::move(task));
     training.have_to_fit = true;
     // a person begins when ready, by a page or a key
     training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;

@@ -7,6 +7,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
 #include "palpation.h"
+#include "scored.h"
 #include "serving.h"
 #include "verb.h"
 
@@ -19,12 +20,14 @@ struct ReplayOptions {
   std::optional<int> volume;
   bool view = false;
   std::optional<std::filesystem::path> plan;
+  std::string task;
+  TickRange ticks;
   ServingOptions serving;
 };
 
 // until somebody ends it
-int show_recording(RecordingSource recording, const LoadedScene& loaded, const ReplayOptions& options,
-                   Console& console) {
+int show_recording(RecordingSource recording, const LoadedScene& loaded,
+                   std::optional<PlayedTaskOptions> task, const ReplayOptions& options, Console& console) {
   const Progress progress = console.progress();
   std::shared_ptr<SharedPlan> plan;
   if (options.plan) {
@@ -32,8 +35,8 @@ int show_recording(RecordingSource recording, const LoadedScene& loaded, const R
     if (!opened) return console.fail(opened.error());
     plan = *std::move(opened);
   }
-  const auto playback =
-      open_playback(std::move(recording), loaded.model, loaded.scene.modality, progress, std::move(plan));
+  const auto playback = open_playback(std::move(recording), loaded.model, loaded.scene.modality, progress,
+                                      std::move(task), std::move(plan));
   if (!playback) {
     Error error = playback.error();
     if (error.where.empty()) error.where = options.recording.string();
@@ -54,13 +57,20 @@ int replay_recording(const ReplayOptions& options, Console& console) {
   if (options.view)
     if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
       return console.fail(servable.error());
+  std::optional<PlayedTaskOptions> task;
+  if (!options.task.empty()) {
+    auto offered = offered_task(options.task);
+    if (!offered) return console.fail(offered.error());
+    if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
+    task.emplace(PlayedTaskOptions{*std::move(offered), options.ticks});
+  }
   const Progress progress = console.progress();
   auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
   const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
                                               console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
-  if (options.view) return show_recording(*std::move(recording), *loaded, options, console);
+  if (options.view) return show_recording(*std::move(recording), *loaded, std::move(task), options, console);
 
   const auto result = replay(*recording, loaded->model, progress);
   if (!result) {
@@ -94,6 +104,12 @@ void add_replay(CLI::App& app, Run& run) {
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");
+  CLI::Option* task = verb->add_option(
+      "-t,--task", options->task,
+      "Task file, or one of palpate task list: the page shows how far it was, and what came of it");
+  task->needs(view);
+  add_tick_options(*verb, options->ticks);
+  for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(task);
   const std::size_t others = verb->get_options().size();
   verb->add_option("--plan", options->plan, "Plan that is shown beside it (palpate plan --help)");
   add_serving_options(*verb, options->serving);
@@ -103,7 +119,8 @@ void add_replay(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate replay run.h5\n"
       "  palpate replay run.h5 scene.toml\n"
-      "  palpate replay run.h5 --view\n\n"
+      "  palpate replay run.h5 --view\n"
+      "  palpate replay run.h5 --view --task hold-steady\n\n"
       "Exit code 0: every tick's state hash is the recorded one. 3: the first tick that differs is named.\n"
       "docs/viewer.md: what the page shows of a recording.");
   verb->callback(

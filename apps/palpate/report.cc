@@ -8,6 +8,7 @@
 #include "palpation.h"
 #include "planned.h"
 #include "report_model.h"
+#include "scored.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -15,7 +16,8 @@ namespace {
 
 struct ReportOptions {
   std::filesystem::path recording, output, plan;
-  std::string target;
+  std::string target, task;
+  TickRange ticks;
   std::optional<int> volume;
   int device = 1;
 };
@@ -29,6 +31,13 @@ int report_recording(const ReportOptions& options, Console& console) {
     auto read = load_plan(options.plan);
     if (!read) return console.fail(read.error());
     plan = *std::move(read);
+  }
+  std::optional<OfferedTask> task;
+  if (!options.task.empty()) {
+    if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
+    auto offered = offered_task(options.task);
+    if (!offered) return console.fail(offered.error());
+    task = *std::move(offered);
   }
   const auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
@@ -54,14 +63,25 @@ int report_recording(const ReportOptions& options, Console& console) {
     if (!compared) return console.fail(compared.error());
     made = *std::move(compared);
   }
+  const auto named = [&](Error error) {
+    if (error.where.empty()) error.where = options.recording.string();
+    return error;
+  };
+  std::optional<TaskScore> score;
+  if (task) {
+    const auto in_scene = look_up_for_score(task->file, *model, progress);
+    if (!in_scene) return console.fail(in_scene.error());
+    auto made_score = score_recording(*in_scene, *recording, progress, options.ticks);
+    if (!made_score) return console.fail(named(made_score.error()));
+    score = *std::move(made_score);
+  }
+  std::optional<ScoredTask> scored;
+  if (score) scored.emplace(ScoredTask{task->file, *score});
   std::optional<RehearsedPlan> rehearsed;
   if (made) rehearsed.emplace(RehearsedPlan{scene->plan, *made});
-  const auto written = write_report(output, *recording, **model, progress, rehearsed ? &*rehearsed : nullptr);
-  if (!written) {
-    Error error = written.error();
-    if (error.where.empty()) error.where = options.recording.string();
-    return console.fail(error);
-  }
+  const auto written = write_report(output, *recording, **model, progress,
+                                    {rehearsed ? &*rehearsed : nullptr, scored ? &*scored : nullptr});
+  if (!written) return console.fail(named(written.error()));
   console.note("report: " + output.string());
   return kExitOk;
 }
@@ -83,9 +103,15 @@ void add_report(CLI::App& app, Run& run) {
   verb->add_option("--device", options->device, "Whose tool the plan is for, of several devices; default 1")
       ->check(whole_between(1, kMaxDevices))
       ->needs(plan);
+  CLI::Option* task =
+      verb->add_option("-t,--task", options->task,
+                       "Task file, or one of palpate task list: its score gets a part of the page");
+  add_tick_options(*verb, options->ticks);
+  for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(task);
   verb->footer(
       "Examples:\n"
       "  palpate report run.h5\n"
+      "  palpate report run.h5 --task hold-steady\n"
       "  palpate report run.h5 --plan plan.toml\n"
       "  palpate report run.h5 scene.toml -o palpation.html\n\n"
       "The page loads nothing from anywhere. A scene that changed since the recording is refused.");

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "palpate/base/printable.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "text.h"
@@ -19,6 +20,37 @@ std::string hexadecimal(std::uint64_t hash) {
 }
 
 }  // namespace
+
+Result<OfferedTask> offered_task(const std::string& name_or_file) {
+  auto task = load_task(name_or_file);
+  if (!task) return task.error();
+  const std::string name = std::filesystem::path(name_or_file).stem().string();
+  return OfferedTask{name.empty() ? "task" : printable_name(name), *std::move(task)};
+}
+
+Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
+                                      const Progress& progress) {
+  const bool covers = std::any_of(task.steps.begin(), task.steps.end(),
+                                  [](const TaskStep& step) { return step.kind == StepKind::kCover; });
+  if (covers) {
+    constexpr std::array kProxyAlone = {ForceMethod::kProxy};
+    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    if (!ready) return ready.error();
+    model = *std::move(ready);
+  }
+  return look_up(task, *model, progress);
+}
+
+void add_tick_options(CLI::App& verb, TickRange& ticks) {
+  verb.add_option("--from-tick", ticks.first,
+                  "The first tick that counts, of a run that began while it was recorded")
+      ->check(whole_between(0, 1ull << 62));
+  verb.add_option("--to-tick", ticks.last, "The last tick that counts")->check(whole_between(0, 1ull << 62));
+}
+
+Error ticks_in_reverse() {
+  return {ErrorKind::kUsage, "comes after --to-tick", "--from-tick", "give the earlier one first"};
+}
 
 nlohmann::ordered_json number_or_null(double value) {
   return std::isnan(value) ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(value);
@@ -42,16 +74,7 @@ Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console&
     if (!loaded) return loaded.error();
     model_ = loaded->model;
     loaded_ = header.data_set;
-    // patches lie on the surfaces that are felt
-    const bool covers = std::any_of(task_.steps.begin(), task_.steps.end(),
-                                    [](const TaskStep& step) { return step.kind == StepKind::kCover; });
-    if (covers) {
-      constexpr std::array kProxyAlone = {ForceMethod::kProxy};
-      auto ready = ready_for(model_, kProxyAlone, progress);
-      if (!ready) return ready.error();
-      model_ = *std::move(ready);
-    }
-    auto in_scene = look_up(task_, *model_, progress);
+    auto in_scene = look_up_for_score(task_, model_, progress);
     if (!in_scene) return in_scene.error();
     in_scene_ = *std::move(in_scene);
   }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "palpate/session/training.h"
 #include "palpate/tasks/evaluator.h"
 #include "verb.h"
 
@@ -40,6 +41,18 @@ class Scorer {
   std::shared_ptr<const Model> model_;
   std::optional<TaskInScene> in_scene_;
 };
+
+/// A task of palpate task list, or a file, by the name that viewers know it by.
+Result<OfferedTask> offered_task(const std::string& name_or_file);
+
+/// A task in the model that a recording began with, whose surfaces are made where patches lie on them.
+Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
+                                      const Progress& progress);
+
+/// --from-tick and --to-tick.
+void add_tick_options(CLI::App& verb, TickRange& ticks);
+/// The one that --from-tick after --to-tick is.
+Error ticks_in_reverse();
 
 /// What is not known is null.
 nlohmann::ordered_json number_or_null(double value);

@@ -27,9 +27,7 @@ struct TaskOptions {
 int score_runs(const TaskOptions& options, Console& console) {
   auto task = load_task(options.task);
   if (!task) return console.fail(task.error());
-  if (options.ticks.first > options.ticks.last)
-    return console.fail(
-        {ErrorKind::kUsage, "comes after --to-tick", "--from-tick", "give the earlier one first"});
+  if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
   Scorer scorer(*std::move(task), options.target, options.volume, options.ticks);
   std::vector<ScoredRun> runs;
   std::vector<bool> in_band;
@@ -235,12 +233,7 @@ void add_task(CLI::App& app, Run& run) {
       score->add_option("--record", options->learner, "Keep the scores as this learner's, a pseudonym");
   score->add_option("--records", options->records, "The file of the records (palpate records --help)")
       ->needs(record);
-  score
-      ->add_option("--from-tick", options->ticks.first,
-                   "The first tick that counts, of a run that began while it was recorded")
-      ->check(whole_between(0, 1ull << 62));
-  score->add_option("--to-tick", options->ticks.last, "The last tick that counts")
-      ->check(whole_between(0, 1ull << 62));
+  add_tick_options(*score, options->ticks);
   score->add_flag("--json", options->json, "As JSON, with every event");
   score->footer(
       "Examples:\n"

@@ -71,6 +71,9 @@ TaskJson task_json(const ViewedTask& task) {
   json["answer_s"] = or_null(task.answer_s);
   json["to_find"] = task.to_find;
   json["in_a_row"] = task.in_a_row;
+  json["scope"] = task.scope
+                      ? TaskJson{{"optics_deg", task.scope->optics_deg}, {"back_mm", task.scope->back_mm}}
+                      : TaskJson();
   json["regions"] = TaskJson::array();
   for (const ViewedTask::Region& region : task.regions)
     json["regions"].push_back({{"name", printable_name(region.name)},
@@ -84,7 +87,8 @@ TaskJson task_json(const ViewedTask& task) {
                              {"region", step.region},
                              {"force_N", step.force_N},
                              {"seconds", step.seconds},
-                             {"coverage", step.coverage}});
+                             {"coverage", step.coverage},
+                             {"seen", step.seen}});
   json["forces"] = TaskJson::array();
   for (const ViewedTask::Force& force : task.forces)
     json["forces"].push_back(
@@ -120,6 +124,7 @@ std::string training_json(const ViewedTraining& training) {
   json["protected_N"] = TaskJson::array();
   for (const double force_N : training.protected_N) json["protected_N"].push_back(thousandths(force_N));
   json["touch_N"] = thousandths(training.touch_N);
+  json["unseen"] = training.unseen;
   json["missing_s"] = training.missing_s;
   json["events"] = events_json(training.events);
   json["events_before"] = training.events_before;

@@ -15,9 +15,9 @@ TEST(TaskJson, ATaskHasTheDocumentsKeys) {
   const Json json = Json::parse(task_json(testing::test_task()).dump());
   EXPECT_EQ(json, Json::parse(R"json({
     "name": "hold", "title": "Hold\\u001b[31m", "briefing": "Press.\nGently.", "quiz": true, "ordered": true, "ends_with_steps": false,
-    "time_limit_s": 60.0, "answer_s": null, "to_find": [2], "in_a_row": 3,
+    "time_limit_s": 60.0, "answer_s": null, "to_find": [2], "in_a_row": 3, "scope": {"optics_deg": 30.0, "back_mm": 8.0},
     "regions": [{"name": "front", "middle_mm": [1.0, 2.0, 3.0], "radius_mm": 12.5, "outward": [0.0, -1.0, 0.0]}],
-    "steps": [{"name": "push", "kind": "touch", "region": 0, "force_N": [0.8, null], "seconds": 3.0, "coverage": 0.5}],
+    "steps": [{"name": "push", "kind": "touch", "region": 0, "force_N": [0.8, null], "seconds": 3.0, "coverage": 0.5, "seen": true}],
     "forces": [{"labels": [1, 2], "band_N": [0.8, 1.2], "limit_N": null}],
     "protected": [{"labels": [2], "limit_N": 0.2}],
     "metrics": [{"name": "peak_force", "unit": "N", "labels": [1], "more_is_better": false, "at_least": null, "at_most": 8.5, "basis": "Tuijthof"},
@@ -36,7 +36,7 @@ TEST(TaskJson, HowFarARunIs) {
       json,
       Json::parse(
           R"({"type": "task", "phase": "running", "run": 3, "task": "hold", "time_s": 1.235, "done": [false],
-    "share": [0.333], "forces_N": [1.1], "protected_N": [0.0], "touch_N": 1.5, "missing_s": 0.0,
+    "share": [0.333], "forces_N": [1.1], "protected_N": [0.0], "touch_N": 1.5, "unseen": true, "missing_s": 0.0,
     "events": [{"kind": "over_limit", "part": 0, "time_s": 1.0, "force_N": 2.6}], "events_before": 4, "keeps": true})"));
 }
 

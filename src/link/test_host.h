@@ -24,11 +24,12 @@ inline ViewedTask test_task() {
   task.time_limit_s = 60;
   task.in_a_row = 3;
   task.regions = {{"front", {1, 2, 3}, 12.5, {0, -1, 0}}};
-  task.steps = {{"push", "touch", 0, {0.8, std::numeric_limits<double>::infinity()}, 3, 0.5}};
+  task.steps = {{"push", "touch", 0, {0.8, std::numeric_limits<double>::infinity()}, 3, 0.5, true}};
   task.forces = {{{1, 2}, std::array{0.8, 1.2}, {}}};
   task.protections = {{{2}, 0.2}};
   task.metrics = {{"peak_force", "N", {1}, false, {}, 8.5, "Tuijthof"}, {"time", "s", {}, false, {}, {}, ""}};
   task.to_find = {2};
+  task.scope = {30, 8};
   return task;
 }
 inline ViewedTraining test_training() {
@@ -42,6 +43,7 @@ inline ViewedTraining test_training() {
   training.forces_N = {1.1};
   training.protected_N = {0};
   training.touch_N = 1.5;
+  training.unseen = true;
   training.events = {{"over_limit", 0, 1.0, 2.6}};
   training.events_before = 4;
   training.keeps = true;

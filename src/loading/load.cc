@@ -36,6 +36,9 @@ Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters&
   std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
   const auto* knee = std::get_if<KneeParameters>(&parameters);
   if (knee != nullptr && knee->lesion_mm > 0) text += *embedded_scene("lesion-in-knee");
+  if (knee != nullptr && knee->burr_mm > 0)
+    text +=
+        "\n[tool]\nkind = \"burr\"\nspindle = [1, 0, 0]\ndiameter = " + std::to_string(knee->burr_mm) + "\n";
   auto scene = parse_embedded(name, text);
   if (!scene) return scene;
   if (const NoduleParameters* nodules = nodule_parameters(parameters))

@@ -150,6 +150,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   // without a script a person leads the tip
   header.simulated = !setup.script.steps.empty();
   if (header.simulated) header.script_text = script_text(setup.script);
+  if (has_scope(setup.script)) header.devices = 2;
   for (const Segment& segment : model.segments)
     if (const Tissue* tissue = model.tissue_of(segment.id))
       header.structures.push_back({segment.id, segment.name, tissue->name, segment.colour});

@@ -78,6 +78,12 @@ struct StepText {
   std::string operator()(const LawStep& s) const {
     return line("law", quoted(std::string(name_of(s.law, kTissueLaws))));
   }
+  std::string operator()(const ScopeStep& s) const {
+    return line("scope", s.at ? array(s.at->eigen()) : quoted("probe")) +
+           line("from", array(s.from.eigen())) + line("distance", shortest_number(s.distance_mm)) +
+           line("speed", shortest_number(s.speed_mm_s)) + line("optics", shortest_number(s.optics.lean_deg)) +
+           line("back", shortest_number(s.optics.back_mm));
+  }
   std::string operator()(const LeaveStep& s) const {
     return line("leave", "true") + line("speed", shortest_number(s.speed_mm_s));
   }

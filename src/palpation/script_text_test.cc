@@ -16,7 +16,9 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
       "[[step]]\napproach = \"femur\"\nlandmark = \"right\"\n[[step]]\nleave = true\n"
       "[[step]]\napproach = \"femur\"\nnearest = \"#7\"\n[[step]]\nleave = true\n"
       "[[step]]\napproach = \"femur\"\nnearest = [0.0, 0.1, 2.0]\n[[step]]\nleave = true\n[[step]]\nlaw = "
-      "\"neo-hookean\"\n",
+      "\"neo-hookean\"\n[[step]]\nscope = [1.0, 2.5, -3.0]\nfrom = [1.0, 2.0, 0.5]\noptics = "
+      "0\n[[step]]\nscope "
+      "= \"probe\"\ndistance = 30\n",
       "script");
   ASSERT_TRUE(script.ok()) << script.error().message();
   const std::string text = script_text(*script);
@@ -36,6 +38,10 @@ TEST(ScriptText, ParsesBackToTheSameScript) {
   EXPECT_EQ(approach(9).landmark, Vector<Patient>(-1, 0, 0));
   EXPECT_EQ(std::get<std::string>(approach(11).nearest), "#7");
   EXPECT_EQ(std::get<Point<Patient>>(approach(13).nearest), Point<Patient>(0, 0.1, 2));
+  EXPECT_EQ(std::get<ScopeStep>(again->steps[16]).at, Point<Patient>(1, 2.5, -3));
+  EXPECT_EQ(std::get<ScopeStep>(again->steps[16]).optics.lean_deg, 0);
+  EXPECT_FALSE(std::get<ScopeStep>(again->steps[17]).at);
+  EXPECT_EQ(std::get<ScopeStep>(again->steps[17]).distance_mm, 30);
   EXPECT_EQ(std::get<LawStep>(again->steps[15]).law, TissueLaw::kNeoHookean);
   EXPECT_EQ(std::get<MethodStep>(again->steps[3]).method, ForceMethod::kSpline);
   EXPECT_LT((std::get<SlideStep>(again->steps[4]).direction.normalized() -

@@ -336,6 +336,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, dou
     bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, felt, dt_s, commands); }
     bool operator()(const LawStep&) { return hand.change_law(step, felt, dt_s, commands); }
     bool operator()(const StrokeStep&) { return hand.change_stroke(step, felt, dt_s, commands); }
+    bool operator()(const ScopeStep&) { return hand.lead_scope(step, felt, dt_s, commands); }
     bool operator()(const LeaveStep&) { return hand.leave(step, felt, dt_s); }
   };
   return std::visit(Visitor{*this, step, felt, dt_s, commands}, step.action);
@@ -577,6 +578,19 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
   return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
 }
 
+// the other hand looks at it, while this one stays
+bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s,
+                              HandCommands& commands) {
+  constexpr double kLongest_s = 20;
+  if (touching_) keep_contact(felt, dt_s);
+  if (step_time_s_ == 0) {
+    commands.scope = std::get<ScopeStep>(step.action);
+    return false;
+  }
+  if (commands.scope_is_there) return true;
+  return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "it did not get there in time");
+}
+
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
                                 HandCommands& commands) {
   if (touching_) keep_contact(felt, dt_s);
@@ -712,6 +726,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     std::string operator()(const StrokeStep& s) const {
       return s.action == StrokeAction::kUndo ? "undoing a stroke" : "doing a stroke again";
     }
+    std::string operator()(const ScopeStep&) const { return "scope"; }
     std::string operator()(const LeaveStep&) const { return "leaving " + structure; }
   };
   const std::string structure = step.structure != 0 ? model_->name_of(step.structure) : "";

@@ -26,10 +26,13 @@ VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup
       yields_(setup.script.rate_hz),
       progress_(std::move(progress)) {
   device_.reset(mapping_.to_device(hand_.start()));
+  if (has_scope(setup.script)) scope_.emplace(*model_, hand_.start());
 }
 
 const TickRecord& VirtualRun::tick() {
-  sensed_ = mapping_.to_world(device_.read(), 0);
+  const std::size_t devices = scope_ ? 2 : 1;
+  sensed_[0] = mapping_.to_world(device_.read(), 0);
+  if (scope_) sensed_[1] = scope_->state();
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
   // of the model that the tick before felt, as a replay solves it
   const bool yields = before != nullptr && is_elastic(felt_->tissue_law) && felt_->has(ForceMethod::kProxy);
@@ -39,7 +42,8 @@ const TickRecord& VirtualRun::tick() {
     told_.back().tick = state_.tick;
   }
   cut();
-  palpate::tick(*model_, parameters_, {&sensed_, 1}, dt_s_, state_, {&sent_, 1}, record_);
+  palpate::tick(*model_, parameters_, {sensed_.data(), devices}, dt_s_, state_, {sent_.data(), devices},
+                record_);
   felt_ = model_;
   return record_;
 }
@@ -53,7 +57,9 @@ void VirtualRun::cut() {
 }
 
 void VirtualRun::cut_what_was_swept() {
-  const std::vector<Cut> cuts = finished_cuts(state_.hands[0].burr, 0);
+  std::vector<Cut> cuts = finished_cuts(state_.hands[0].burr, 0);
+  if (scope_)
+    for (const Cut& cut : finished_cuts(state_.hands[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
   model_ = carved_by(*model_, cuts)->taken_from(*model_);
   for (const Cut& cut : cuts) told_.push_back(sweep_event(cut, model_->version));
@@ -95,8 +101,11 @@ void VirtualRun::change_law(TissueLaw law) {
 
 bool VirtualRun::act() {
   HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_led_to_, law_led_to_};
+  commands.scope_is_there = scope_ && scope_->is_there();
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
+  if (commands.scope) scope_->look(*commands.scope);
+  if (scope_) scope_->advance(record_, dt_s_);
   if (commands.stroke) {
     stroke_ = commands.stroke;
     stroke_led_to_.reset();
@@ -115,7 +124,7 @@ bool VirtualRun::act() {
   }
   intended_ = *intention;
   device_.intend(mapping_.to_device(intended_));
-  device_.advance(mapping_.to_device(sent_), dt_s_);
+  device_.advance(mapping_.to_device(sent_[0]), dt_s_);
   return true;
 }
 

@@ -68,6 +68,10 @@ void visit_spacing(PhantomSettings& s, PhantomKeyVisitor& v) {
 }
 
 void visit(KneeParameters& p, PhantomKeyVisitor& v) {
+  v.number({"burr", "mm",
+            "Diameter of a burr, at least two voxels; 0: the tool is a point. In the phantom's own scene: "
+            "files of labels do not say it."},
+           0, 6, p.burr_mm);
   v.number({"defect", "mm", "Radius of a defect through the whole thickness of a cartilage; 0: none."}, 0, 12,
            p.defect_mm);
   v.word({"defect-in", "", "Where `defect` is."}, kCartilages, p.defect_in);

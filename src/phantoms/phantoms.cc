@@ -54,6 +54,12 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
     return {};
   };
   const double widest_mm = knee.settings.spacing_mm.maxCoeff();
+  constexpr double kLeastBurr_mm = 1;
+  if (knee.burr_mm > 0 && knee.burr_mm < std::max(kLeastBurr_mm, 2 * widest_mm))
+    return refused(all,
+                   quoted("burr") + " of " + millimetres(knee.burr_mm) + " is too small for voxels of " +
+                       millimetres(widest_mm),
+                   "its diameter is at least two voxels, and 1 mm");
   for (const auto& [key, radius_mm, structure] :
        {std::tuple{"lesion", knee.lesion_mm, knee.lesion_in}, {"defect", knee.defect_mm, knee.defect_in}}) {
     if (radius_mm == 0) continue;

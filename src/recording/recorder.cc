@@ -24,7 +24,7 @@ constexpr std::size_t kBatch = 256;
 class RingRecorder : public Recorder {
  public:
   RingRecorder(SpscRing<TickRecord>& ring, std::unique_ptr<RecordingWriter> writer,
-               std::filesystem::path file, std::function<void(const TickRecord&)> see, EventLog* told)
+               std::filesystem::path file, See see, EventLog* told)
       : ring_(ring),
         writer_(std::move(writer)),
         file_(std::move(file)),
@@ -53,6 +53,7 @@ class RingRecorder : public Recorder {
   void drain();
   void take(std::span<const TickRecord> ticks);
   void take_heard(const TickRecord& tick);
+  Result<void> hear(std::span<const TickRecord> ticks);
   Result<void> write(std::span<const TickRecord> ticks);
   void give_up(const Error& error);
 
@@ -60,7 +61,7 @@ class RingRecorder : public Recorder {
   SpscRing<TickRecord>& ring_;
   std::unique_ptr<RecordingWriter> writer_;  // none: nothing is kept
   const std::filesystem::path file_;
-  const std::function<void(const TickRecord&)> see_;
+  const See see_;
   EventLog* const told_;  // none: nothing is told
   std::vector<TickRecord> batch_;
   std::list<RecordingEvent> unheard_;   // that no tick had heard of yet
@@ -101,9 +102,15 @@ void RingRecorder::take(std::span<const TickRecord> ticks) {
     const std::lock_guard lock(mutex_);
     for (const TickRecord& tick : ticks) summary_.see(tick);
   }
-  if (see_)
-    for (const TickRecord& tick : ticks) see_(tick);
-  if (auto written = write(ticks); !written) give_up(written.error());
+  const Result<void> heard = hear(ticks);
+  auto row = events_.cbegin();
+  for (const TickRecord& tick : ticks) {
+    const auto first = row;
+    while (row != events_.cend() && row->tick == tick.tick) ++row;
+    if (see_) see_(tick, {first, row});
+  }
+  const Result<void> written = heard ? write(ticks) : heard;
+  if (!written) give_up(written.error());
 }
 
 bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
@@ -136,12 +143,20 @@ void RingRecorder::take_heard(const TickRecord& tick) {
   }
 }
 
-Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
+// after the ticks were taken: what they had heard of is there
+Result<void> RingRecorder::hear(std::span<const TickRecord> ticks) {
+  events_.clear();
   try {
-    // after the ticks were taken: what they had heard of is there
-    events_.clear();
     if (told_ != nullptr) told_->take(unheard_);
     for (const TickRecord& tick : ticks) take_heard(tick);
+    return {};
+  } catch (const std::bad_alloc&) {
+    return output_error(file_, ENOMEM);
+  }
+}
+
+Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
+  try {
     return writer_ ? writer_->append(ticks, events_) : Result<void>();
   } catch (const std::bad_alloc&) {
     return output_error(file_, ENOMEM);
@@ -180,8 +195,8 @@ Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64
 
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
-                                                 const std::filesystem::path& file,
-                                                 std::function<void(const TickRecord&)> see, EventLog* told) {
+                                                 const std::filesystem::path& file, Recorder::See see,
+                                                 EventLog* told) {
   auto recorder = std::make_unique<RingRecorder>(ring, std::move(writer), file, std::move(see), told);
   try {
     recorder->start();
@@ -196,9 +211,7 @@ Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
 
 Result<std::unique_ptr<Recorder>> Recorder::start(SpscRing<TickRecord>& ring,
                                                   const std::filesystem::path& file,
-                                                  const RecordingHeader& header,
-                                                  std::function<void(const TickRecord&)> see,
-                                                  EventLog* told) {
+                                                  const RecordingHeader& header, See see, EventLog* told) {
   std::unique_ptr<RecordingWriter> writer;
   if (!file.empty()) {
     auto created = RecordingWriter::create(file, header);

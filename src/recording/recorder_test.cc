@@ -50,8 +50,9 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   const auto ticks = test::random_ticks(5000, 2, kRecorderRate, 11);
   SpscRing<TickRecord> ring(128);  // many times around
   std::vector<std::uint64_t> seen;
-  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(2, kRecorderRate),
-                                  [&](const TickRecord& tick) { seen.push_back(tick.state_hash); });
+  auto recorder = Recorder::start(
+      ring, folder / "run.h5", test::example_header(2, kRecorderRate),
+      [&](const TickRecord& tick, std::span<const RecordingEvent>) { seen.push_back(tick.state_hash); });
   ASSERT_TRUE(recorder) << recorder.error().message();
 
   std::atomic<bool> pushed = false;
@@ -92,8 +93,8 @@ TEST(Recorder, WithoutAFileStillCountsAndSees) {
   const auto ticks = test::example_ticks(700, 1, kRecorderRate);
   SpscRing<TickRecord> ring(1024);
   std::uint64_t seen = 0;
-  auto recorder =
-      Recorder::start(ring, "", test::example_header(1, kRecorderRate), [&](const TickRecord&) { ++seen; });
+  auto recorder = Recorder::start(ring, "", test::example_header(1, kRecorderRate),
+                                  [&](const TickRecord&, std::span<const RecordingEvent>) { ++seen; });
   ASSERT_TRUE(recorder);
   push_all(ring, ticks);
   const auto finished = (*recorder)->finish(0, 0, {});
@@ -155,7 +156,12 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   auto ticks = test::example_ticks(20'000, 1, kRate);
   ToldServo servo;
   SpscRing<TickRecord> ring(64);
-  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), {}, &servo.told);
+  std::vector<RecordingEvent> heard_live;
+  const auto see = [&](const TickRecord& tick, std::span<const RecordingEvent> told) {
+    for (const RecordingEvent& event : told) EXPECT_EQ(event.tick, tick.tick);
+    heard_live.insert(heard_live.end(), told.begin(), told.end());
+  };
+  auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), see, &servo.told);
   ASSERT_TRUE(recorder) << recorder.error().message();
   // faster than ticks, so that many are heard of by one; no more of them on a machine on which ticks take
   // long
@@ -208,6 +214,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   EXPECT_EQ(numbers[2].size(), last.arming_number);
   EXPECT_EQ(read->events.size(), numbers[0].size() + numbers[1].size() + numbers[2].size());
   EXPECT_GT(read->events.size(), 100u);
+  EXPECT_EQ(heard_live, read->events) << "whoever sees ticks hears of the same";
 }
 
 // a writer whose disk has stopped, until it is let go
@@ -281,7 +288,8 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
   SpscRing<TickRecord> ring(64);
   std::uint64_t seen = 0;
   auto recorder =
-      internal::start_recorder(ring, std::move(*writer), "run.h5", [&](const TickRecord&) { ++seen; });
+      internal::start_recorder(ring, std::move(*writer), "run.h5",
+                               [&](const TickRecord&, std::span<const RecordingEvent>) { ++seen; });
   ASSERT_TRUE(recorder);
   // would not return if the ring were not drained any more
   push_all(ring, ticks);

@@ -16,8 +16,7 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
 /// The recorder behind Recorder::start, with any writer or none. `file` only names errors.
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
-                                                 const std::filesystem::path& file,
-                                                 std::function<void(const TickRecord&)> see,
+                                                 const std::filesystem::path& file, Recorder::See see,
                                                  EventLog* told = nullptr);
 
 }  // namespace palpate::internal

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "palpate/model/changed_model.h"
+#include "palpate/rehearsal/removal_follower.h"
 #include "rehearsal/clearance_meter.h"
 #include "rehearsal/trajectory_meter.h"
 
@@ -31,28 +31,6 @@ class ThinnedWay {
   std::vector<Point<Patient>> places_;
   std::optional<Point<Patient>> last_;
   std::uint64_t seen_ = 0, step_ = 1;
-};
-
-/// What all burrs took, in the order in which the model's versions came.
-class RemovalFollower {
- public:
-  explicit RemovalFollower(const Model& model) : removed_(model) {}
-
-  void hear(const RecordingEvent& event) {
-    if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(cut_of(event.sweep));
-    if (event.kind != RecordingEvent::Kind::kModel) return;
-    // of a version that no tick is known to have felt nothing is cut yet
-    if (event.change.tissue == ModelChange::kCut) {
-      removed_.add(waiting_);
-      waiting_.clear();
-    }
-    follow(event.change, removed_);
-  }
-  const RemovedVolume& removed() const { return removed_; }
-
- private:
-  RemovedVolume removed_;
-  std::vector<Cut> waiting_;
 };
 
 /// Everything that is told of a run but its volumes.

@@ -173,4 +173,23 @@ TakenVolumes taken_volumes(const PlanInScene& plan, const RemovedVolume& removed
   return {counts.mm3(grid), outside.mm3(grid)};
 }
 
+double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed) {
+  const auto X = removed.geometry().X_PatientVoxel();
+  const double half_diagonal_mm = 0.5 * removed.geometry().spacing_mm.norm();
+  const auto past_mm = [&](const Point<Patient>& at) {
+    double least_mm = std::numeric_limits<double>::infinity();
+    for (const RegionInPlan& region : plan.regions) least_mm = std::min(least_mm, -region.depth_mm(at));
+    return least_mm;
+  };
+  double greatest_mm = 0;
+  removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t places) {
+    // what is no deeper than what is known is passed over
+    if (past_mm(X * Point<Voxel>(i, j, k)) + half_diagonal_mm <= greatest_mm) return;
+    for (int place = 0; place < RemovedVolume::kPlaces; ++place)
+      if ((places >> place & 1) != 0)
+        greatest_mm = std::max(greatest_mm, past_mm(X * RemovedVolume::place(i, j, k, place)));
+  });
+  return greatest_mm;
+}
+
 }  // namespace palpate

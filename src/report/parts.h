@@ -42,6 +42,9 @@ std::string section_layers(const Model& model, const SectionPlane& plane, const 
 /// Width and height of a section's picture.
 inline constexpr int kSection_px = 400;
 
+/// What a run was scored as: figures against their bands, steps, events.
+std::string task_html(const ScoredTask& scored);
+
 /// Plan against done: figures, sections along each trajectory, volumes, distances. Error kInterrupted.
 Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress);
 /// Of its plot: the structures that it shows, those to keep away from first, and of each the distance on the

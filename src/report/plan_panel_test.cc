@@ -21,7 +21,7 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   const auto made = compare_recording(plan, model, *distances, run);
   ASSERT_TRUE(made) << made.error().message();
   const RehearsedPlan rehearsed{plan, *made};
-  const auto html = report_html(run, model, {}, &rehearsed);
+  const auto html = report_html(run, model, {}, {.rehearsed = &rehearsed});
   ASSERT_TRUE(html) << html.error().message();
   EXPECT_THAT(*html, HasSubstr("Plan against done"));
   EXPECT_THAT(*html, HasSubstr("A &lt;plan&gt;"));

@@ -65,7 +65,7 @@ Result<void> check_model(const RecordingHeader& header, const Model& model) {
 namespace {
 
 Result<std::string> page_html(const RecordingSource& recording, const Model& model, const Progress& progress,
-                              const RehearsedPlan* rehearsed) {
+                              const ReportParts& parts) {
   const RecordingHeader& header = recording.head().header;
   if (auto same = check_model(header, model); !same) return same.error();
   const auto read = read_run(recording, model, progress);
@@ -73,14 +73,16 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   const Run& run = *read;
   const auto volume = volume_pictures(run, progress);
   if (!volume.ok()) return volume.error();
-  const auto planned = rehearsed != nullptr ? plan_html(run, *rehearsed, progress) : Result<std::string>("");
+  const auto planned =
+      parts.rehearsed != nullptr ? plan_html(run, *parts.rehearsed, progress) : Result<std::string>("");
   if (!planned.ok()) return planned.error();
   const auto contacts = contacts_html(run, volume->of_contact, progress);
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) + volume->html + *planned + *contacts +
-          plots_html(run, rehearsed) + structure_table_html(run) + removal_html(run) +
+  html += header_html(run) + tiles_html(run) + trouble_html(run) +
+          (parts.scored != nullptr ? task_html(*parts.scored) : "") + volume->html + *planned + *contacts +
+          plots_html(run, parts.rehearsed) + structure_table_html(run) + removal_html(run) +
           safety_table_html(run) + loop_html(run) + provenance_html(run) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
@@ -96,13 +98,13 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
 namespace palpate {
 
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
-                                const Progress& progress, const RehearsedPlan* rehearsed) {
-  return report::page_html(recording, model, progress, rehearsed);
+                                const Progress& progress, const ReportParts& parts) {
+  return report::page_html(recording, model, progress, parts);
 }
 
 Result<void> write_report(const std::filesystem::path& file, const RecordingSource& recording,
-                          const Model& model, const Progress& progress, const RehearsedPlan* rehearsed) {
-  const auto html = report_html(recording, model, progress, rehearsed);
+                          const Model& model, const Progress& progress, const ReportParts& parts) {
+  const auto html = report_html(recording, model, progress, parts);
   if (!html.ok()) return html.error();
   return write_file(file, *html);
 }

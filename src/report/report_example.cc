@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
     const auto made = palpate::compare_recording(plan, model, *distances, recording);
     if (!made) return made.error();
     const palpate::RehearsedPlan rehearsed{plan, *made};
-    return palpate::write_report(argv[1], recording, model, {}, &rehearsed);
+    return palpate::write_report(argv[1], recording, model, {}, {.rehearsed = &rehearsed});
   };
   const auto written = write();
   if (!written.ok()) std::fprintf(stderr, "%s\n", written.error().message().c_str());

@@ -843,7 +843,54 @@ const ScriptKeys& script_key_tables() {
            {{.name = "law",
              .type = kChoice,
              .choices = names_of(kTissueLaws),
-             .meaning = "As `law` of the scene's `[yielding]` (docs/tissue.md)."}}}}};
+             .meaning = "As `law` of the scene's `[yielding]` (docs/tissue.md)."}}},
+          {"scope",
+           "Lets the scope of a second hand look at something from here on, wherever the first hand is: its "
+           "camera goes straight there, through whatever is there, turns, and then goes and turns with it. A "
+           "script with such a step has two devices, of which the second is led and feels nothing; `palpate "
+           "simulate` alone has that hand.",
+           {{.name = "scope",
+             .type = kPlace,
+             .unit = "mm",
+             .min = -1e6,
+             .max = 1e6,
+             .meaning = "What is in the middle of its picture: `\"probe\"`, the first device's tip; or a "
+                        "point, LPS."},
+            {.name = "from",
+             .type = kDirection,
+             .default_text = "\"anterior\"",
+             .min = -1e6,
+             .max = 1e6,
+             .choices = kDirections,
+             .meaning = "On which side of that the camera is; or in LPS."},
+            {.name = "distance",
+             .type = kNumber,
+             .default_text = "20",
+             .unit = "mm",
+             .min = 1,
+             .max = 200,
+             .meaning = "From that to the camera."},
+            {.name = "speed",
+             .type = kNumber,
+             .default_text = "40",
+             .unit = "mm/s",
+             .min = 0.1,
+             .max = 200,
+             .meaning = "Of the camera."},
+            {.name = "optics",
+             .type = kNumber,
+             .default_text = "30",
+             .unit = "degrees",
+             .max = 90,
+             .meaning =
+                 "Between the scope's shaft, which leans superior, and where it looks. As the task has "
+                 "it (docs/tasks.md)."},
+            {.name = "back",
+             .type = kNumber,
+             .default_text = "8",
+             .unit = "mm",
+             .max = 30,
+             .meaning = "From the scope's tip back along its shaft to the camera. Likewise."}}}}};
   return keys;
 }
 

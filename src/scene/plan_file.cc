@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "palpate/base/file.h"
+#include "palpate/base/hash.h"
 #include "scene/plan_keys.h"
 #include "scene/table_reader.h"
 #include "scene/toml_text.h"
@@ -238,6 +239,8 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   Problems problems(source);
   PlanFile plan;
   plan.source = source;
+  hash_bytes(plan.text_hash = kHashSeed, text.data(), text.size());
+  plan.text_hash = hash_finish(plan.text_hash);
   const TableReader top(&*document, plan_key_tables().top, problems);
   plan.title = top.text("title").value_or("");
   if (!top.has("title")) problems.add_missing(1, "the plan has no title", "add title = \"...\" at the top");
@@ -251,7 +254,10 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   return plan;
 }
 
-Result<PlanFile> load_plan(const std::filesystem::path& file) {
+Result<PlanFile> load_plan(const std::string& name_or_file, const std::filesystem::path& beside) {
+  if (const EmbeddedFile* known = find_file(embedded_plans(), name_or_file + ".toml"))
+    return parse_plan(known->text, name_or_file + ".toml");
+  const std::filesystem::path file = beside / name_or_file;
   const auto text = read_file(file, kMaxSceneBytes);
   if (!text) return text.error();
   return parse_plan(*text, file.string());

@@ -123,6 +123,24 @@ ScriptStep read_law(const TableReader& reader, Problems&) {
   return step;
 }
 
+ScriptStep read_scope(const TableReader& reader, Problems& problems) {
+  ScopeStep step;
+  if (const auto at = reader.place("scope")) {
+    const auto* name = std::get_if<std::string>(&*at);
+    if (name && *name != "probe")
+      problems.add(reader.line("scope"), "a scope cannot look at \"" + *name + "\"",
+                   "write scope = \"probe\", or a point, [x, y, z] in LPS mm");
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*at)) step.at = Point<Patient>(*point);
+  }
+  if (const auto from = reader.direction("from"))
+    step.from = Vector<Patient>(vector_of(*from, kPatientDirections)).normalized();
+  step.distance_mm = reader.number("distance").value_or(step.distance_mm);
+  step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
+  step.optics.lean_deg = reader.number("optics").value_or(step.optics.lean_deg);
+  step.optics.back_mm = reader.number("back").value_or(step.optics.back_mm);
+  return step;
+}
+
 ScriptStep read_leave(const TableReader& reader, Problems& problems) {
   LeaveStep step;
   if (!reader.flag("leave").value_or(true))
@@ -134,8 +152,9 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 10> kReadStep{read_approach, read_press, read_hold,  read_slide,  read_rotate,
-                                             read_method,   read_leave, read_motor, read_stroke, read_law};
+constexpr std::array<ReadStep, 11> kReadStep{read_approach, read_press,  read_hold,  read_slide,
+                                             read_rotate,   read_method, read_leave, read_motor,
+                                             read_stroke,   read_law,    read_scope};
 
 std::string action_names() {
   std::string names;
@@ -231,6 +250,11 @@ void read_steps(const TableReader& top, Script& script, Problems& problems) {
 bool needs_contact(const ScriptStep& step) {
   return std::holds_alternative<PressStep>(step) || std::holds_alternative<HoldStep>(step) ||
          std::holds_alternative<SlideStep>(step) || std::holds_alternative<LeaveStep>(step);
+}
+
+bool has_scope(const Script& script) {
+  return std::ranges::any_of(script.steps,
+                             [](const ScriptStep& step) { return std::holds_alternative<ScopeStep>(step); });
 }
 
 Result<Script> parse_script(std::string_view text, const std::string& source) {

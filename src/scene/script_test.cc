@@ -83,6 +83,28 @@ TEST(ParseScript, ReadsEveryKey) {
   EXPECT_EQ(std::get<MethodStep>(script.steps[7]).method, ForceMethod::kGaussianSphere);
 }
 
+TEST(ParseScript, ASecondHandHoldsAScope) {
+  EXPECT_FALSE(has_scope(*parse_script("[[step]]\napproach = \"femur\"\n", "s")));
+  const auto script = parse_script(
+      "[[step]]\nscope = \"probe\"\n[[step]]\nscope = [1, 2, 3]\nfrom = [0, 3, 4]\ndistance = 25\nspeed = "
+      "10\noptics = 70\nback = 4\n",
+      "s");
+  ASSERT_TRUE(script.ok()) << script.error().message();
+  EXPECT_TRUE(has_scope(*script));
+  const auto& plain = std::get<ScopeStep>(script->steps[0]);
+  EXPECT_FALSE(plain.at);
+  EXPECT_EQ(plain.from, Vector<Patient>(0, -1, 0));
+  EXPECT_EQ(plain.optics, ScopeOptics());
+  const auto& step = std::get<ScopeStep>(script->steps[1]);
+  EXPECT_EQ(step.at, Point<Patient>(1, 2, 3));
+  EXPECT_NEAR((step.from - Vector<Patient>(0, 0.6, 0.8)).norm(), 0, 1e-12);
+  EXPECT_EQ(step.distance_mm, 25);
+  EXPECT_EQ(step.speed_mm_s, 10);
+  EXPECT_EQ(step.optics, (ScopeOptics{70, 4}));
+  EXPECT_THAT(parse_script("[[step]]\nscope = \"femur\"\n", "s").error().message(),
+              HasSubstr("s:2: a scope cannot look at \"femur\""));
+}
+
 TEST(ParseScript, DirectionsAreThePatients) {
   const std::vector<std::pair<const char*, Vector<Patient>>> expected{
       {"superior", {0, 0, 1}},  {"inferior", {0, 0, -1}}, {"anterior", {0, -1, 0}},

@@ -50,47 +50,80 @@ void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
   }
 }
 
-void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems) {
+/// The region that a step names, of the task or, where it is to be taken off, of the plan.
+std::optional<std::size_t> region_of_step(const TableReader& reader, StepKind kind, const TaskFile& task,
+                                          Problems& problems) {
+  const bool of_plan = kind == StepKind::kRemove;
+  const auto region = reader.text("region");
+  if (!reader.has("region"))
+    problems.add_missing(reader.line(), "a [[step]] without a region", "add region = \"...\"");
+  if (!region || (of_plan && !task.plan)) return std::nullopt;
   std::vector<std::string_view> known;
-  for (const TaskRegion& region : task.regions) known.push_back(region.name);
+  if (of_plan)
+    for (const PlanRegion& each : task.plan->regions) known.push_back(each.name);
+  else
+    for (const TaskRegion& each : task.regions) known.push_back(each.name);
+  const auto found = std::find(known.begin(), known.end(), *region);
+  if (found != known.end()) return static_cast<std::size_t>(found - known.begin());
+  problems.add(reader.line("region"),
+               std::string(of_plan ? "the plan has no region \"" : "there is no region \"") + *region + "\"",
+               did_you_mean(*region, known, "\"") +
+                   (of_plan ? "add a [[region]] of that name to the plan" : "add a [[region]] of that name"));
+  return std::nullopt;
+}
+
+StepKind kind_of_step(const TableReader& reader) {
+  const std::string kind = reader.choice("kind").value_or("touch");
+  return kind == "visit"    ? StepKind::kVisit
+         : kind == "cover"  ? StepKind::kCover
+         : kind == "remove" ? StepKind::kRemove
+                            : StepKind::kTouch;
+}
+
+/// Keys that a step has and its kind does not take.
+void check_step_keys(const TableReader& reader, const TaskStep& step, const TaskFile& task,
+                     Problems& problems) {
+  const bool touch = step.kind == StepKind::kTouch;
+  const bool has_share = step.kind == StepKind::kCover || step.kind == StepKind::kRemove;
+  if (reader.has("force") && !touch)
+    problems.add(reader.line("force"), "force of a step that is no touch",
+                 "take it out, or write kind = \"touch\"");
+  if (reader.has("coverage") && !has_share)
+    problems.add(reader.line("coverage"), "coverage of a step that neither covers nor removes",
+                 "take it out, or write kind = \"cover\" or kind = \"remove\"");
+  if (reader.has("seconds") && has_share)
+    problems.add(reader.line("seconds"), "seconds of a step that covers or removes", "take it out");
+  if (reader.has("seen") && !touch)
+    problems.add(reader.line("seen"), "seen of a step that is no touch",
+                 "take it out, or write kind = \"touch\"");
+  if (step.seen && !task.scope)
+    problems.add(reader.line("seen"), "a step that is to be seen, of a task without [scope]", "add [scope]");
+  if (step.kind == StepKind::kRemove && !task.plan)
+    problems.add(reader.line("kind"), "something to be removed of a task without plan",
+                 "add plan = \"...\" at the top");
+  if (step.kind == StepKind::kRemove || !reader.has("region") || step.region >= task.regions.size()) return;
+  const bool ball = task.regions[step.region].structures.empty();
+  if (ball != (step.kind == StepKind::kVisit))
+    problems.add(reader.line("region"),
+                 ball ? "a ball without structures cannot be touched" : "a surface cannot be visited",
+                 ball ? "write kind = \"visit\", or give the region structures"
+                      : "write kind = \"touch\", or name a region that is a ball");
+}
+
+void read_task_steps(const TableReader& top, TaskFile& task, Problems& problems) {
   for (const TomlTable* table : few_tables(top, "step", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().step, problems);
     TaskStep step;
     step.line = table->line;
     step.name = name_of_part(reader, "a [[step]]", problems);
-    const auto region = reader.text("region");
-    if (!reader.has("region"))
-      problems.add_missing(reader.line(), "a [[step]] without a region", "add region = \"...\"");
-    if (region) {
-      const auto found = std::find(known.begin(), known.end(), *region);
-      if (found == known.end()) {
-        problems.add(reader.line("region"), "there is no region \"" + *region + "\"",
-                     did_you_mean(*region, known, "\"") + "add a [[region]] of that name");
-      } else {
-        step.region = static_cast<std::size_t>(found - known.begin());
-      }
-    }
-    const std::string kind = reader.choice("kind").value_or("touch");
-    step.kind = kind == "touch" ? StepKind::kTouch : kind == "visit" ? StepKind::kVisit : StepKind::kCover;
+    step.kind = kind_of_step(reader);
+    const auto region = region_of_step(reader, step.kind, task, problems);
+    step.region = region.value_or(0);
     if (const auto force = reader.interval("force")) step.force_N = *force;
     step.seconds = reader.number("seconds").value_or(step.seconds);
     step.coverage = reader.number("coverage").value_or(step.coverage);
-    if (reader.has("force") && step.kind != StepKind::kTouch)
-      problems.add(reader.line("force"), "force of a step that is no touch",
-                   "take it out, or write kind = \"touch\"");
-    if (reader.has("coverage") && step.kind != StepKind::kCover)
-      problems.add(reader.line("coverage"), "coverage of a step that does not cover",
-                   "take it out, or write kind = \"cover\"");
-    if (reader.has("seconds") && step.kind == StepKind::kCover)
-      problems.add(reader.line("seconds"), "seconds of a step that covers", "take it out");
-    if (step.region < task.regions.size()) {
-      const bool ball = task.regions[step.region].structures.empty();
-      if (ball != (step.kind == StepKind::kVisit) && reader.has("region"))
-        problems.add(reader.line("region"),
-                     ball ? "a ball without structures cannot be touched" : "a surface cannot be visited",
-                     ball ? "write kind = \"visit\", or give the region structures"
-                          : "write kind = \"touch\", or name a region that is a ball");
-    }
+    step.seen = reader.flag("seen").value_or(false);
+    check_step_keys(reader, step, task, problems);
     task.steps.push_back(std::move(step));
   }
 }
@@ -140,6 +173,14 @@ std::string missing_for(Metric metric, const TaskFile& task) {
       return task.steps.empty() ? "a [[step]]" : "";
     case Metric::kAnswerError:
       return task.answer ? "" : "an [answer]";
+    case Metric::kUnseenTime:
+      return task.scope ? "" : "a [scope]";
+    case Metric::kRemovedInPlan:
+    case Metric::kRemovedOutside:
+    case Metric::kDepthPastPlan:
+      return task.plan ? "" : "a plan";
+    case Metric::kProtectedRemoved:
+      return !task.plan ? "a plan" : task.protections.empty() ? "a [[protected]]" : "";
     default:
       return "";
   }
@@ -178,6 +219,31 @@ void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
   }
 }
 
+/// The plan that the task names.
+void read_plan_of_task(const TableReader& top, const std::optional<std::filesystem::path>& beside,
+                       TaskFile& task, Problems& problems) {
+  const auto name = top.text("plan");
+  if (!name) return;
+  const int line = top.line("plan");
+  if (!beside && !find_file(embedded_plans(), *name + ".toml"))
+    return problems.add(line, "palpate brings no plan \"" + *name + "\" along", "name another one");
+  auto plan = load_plan(*name, beside.value_or(""));
+  if (!plan)
+    return problems.add(
+        line, "the plan \"" + *name + "\" cannot be used: " + plan.error().where + ": " + plan.error().what,
+        plan.error().remedy);
+  if (plan->regions.empty())
+    return problems.add(line, "the plan \"" + *name + "\" takes nothing off", "add a [[region]] to it");
+  hash_word(task.text_hash, plan->text_hash);
+  task.plan = *std::move(plan);
+}
+
+bool is_word_of_data_set(const std::string& word) {
+  return !word.empty() && word.size() <= 60 && std::all_of(word.begin(), word.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+}
+
 bool is_key_of_data_set(const std::string& key) {
   return !key.empty() && key.size() <= 40 &&
          std::all_of(key.begin(), key.end(), [](char c) { return (c >= 'a' && c <= 'z') || c == '-'; });
@@ -190,8 +256,16 @@ void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
     const auto key = reader.text("key");
     const auto range = reader.interval("range");
     draw.step = reader.number("step").value_or(draw.step);
-    if (!reader.has("key") || !reader.has("range"))
+    if (auto words = reader.names("words")) draw.words = *std::move(words);
+    if (!reader.has("key") || !(reader.has("range") || reader.has("words")))
       problems.add_missing(reader.line(), "a [[drawn]] without key and range", "add both");
+    if (reader.has("words") && (reader.has("range") || reader.has("step")))
+      problems.add(reader.line("words"), "words of a [[drawn]] that has numbers",
+                   "keep words, or range and step");
+    for (const std::string& word : draw.words)
+      if (!is_word_of_data_set(word))
+        problems.add(reader.line("words"), "\"" + word + "\" is no word of a data set",
+                     "small letters, digits, - and _");
     if (key && !is_key_of_data_set(*key))
       problems.add(reader.line("key"), "\"" + *key + "\" is no key of a data set",
                    "palpate data keys lists them; small letters and -");
@@ -208,7 +282,8 @@ void read_draws(const TableReader& top, TaskFile& task, Problems& problems) {
 
 }  // namespace
 
-Result<TaskFile> parse_task(std::string_view text, const std::string& source) {
+Result<TaskFile> parse_task(std::string_view text, const std::string& source,
+                            const std::optional<std::filesystem::path>& beside) {
   const auto document = parse_toml(text, kMaxSceneBytes, source);
   if (!document) return document.error();
   if (document->find("tissue") && !document->find("metric"))
@@ -220,7 +295,6 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source) {
   TaskFile task;
   task.source = source;
   hash_bytes(task.text_hash = kHashSeed, text.data(), text.size());
-  task.text_hash = hash_finish(task.text_hash);
   const TableReader top(&*document, task_key_tables().top, problems);
   task.title = top.text("title").value_or("");
   if (!top.has("title")) problems.add_missing(1, "the task has no title", "add title = \"...\" at the top");
@@ -231,6 +305,15 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source) {
   if (top.choice("end") == "recording") task.end = TaskEnd::kRecording;
   task.time_limit_s = top.number("time_limit");
   if (const auto runs = top.whole("in_a_row")) task.in_a_row = static_cast<int>(*runs);
+  if (const TomlTable* table = top.table("scope")) {
+    const TableReader reader(table, task_key_tables().scope, problems);
+    task.scope.emplace();
+    task.scope->line = table->line;
+    task.scope->optics.lean_deg = reader.number("optics").value_or(task.scope->optics.lean_deg);
+    task.scope->optics.back_mm = reader.number("back").value_or(task.scope->optics.back_mm);
+  }
+  read_plan_of_task(top, beside, task, problems);
+  task.text_hash = hash_finish(task.text_hash);
   read_regions(top, task, problems);
   read_task_steps(top, task, problems);
   read_forces(top, task, problems);
@@ -259,15 +342,19 @@ Result<TaskFile> load_task(const std::string& name_or_file) {
     error.remedy = "a task is a file, or one of those that palpate task list names";
     return error;
   }
-  return parse_task(*text, name_or_file);
+  return parse_task(*text, name_or_file, std::filesystem::path(name_or_file).parent_path());
 }
 
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed) {
-  if (task.data_set.empty()) return "";
+  if (task.data_set.empty() || task.plan) return task.data_set;
   const bool has_parameters = task.data_set.find(':') != std::string::npos;
   std::string text = task.data_set + (has_parameters ? "," : ":") + "seed=" + std::to_string(seed);
   std::mt19937_64 random(seed * 0x9e3779b97f4a7c15ull + 1);
   for (const TaskDraw& draw : task.draws) {
+    if (!draw.words.empty()) {
+      text += "," + draw.key + "=" + draw.words[random() % draw.words.size()];
+      continue;
+    }
     const double most = std::floor((draw.range[1] - draw.range[0]) / draw.step + 1e-9);
     const auto steps = static_cast<std::uint64_t>(std::clamp(most, 0.0, 1e9)) + 1;
     // of so few values the remainder is even enough, and the same on every machine

@@ -5,10 +5,13 @@
 
 #include <set>
 
+#include "base/test_folder.h"
+
 namespace palpate {
 namespace {
 
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
 
@@ -40,6 +43,7 @@ name = "push"
 region = "tip"
 force = [2, 3.6]
 seconds = 0.5
+seen = true
 [[step]]
 name = "go there"
 region = "pouch"
@@ -59,10 +63,16 @@ limit = 0.1
 [answer]
 structures = ["nodule"]
 seconds = 2
+[scope]
+optics = 70
+back = 4.5
 [[drawn]]
 key = "lesion-depth"
 range = [2, 8]
 step = 0.1
+[[drawn]]
+key = "lesion-in"
+words = ["femur", "tibia"]
 [[metric]]
 name = "peak_force"
 structures = ["medial_meniscus"]
@@ -99,6 +109,81 @@ TEST(ParseTask, ReadsEveryKey) {
   EXPECT_TRUE(task->metrics[0].counts());
   EXPECT_FALSE(task->metrics[1].counts());
   EXPECT_EQ(task->metrics[0].basis, "somebody");
+  EXPECT_TRUE(task->steps[0].seen);
+  EXPECT_FALSE(task->steps[1].seen);
+  EXPECT_EQ(task->scope->optics, (ScopeOptics{70, 4.5}));
+  EXPECT_FALSE(task->plan);
+}
+
+constexpr const char* kHole = R"(title = "Hole"
+[[trajectory]]
+name = "in"
+entry = [0, 0, 10]
+target = [0, 0, 0]
+[[region]]
+name = "hole"
+shape = "sphere"
+trajectory = "in"
+radius = 3
+)";
+constexpr const char* kTakeOff = R"(title = "Take off"
+data_set = "knee-phantom:burr=4"
+plan = "hole.toml"
+[[step]]
+name = "take it off"
+kind = "remove"
+region = "hole"
+coverage = 0.9
+[[metric]]
+name = "removed_in_plan"
+)";
+
+TEST(LoadTask, TakesOffByAPlanBesideIt) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "task.toml";
+  test::write_text(file, kTakeOff);
+  EXPECT_THAT(load_task(file.string()).error().message(),
+              AllOf(HasSubstr("task.toml:3: the plan \"hole.toml\" cannot be used"), HasSubstr("hole.toml")));
+  test::write_text(folder / "hole.toml", kHole);
+  const auto task = load_task(file.string());
+  ASSERT_TRUE(task.ok()) << task.error().message();
+  ASSERT_TRUE(task->plan);
+  EXPECT_EQ(task->steps[0].kind, StepKind::kRemove);
+  EXPECT_EQ(task->steps[0].region, 0u);
+  EXPECT_EQ(drawn_data_set(*task, 7), "knee-phantom:burr=4") << "a plan is one patient's";
+  // another plan is another task
+  test::write_text(folder / "hole.toml", std::string(kHole) + "# wider\n");
+  EXPECT_NE(load_task(file.string())->text_hash, task->text_hash);
+
+  const auto wrong = [&](const std::string& before, const std::string& after) {
+    std::string text = kTakeOff;
+    text.replace(text.find(before), before.size(), after);
+    test::write_text(file, text);
+    const auto refused = load_task(file.string());
+    EXPECT_FALSE(refused.ok()) << after;
+    return refused.ok() ? "" : refused.error().message();
+  };
+  EXPECT_THAT(wrong("region = \"hole\"", "region = \"hale\""),
+              AllOf(HasSubstr("task.toml:7: the plan has no region"), HasSubstr("did you mean \"hole\"")));
+  EXPECT_THAT(wrong("plan = \"hole.toml\"\n", ""), HasSubstr("removed of a task without plan"));
+  EXPECT_THAT(wrong("coverage = 0.9", "seconds = 1"), HasSubstr("seconds of a step that covers or removes"));
+  EXPECT_THAT(wrong("removed_in_plan", "protected_removed"), HasSubstr("without a [[protected]]"));
+  EXPECT_THAT(wrong("removed_in_plan", "unseen_time"), HasSubstr("without a [scope]"));
+  test::write_text(folder / "hole.toml",
+                   "title = \"Keep away\"\n[[keep_away]]\nstructures = [1]\ndistance = 2\n");
+  EXPECT_THAT(wrong("title", "title"), HasSubstr("takes nothing off"));
+  // of bytes alone no file is read
+  EXPECT_THAT(parse_task(kTakeOff, "task.toml").error().message(),
+              HasSubstr("task.toml:3: palpate brings no plan \"hole.toml\" along"));
+}
+
+TEST(LoadPlan, KnowsItsOwnByName) {
+  EXPECT_GE(embedded_plans().size(), 1u);
+  for (const EmbeddedFile& file : embedded_plans()) {
+    const auto plan = load_plan(std::string(file.name.substr(0, file.name.size() - 5)));
+    ASSERT_TRUE(plan.ok()) << plan.error().message();
+    EXPECT_FALSE(plan->regions.empty()) << file.name;
+  }
 }
 
 TEST(ParseTask, DrawsBySeedWithinTheRange) {
@@ -106,14 +191,18 @@ TEST(ParseTask, DrawsBySeedWithinTheRange) {
   ASSERT_TRUE(task.ok());
   EXPECT_EQ(drawn_data_set(*task, 7), drawn_data_set(*task, 7));
   EXPECT_THAT(drawn_data_set(*task, 7), StartsWith("knee-phantom:side=right,seed=7,lesion-depth="));
-  std::set<std::string> values;
+  std::set<std::string> values, words;
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
     const std::string text = drawn_data_set(*task, seed);
-    values.insert(text.substr(text.rfind('=') + 1));
-    const double value = std::stod(text.substr(text.rfind('=') + 1));
-    EXPECT_GE(value, 2);
-    EXPECT_LE(value, 8);
+    const std::size_t last = text.rfind(",lesion-in=");
+    ASSERT_NE(last, std::string::npos);
+    words.insert(text.substr(last + 11));
+    const std::string number = text.substr(text.rfind('=', last) + 1, last - text.rfind('=', last) - 1);
+    values.insert(number);
+    EXPECT_GE(std::stod(number), 2);
+    EXPECT_LE(std::stod(number), 8);
   }
+  EXPECT_THAT(words, ElementsAre("femur", "tibia"));
   EXPECT_GE(values.size(), 58u);  // of 61
   EXPECT_TRUE(values.contains("2.1"));
 }
@@ -144,9 +233,14 @@ TEST(ParseTask, SaysWhatIsWrongAndWhere) {
       {"at_most = 8.5\n", "at_least = 9\nat_most = 8.5\n", "at_most below at_least"},
       {"key = \"lesion-depth\"", "key = \"seed\"", "the seed is drawn itself"},
       {"key = \"lesion-depth\"", "key = \"a,b=3\"", "no key of a data set"},
+      {"words = [\"femur\"", "words = [\"femur,seed=3\"", "no word of a data set"},
+      {"step = 0.1", "words = [\"femur\"]", "that has numbers"},
       {"data_set = \"knee-phantom:side=right\"\n", "", "without data_set"},
       {"in_a_row = 2", "in_a_row = 0", "outside 1 ... 100"},
       {"time_limit = 95", "time_limit = nan", "not a finite number"},
+      {"[scope]\noptics = 70\nback = 4.5\n", "", "that is to be seen, of a task without [scope]"},
+      {"kind = \"visit\"", "kind = \"visit\"\nseen = true", "seen of a step that is no touch"},
+      {"optics = 70", "optics = 100", "outside 0 ... 90 degrees"},
   };
   for (const Wrong& wrong : wrongs) {
     std::string text = kWholeTask;

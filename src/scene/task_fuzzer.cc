@@ -12,9 +12,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   PALPATE_CHECK(!task->title.empty() && !task->metrics.empty() && task->in_a_row >= 1);
   for (const auto& step : task->steps) {
-    PALPATE_CHECK(step.region < task->regions.size() && !step.name.empty());
+    const bool removes = step.kind == palpate::StepKind::kRemove;
+    PALPATE_CHECK(step.region < (removes ? task->plan->regions.size() : task->regions.size()));
+    PALPATE_CHECK(!step.name.empty() && (!step.seen || task->scope));
     PALPATE_CHECK(step.seconds >= 0 && step.force_N[0] < step.force_N[1]);
-    PALPATE_CHECK(task->regions[step.region].structures.empty() == (step.kind == palpate::StepKind::kVisit));
+    PALPATE_CHECK(removes ||
+                  task->regions[step.region].structures.empty() == (step.kind == palpate::StepKind::kVisit));
   }
   for (const auto& region : task->regions)
     PALPATE_CHECK(!region.structures.empty() || (region.point && region.radius_mm));

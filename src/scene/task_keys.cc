@@ -62,6 +62,12 @@ TaskKeys declared_task_keys() {
             {.name = "protected", .type = kTables, .meaning = "What is not to be touched."},
             {.name = "metric", .type = kTables, .meaning = "What is measured: at least one."},
             {.name = "answer", .type = kTable, .meaning = "What the trainee has to find."},
+            {.name = "scope", .type = kTable, .meaning = "The second device holds a scope."},
+            {.name = "plan",
+             .type = kText,
+             .meaning =
+                 "A plan (docs/rehearsal.md), whose regions are to be taken off: a file beside the task, or "
+                 "the name of one that palpate brings along. The scene's tool is a burr or shaver then."},
             {.name = "drawn",
              .type = kTables,
              .meaning = "Parameters of `data_set` that `palpate task draw` draws by its seed."}}},
@@ -106,14 +112,17 @@ TaskKeys declared_task_keys() {
           {"[[step]]",
            "Done once its region was touched, visited or covered as it says.",
            {{.name = "name", .type = kText, .meaning = "Has to be there."},
-            {.name = "region", .type = kText, .meaning = "Name of a region. Has to be there."},
+            {.name = "region",
+             .type = kText,
+             .meaning = "Name of a region; of `remove` of one of the plan's. Has to be there."},
             {.name = "kind",
              .type = kChoice,
              .default_text = "\"touch\"",
-             .choices = {"touch", "visit", "cover"},
+             .choices = {"touch", "visit", "cover", "remove"},
              .meaning = "`touch`: touched with a force in `force` for `seconds` without a break. `visit`: "
                         "the tip is "
-                        "within a ball that long. `cover`: `coverage` of its surface was touched."},
+                        "within a ball that long. `cover`: `coverage` of its surface was touched. `remove`: "
+                        "`coverage` of what can be taken off of it is gone."},
             {.name = "force",
              .type = kInterval,
              .default_text = "[0.2, inf]",
@@ -127,7 +136,11 @@ TaskKeys declared_task_keys() {
              .unit = "s",
              .max = 600,
              .meaning = "See above."},
-            {.name = "coverage", .type = kNumber, .default_text = "0.5", .max = 1, .meaning = "See above."}}},
+            {.name = "coverage", .type = kNumber, .default_text = "0.5", .max = 1, .meaning = "See above."},
+            {.name = "seen",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning = "Of a touch: `true`: the scope has to see what is touched."}}},
       .force = {"[[force]]",
                 "With what force structures, taken together, are to be touched.",
                 {structures_key("Has to be there."),
@@ -173,16 +186,36 @@ TaskKeys declared_task_keys() {
              .min = 0.1,
              .max = 60,
              .meaning = "Touched for so long within 1.5 mm is resting."}}},
+      .scope = {"[scope]",
+                "How the second device's scope is made. What it sees is said above; the page's view of it "
+                "stands so when the task begins.",
+                {{.name = "optics",
+                  .type = kNumber,
+                  .default_text = "30",
+                  .unit = "degrees",
+                  .max = 90,
+                  .meaning = "Between its shaft and where it looks."},
+                 {.name = "back",
+                  .type = kNumber,
+                  .default_text = "8",
+                  .unit = "mm",
+                  .max = 30,
+                  .meaning = "From its tip back along the shaft to the camera."}}},
       .drawn = {"[[drawn]]",
                 "A parameter of the data set that the seed draws evenly; `seed` itself is always told.",
                 {{.name = "key", .type = kText, .meaning = "As in docs/phantom.md. Has to be there."},
-                 {.name = "range", .type = kInterval, .min = -1e6, .max = 1e6, .meaning = "Has to be there."},
+                 {.name = "range",
+                  .type = kInterval,
+                  .min = -1e6,
+                  .max = 1e6,
+                  .meaning = "Has to be there, or `words`."},
                  {.name = "step",
                   .type = kNumber,
                   .default_text = "0.5",
                   .min = 0.001,
                   .max = 1e6,
-                  .meaning = "From value to value, from the range's beginning."}}}};
+                  .meaning = "From value to value, from the range's beginning."},
+                 {.name = "words", .type = kNames, .meaning = "One of these in place of a number."}}}};
 }
 
 }  // namespace
@@ -195,8 +228,8 @@ const TaskKeys& task_key_tables() {
 std::string task_keys() {
   const TaskKeys& keys = task_key_tables();
   std::string text = table_markdown(keys.top);
-  for (const TableSpec* table :
-       {&keys.region, &keys.step, &keys.force, &keys.protection, &keys.metric, &keys.answer, &keys.drawn})
+  for (const TableSpec* table : {&keys.region, &keys.step, &keys.force, &keys.protection, &keys.metric,
+                                 &keys.answer, &keys.scope, &keys.drawn})
     text += "\n" + table_markdown(*table);
   return text;
 }
@@ -252,6 +285,22 @@ const std::array<MetricInfo, kMetricCount>& metric_infos() {
       {Metric::kAnswerError, "answer_error", "mm", false, false,
        "from the middle of what is to be found to the line through the answered place along the surface's "
        "normal",
+       "palpate's own", "not validated here"},
+      {Metric::kUnseenTime, "unseen_time", "s", false, false,
+       "time of contact of the first device while what it touches first was not seen by the second one's "
+       "scope",
+       "palpate's own; keeping the instrument in view: ASSET's field of view (PMC4574927)",
+       "of the domain as raters see it: ASSET; of this time: not validated here"},
+      {Metric::kRemovedInPlan, "removed_in_plan", "mm3", true, false,
+       "what was taken off of the plan's regions", "palpate's own", "not validated here"},
+      {Metric::kRemovedOutside, "removed_outside", "mm3", false, false,
+       "what was taken off outside of the plan's regions", "palpate's own", "not validated here"},
+      {Metric::kProtectedRemoved, "protected_removed", "mm3", false, false,
+       "what was taken off of every [[protected]] structure, in the plan or not", "palpate's own",
+       "not validated here"},
+      {Metric::kDepthPastPlan, "depth_past_plan", "mm", false, false,
+       "greatest distance of what was taken off from the nearest of the plan's shapes, where it lies outside "
+       "of all",
        "palpate's own", "not validated here"},
   }};
   return infos;

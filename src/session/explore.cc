@@ -281,12 +281,24 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
   return Supervisor::start(settings);
 }
 
+// on the real clock there is one scripted hand
+Result<void> check_script(const Script& script) {
+  for (std::size_t n = 0; n < script.steps.size(); ++n)
+    if (std::holds_alternative<ScopeStep>(script.steps[n]))
+      return Error{ErrorKind::kUsage, "explore has no second hand that could lead a scope",
+                   script.source + ":" + std::to_string(script.lines[n]),
+                   "run the script by palpate simulate, or take the step out and hold the scope by a second "
+                   "--device"};
+  return {};
+}
+
 }  // namespace
 
 Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, const ExploreOptions& options,
                               const std::filesystem::path& recording, const Progress& progress,
                               const std::function<void(const ExploreStatus&)>& status) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
+  if (auto possible = check_script(script); !possible) return possible.error();
   // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
   const bool felt = is_anything_felt(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
   if (!felt && scripted)
@@ -306,7 +318,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
 
   std::unique_ptr<Training> training;
   if (!options.training.tasks.empty()) {
-    auto started = Training::start(options.training, *setup->model, progress);
+    auto started =
+        Training::start(options.training, *setup->model, (*tip)->driver().devices().size(), progress);
     if (!started) return started.error();
     training = *std::move(started);
   }
@@ -339,9 +352,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   header.scheduler = (*loop)->scheduling().scheduler;
   ExploreWatch watch(model, (*tip)->asked());
   if (training) training->begin_session(header);
-  const auto see = [&watch, &training](const TickRecord& record) {
+  const auto see = [&watch, &training](const TickRecord& record, std::span<const RecordingEvent> told) {
     watch.see(record);
-    if (training) training->see(record);
+    if (training) training->see(record, told);
   };
   auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &viewed.told());
   if (!recorder) return recorder.error();

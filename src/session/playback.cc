@@ -20,6 +20,7 @@
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
 #include "session/nearest_line.h"
+#include "session/played_task.h"
 #include "session/played_yields.h"
 #include "session/recording_line.h"
 #include "session/tick_blocks.h"
@@ -171,12 +172,13 @@ class Playback final : public ViewerHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
            const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
-           YieldIndex yields, std::shared_ptr<SharedPlan> plan)
+           YieldIndex yields, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
         edits_(std::move(edits)),
         nearest_(std::move(nearest)),
+        task_(std::move(task)),
         plan_(std::move(plan)),
         place_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
@@ -293,6 +295,17 @@ class Playback final : public ViewerHost {
   Result<void> change(const PlanRequest& request) override {
     return plan_ != nullptr ? plan_->change(request) : ViewerHost::change(request);
   }
+  ViewedTraining training() const override {
+    if (task_ == nullptr) return {};
+    const std::lock_guard lock(mutex_);
+    return task_->at(shown_.time_s);
+  }
+  std::shared_ptr<const ViewedDebriefing> debriefing() const override {
+    if (task_ == nullptr) return nullptr;
+    const std::lock_guard lock(mutex_);
+    return task_->debriefing_at(shown_.time_s);
+  }
+  Result<void> train(const TaskRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const StrokeRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const SettingsRequest& /*request*/) override { return is_a_recording(); }
   Result<Grant> set(const TissueRequest& /*request*/) override { return is_a_recording(); }
@@ -322,7 +335,8 @@ class Playback final : public ViewerHost {
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;
-  const std::shared_ptr<SharedPlan> plan_;  ///< may be null
+  const std::unique_ptr<const PlayedTask> task_;  // null: it is looked at as none
+  const std::shared_ptr<SharedPlan> plan_;        ///< may be null
 
   mutable std::mutex mutex_;  // of what follows
   mutable Place place_;
@@ -336,6 +350,7 @@ class Playback final : public ViewerHost {
 Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                                                   std::shared_ptr<const Model> model, Modality modality,
                                                   const Progress& progress,
+                                                  std::optional<PlayedTaskOptions> task,
                                                   std::shared_ptr<SharedPlan> plan) {
   const RecordingHead& head = recording.head();
   if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
@@ -354,8 +369,16 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
     model = solved_as_recorded(*std::move(ready), head.header);
     return {};
   };
-  if (model->cuts() || is_elastic(model->tissue_law))
+  // patches of a task lie on the surfaces that are felt
+  if (model->cuts() || is_elastic(model->tissue_law) || task)
     if (auto ready = with_surfaces(); !ready) return ready.error();
+
+  std::unique_ptr<PlayedTask> played;
+  if (task) {
+    auto in_scene = look_up(task->task.file, *model, progress);
+    if (!in_scene) return in_scene.error();
+    played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
+  }
 
   RecordingLine line(head);
   NearestLine nearest(*model);
@@ -373,6 +396,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         nearest.see(part.ticks, part.events);
         for (const RecordingEvent& event : part.events) edits.hear(event);
         if (yields_first) yields->see(part, row);
+        if (played)
+          if (auto known = played->see(part); !known) return known;
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
@@ -395,6 +420,8 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
         progress);
     if (!found) return found.error();
   }
+  if (played)
+    if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
   progress.report("looking through the recording", 1);
 
   if (auto reckoned = reckon_gone(*model, progress, edits); !reckoned) return reckoned.error();
@@ -403,6 +430,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   scene.recording = line.take();
   scene.device_name = head.header.device.empty() ? "recorded" : head.header.device;
   scene.input = "recording";
+  if (played) scene.tasks = {played->task()};
   scene.rate_hz = head.header.rate_hz;
   for (const RecordingHead::FeltMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
@@ -412,7 +440,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   try {
     return std::unique_ptr<ViewerHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(*yields), std::move(plan)));
+        std::move(edits), std::move(nearest), std::move(*yields), std::move(played), std::move(plan)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "there is no thread to be had to read the recording", "",
                  "end other programs"};

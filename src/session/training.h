@@ -7,42 +7,24 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
 #include "palpate/link/viewed_training.h"
 #include "palpate/session/training.h"
+#include "session/viewed_run.h"
 
 namespace palpate {
-
-/// The way of a tip and its force in a run: at most so many samples, evenly in time, each with the greatest
-/// force since the one before.
-class RunTrace {
- public:
-  static constexpr std::size_t kMost = 1200;  ///< and the last one
-
-  explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMostForces)) {}
-  void see(const TaskEvaluator& run);
-  /// The last sample is of the last tick.
-  void finish(const TaskEvaluator& run);
-  const std::vector<ViewedDebriefing::Sample>& samples() const { return samples_; }
-
- private:
-  void thin_out();
-
-  std::size_t forces_;
-  double period_s_ = 0.02, next_s_ = 0;
-  ViewedDebriefing::Sample coming_;
-  std::vector<ViewedDebriefing::Sample> samples_;
-};
 
 /// A live session's tasks (palpate/session/training.h). Any thread; see() the recorder's alone.
 class Training {
  public:
   /// Looks the tasks up. Errors: those of look_up(), where they have to fit; kInterrupted.
   /// @param model  with its surfaces
+  /// @param devices  of the session: a task with a scope needs two
   static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,
-                                                 const Progress& progress);
+                                                 std::size_t devices, const Progress& progress);
   ~Training() { end(); }
   Training(const Training&) = delete;
   Training& operator=(const Training&) = delete;
@@ -50,13 +32,13 @@ class Training {
   const std::vector<ViewedTask>& tasks() const { return viewed_; }
   /// Before the first tick.
   void begin_session(const RecordingHeader& header);
-  /// Throws nothing.
-  void see(const TickRecord& tick) noexcept;
+  /// A tick, and what it is the first one to have heard of. Throws nothing.
+  void see(const TickRecord& tick, std::span<const RecordingEvent> told = {}) noexcept;
   /// What is under way ends, and all that is over has been kept. Nothing is seen any more.
   void end();
 
   /// Errors: kBadInput for a name that no task has, kUsage where a run is under way or the last one is being
-  /// kept.
+  /// kept, and where something is taken off already of which the task has a plan.
   Result<void> begin(const std::string& task);
   /// Error kUsage where none is under way.
   Result<void> end_run();
@@ -82,7 +64,6 @@ class Training {
   void over(RunEnd end);
   ViewedTraining seen(const Live& live) const;
   void keep();
-  ViewedDebriefing debrief(const Live& live, const FinishedRun& finished) const;
 
   TrainingOptions options_;
   std::vector<TaskInScene> in_scene_;
@@ -91,6 +72,7 @@ class Training {
   mutable std::mutex mutex_;  // of what follows
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
+  std::optional<RemovalFollower> gone_;  // where a task has a plan
   std::unique_ptr<Live> live_;
   struct Over {
     std::unique_ptr<Live> live;

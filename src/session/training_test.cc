@@ -215,12 +215,12 @@ TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {
   const auto model = loaded_.model;
   TrainingOptions training;
   training.tasks = {{"heart", other}, {"ball", ball_task("steps")}};
-  const auto left_out = Training::start(training, *model, {});
+  const auto left_out = Training::start(training, *model, 1, {});
   ASSERT_TRUE(left_out.ok());
   ASSERT_EQ((*left_out)->tasks().size(), 1u);
   EXPECT_EQ((*left_out)->tasks()[0].name, "ball");
   training.have_to_fit = true;
-  const auto refused = Training::start(training, *model, {});
+  const auto refused = Training::start(training, *model, 1, {});
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message(), HasSubstr("heart"));
 }
@@ -230,7 +230,7 @@ class HandMade : public ::testing::Test {
  protected:
   std::unique_ptr<Training> training(TrainingOptions options = {}, const std::string& end = "recording") {
     options.tasks = {{"ball", ball_task(end)}};
-    auto started = Training::start(options, *loaded_ball().model, {});
+    auto started = Training::start(options, *loaded_ball().model, 1, {});
     PALPATE_CHECK(started.ok());
     (*started)->begin_session({});
     return *std::move(started);
@@ -386,10 +386,166 @@ TEST_F(HandMade, AKeyBeginsAndEnds) {
   EXPECT_EQ(training->finished()[0].run.end, RunEnd::kAsked);
 }
 
+// ---- a scope in a second device
+
+TaskFile scope_task() {
+  auto task = parse_task(R"(title = "Watch"
+[scope]
+optics = 0
+back = 5
+[[region]]
+name = "ball"
+structures = ["ball"]
+[[step]]
+name = "press"
+region = "ball"
+seconds = 0.2
+seen = true
+[[metric]]
+name = "unseen_time"
+)",
+                         "watch.toml");
+  PALPATE_CHECK(task.ok());
+  return *std::move(task);
+}
+
+TEST(ScopeTask, IsOfferedWhereASecondDeviceHoldsTheScope) {
+  const auto model = loaded_ball().model;
+  TrainingOptions options;
+  options.tasks = {{"watch", scope_task()}, {"ball", ball_task("steps")}};
+  const auto alone = Training::start(options, *model, 1, {});
+  ASSERT_TRUE(alone.ok());
+  ASSERT_EQ((*alone)->tasks().size(), 1u);
+  const auto both = Training::start(options, *model, 2, {});
+  ASSERT_TRUE(both.ok());
+  ASSERT_EQ((*both)->tasks().size(), 2u);
+  EXPECT_EQ((*both)->tasks()[0].scope->optics_deg, 0);
+  EXPECT_EQ((*both)->tasks()[0].scope->back_mm, 5);
+  EXPECT_TRUE((*both)->tasks()[0].steps[0].seen);
+  options.have_to_fit = true;
+  const auto refused = Training::start(options, *model, 1, {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(refused.error().message(), HasSubstr("watch.toml:2: the task wants a scope"));
+}
+
+TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
+  TrainingOptions options;
+  options.tasks = {{"watch", scope_task()}};
+  const auto training = Training::start(options, *loaded_ball().model, 2, {});
+  ASSERT_TRUE(training.ok());
+  (*training)->begin_session({});
+  ASSERT_TRUE((*training)->begin("watch").ok());
+  std::uint64_t n = 0;
+  const auto touch_for = [&](int ticks, double z_mm) {
+    for (int i = 0; i < ticks; ++i) {
+      TickRecord tick;
+      tick.tick = n;
+      tick.time_s = static_cast<double>(n++) / 1000;
+      tick.devices = 2;
+      tick.device[0].contact_label[0] = testing::kBone;
+      tick.device[0].contact_N[0] = 0.5;
+      tick.device[0].contact_patient_mm = {0, z_mm, 0};
+      // World's z is anterior: the scope looks posterior, at the ball's front
+      tick.device[1].tip_patient_mm = {0, -40, 0};
+      (*training)->see(tick);
+    }
+  };
+  touch_for(100, 15);
+  EXPECT_TRUE((*training)->state().unseen) << "on its back";
+  ASSERT_EQ((*training)->state().events.size(), 1u);
+  EXPECT_STREQ((*training)->state().events[0].kind, "unseen");
+  EXPECT_EQ((*training)->state().share[0], 0);
+  touch_for(100, -15);
+  EXPECT_FALSE((*training)->state().unseen);
+  EXPECT_NEAR((*training)->state().share[0], 0.5, 0.01);
+  touch_for(150, -15);
+  ASSERT_TRUE(testing::soon([&] { return (*training)->state().phase == Phase::kOver; }));
+  EXPECT_NEAR((*training)->finished()[0].run.score.metrics[0].value, 0.0995, 1e-9);
+}
+
+// ---- something that is taken off
+
+class TakeOffLive : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    test::write_text(folder_ / "plan.toml",
+                     "title = \"Ball\"\n[[region]]\nname = \"all of it\"\nstructures = [\"ball\"]\n");
+    test::write_text(
+        folder_ / "task.toml",
+        "title = \"Take off\"\nend = \"recording\"\nplan = \"plan.toml\"\n"
+        "[[region]]\nname = \"ball\"\nstructures = [\"ball\"]\n"
+        "[[step]]\nname = \"a hundredth\"\nkind = \"remove\"\nregion = \"all of it\"\ncoverage = "
+        "0.01\n[[metric]]\nname = \"removed_in_plan\"\n");
+    auto task = load_task((folder_ / "task.toml").string());
+    PALPATE_CHECK(task.ok());
+    TrainingOptions options;
+    options.tasks = {{"take-off", *std::move(task)}};
+    auto started = Training::start(options, *testing::loaded_burr().model, 1, {});
+    PALPATE_CHECK(started.ok());
+    training_ = *std::move(started);
+    training_->begin_session({});
+  }
+  void ticks(int count, const std::vector<RecordingEvent>& told = {}) {
+    for (int i = 0; i < count; ++i) {
+      TickRecord tick;
+      tick.tick = n_;
+      tick.time_s = static_cast<double>(n_++) / 1000;
+      training_->see(tick, i == 0 ? std::span(told) : std::span<const RecordingEvent>());
+    }
+  }
+  std::vector<RecordingEvent> cut() {
+    RecordingEvent sweep;
+    sweep.kind = RecordingEvent::Kind::kSweep;
+    sweep.sweep.radius_mm = 4;
+    return {sweep, change(ModelChange::kCut)};
+  }
+  RecordingEvent change(std::uint32_t kind) {
+    RecordingEvent event;
+    event.number = event.change.version = ++version_;
+    event.change.tissue = kind;
+    return event;
+  }
+  double volume_of(std::size_t run) const { return training_->finished()[run].run.score.metrics[0].value; }
+  void end() {
+    ASSERT_TRUE(training_->end_run().ok());
+    ASSERT_TRUE(testing::soon([&] { return training_->state().phase == Phase::kOver; }));
+  }
+
+  test::TemporaryFolder folder_;
+  std::unique_ptr<Training> training_;
+  std::uint64_t n_ = 0;
+  std::uint32_t version_ = 1;
+};
+
+TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
+  ASSERT_EQ(training_->tasks()[0].regions.size(), 2u) << "the plan's come after the task's";
+  EXPECT_EQ(training_->tasks()[0].regions[1].name, "all of it");
+  EXPECT_GT(training_->tasks()[0].regions[1].radius_mm, 14);
+  EXPECT_EQ(training_->tasks()[0].steps[0].region, 1u);
+  EXPECT_EQ(training_->tasks()[0].steps[0].kind, "remove");
+  ASSERT_TRUE(training_->begin("take-off").ok());
+  ticks(100);
+  EXPECT_EQ(training_->state().share[0], 0);
+  ticks(150, cut());
+  EXPECT_TRUE(training_->state().done[0]);
+  end();
+  EXPECT_NEAR(volume_of(0), 268, 5);
+
+  // a hole that is there already would be the next run's
+  EXPECT_THAT(training_->begin("take-off").error().message(), HasSubstr("taken off already"));
+  ticks(10, {change(ModelChange::kUndo)});
+  ASSERT_TRUE(training_->begin("take-off").ok());
+  ticks(10);
+  EXPECT_FALSE(training_->state().done[0]);
+  ticks(10, {change(ModelChange::kRedo)});
+  end();
+  EXPECT_EQ(volume_of(1), volume_of(0)) << "strokes from before can be done again";
+}
+
 TEST(ViewedTask, SaysWhatIsToBeDoneAndWhere) {
   TrainingOptions options;
   options.tasks = {{"ball", ball_task("steps")}};
-  const auto training = Training::start(options, *loaded_ball().model, {});
+  const auto training = Training::start(options, *loaded_ball().model, 1, {});
   ASSERT_TRUE(training.ok());
   const ViewedTask& task = (*training)->tasks()[0];
   EXPECT_EQ(task.title, "Press the ball");

@@ -20,9 +20,10 @@ inline std::unique_ptr<Recorder> start_recorder(ServoLoop& loop, const std::file
   header.clock = "real";
   header.scheduler = loop.scheduling().scheduler;
   header.scene_title = "a ball";
-  auto recorder = Recorder::start(loop.ring(), file, header, [](const TickRecord&) {
-    if (recorder_throws) throw_for_a_test();
-  });
+  auto recorder =
+      Recorder::start(loop.ring(), file, header, [](const TickRecord&, std::span<const RecordingEvent>) {
+        if (recorder_throws) throw_for_a_test();
+      });
   PALPATE_CHECK(recorder.ok());
   return *std::move(recorder);
 }

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::vector<double> normal_sample(std::uint64_t seed, double mean, double sd, int count) {
   std::mt19937_64 random(seed);

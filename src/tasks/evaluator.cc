@@ -13,6 +13,7 @@ constexpr std::size_t kMostEvents = 10000;
 constexpr double kTouch_N = 0.2;      // of coverage and answers
 constexpr double kRest_mm = 1.5;      // within which a tip rests
 constexpr double kMostForce_N = 1e6;  // beyond it a number is no force
+constexpr double kLook_s = 0.1;       // so often it is looked at how much is taken off
 
 /// Part of a step from a to b, straight in between, that lies above a threshold.
 double part_above(double a, double b, double threshold) {
@@ -27,6 +28,12 @@ double part_above(double a, double b, double threshold) {
 double mean_excess(double a, double b, double threshold) {
   const double over_a = std::max(0.0, a - threshold), over_b = std::max(0.0, b - threshold);
   return 0.5 * (over_a + over_b) * part_above(a, b, threshold);
+}
+
+double sum_of(const VolumesByLabel& volumes) {
+  double sum_mm3 = 0;
+  for (const auto& [label, mm3] : volumes) sum_mm3 += mm3;
+  return sum_mm3;
 }
 
 Eigen::Vector3d vector_of(const std::array<double, 3>& v) {
@@ -45,6 +52,13 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
       done_(task_.file.steps.size()),
       hash_(kHashSeed) {
   hash_word(hash_, task_.file.text_hash);
+  if (!task_.plan) return;
+  gone_ = task_.plan->untouched;
+  taken_mm3_.resize(task_.plan->planned_mm3.size());
+}
+
+void TaskEvaluator::hear(const RecordingEvent& event) {
+  if (gone_ && !ended_ && gone_->hear(event)) has_taken_ = true;
 }
 
 void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
@@ -71,14 +85,14 @@ void TaskEvaluator::ForceMeter::see(double force_N, double dt_s,
 }
 
 // what is no number was not touched
-void TaskEvaluator::read_contacts(const DeviceTick& device) {
+void TaskEvaluator::read_contacts(const TickRecord& tick) {
+  const DeviceTick& device = tick.device[0];
   contact_count_ = 0;
   for (std::size_t n = 0; n < device.contact_label.size() && device.contact_label[n] != 0; ++n) {
     Contact contact{device.contact_label[n],
                     {device.contact_patient_mm[3 * n], device.contact_patient_mm[3 * n + 1],
                      device.contact_patient_mm[3 * n + 2]},
-                    device.contact_N[n],
-                    false};
+                    device.contact_N[n]};
     if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMostForce_N) continue;
     // within 45 degrees of straight below what is touched first
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
@@ -87,6 +101,7 @@ void TaskEvaluator::read_contacts(const DeviceTick& device) {
       constexpr double kLeast_mm = 0.1;
       contact.is_beneath = below_mm > kLeast_mm && below_mm > std::numbers::sqrt2 / 2 * way.norm();
     }
+    contact.is_seen = task_.sight && task_.sight->sees(tick, contact.place_mm);
     contacts_[contact_count_++] = contact;
   }
 }
@@ -115,12 +130,15 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
   if (!std::isfinite(tick.time_s) || (begun_ && tick.time_s <= time_s_))
     return Error{ErrorKind::kBadInput, "the clock does not go forward at tick " + std::to_string(tick.tick),
                  "", "a run can be scored only up to there; record it again"};
+  if (task_.sight && tick.devices < 2)
+    return Error{ErrorKind::kBadInput, "the task is done with two devices, of which the second holds a scope",
+                 "", "record it with --device twice, or by a script with a step scope"};
   const double dt_s = begun_ ? tick.time_s - time_s_ : 0;
   if (!begun_) begun_s_ = tick.time_s;
   const DeviceTick& device = tick.device[0];
   if (begun_ && tick.tick != last_tick_ + 1) missing_s_ += dt_s;
 
-  read_contacts(device);
+  read_contacts(tick);
   // a tick without a place leaves the tip where it was
   const Eigen::Vector3d tip_mm = vector_of(device.tip_patient_mm);
   constexpr double kFar_mm = 1e6;
@@ -130,6 +148,8 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
     tip_mm_ = tip_mm;
   }
   if (tip_known_) motion_.see(tick.time_s, tip_mm_, contact_count_ > 0);
+  if (task_.sight) see_sight(tick, dt_s);
+  if (gone_ && has_taken_ && tick.time_s - begun_s_ >= next_look_s_) see_removal(tick);
   see_forces(tick, dt_s);
   see_steps(tick, dt_s);
   if (task_.answer_mm) see_answer(device, dt_s);
@@ -148,6 +168,34 @@ Result<void> TaskEvaluator::see(const TickRecord& tick) {
     tell(TaskEvent::Kind::kEnded, 0, tick, 0);
   }
   return {};
+}
+
+void TaskEvaluator::see_sight(const TickRecord& tick, double dt_s) {
+  const bool unseen = contact_count_ > 0 && !contacts_[0].is_seen;
+  // in a tick in which that changes it did half way
+  unseen_s_ += 0.5 * (static_cast<double>(unseen_) + static_cast<double>(unseen)) * dt_s;
+  if (unseen && !unseen_) tell(TaskEvent::Kind::kUnseen, 0, tick, touch_N());
+  unseen_ = unseen;
+}
+
+void TaskEvaluator::see_removal(const TickRecord& tick) {
+  const TakenVolumes taken = taken_volumes(task_.plan->plan, gone_->removed());
+  for (std::size_t n = 0; n < taken_mm3_.size(); ++n) taken_mm3_[n] = sum_of(taken.in_plan.of_regions[n]);
+  has_taken_ = false;
+  next_look_s_ = tick.time_s - begun_s_ + kLook_s;
+}
+
+TaskEvaluator::Removal TaskEvaluator::removal() const {
+  if (!gone_) return {};
+  const TakenVolumes taken = taken_volumes(task_.plan->plan, gone_->removed());
+  Removal removal{sum_of(taken.in_plan.of_plan), sum_of(taken.outside), 0,
+                  depth_past_plan_mm(task_.plan->plan, gone_->removed())};
+  for (const auto& [label, mm3] : gone_->removed().by_label_mm3())
+    if (std::any_of(
+            task_.protections.begin(), task_.protections.end(),
+            [label = label](const std::vector<bool>& has) { return label < has.size() && has[label]; }))
+      removal.protected_mm3 += mm3;
+  return removal;
 }
 
 void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
@@ -170,29 +218,43 @@ void TaskEvaluator::see_forces(const TickRecord& tick, double dt_s) {
       metrics_[n].see(force_on(task_.metrics[n]), dt_s, {}, {});
 }
 
+// the force on the step's region, what is touched beneath it included
+double TaskEvaluator::touch_of_step(const TaskStep& step) {
+  RegionInScene& region = task_.regions[step.region];
+  const auto is_in = [&](const Contact& contact) {
+    return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_seen || !step.seen);
+  };
+  double force_N = 0;
+  for (std::size_t c = 0; c < contact_count_; ++c) {
+    const bool own = is_in(contacts_[c]);
+    if (own || (contacts_[c].is_beneath && is_in(contacts_[0]))) force_N += contacts_[c].force_N;
+    // covered is covered, whichever step is next
+    if (own && step.kind == StepKind::kCover && contacts_[c].force_N >= kTouch_N)
+      region.patches.cover(contacts_[c].place_mm);
+  }
+  return force_N;
+}
+
+// of a step that covers or removes
+std::optional<TaskEvaluator::Share> TaskEvaluator::share_asked(const TaskStep& step) const {
+  if (step.kind == StepKind::kRemove)
+    return Share{taken_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
+  if (step.kind != StepKind::kCover) return std::nullopt;
+  const SurfacePatches& patches = task_.regions[step.region].patches;
+  return Share{static_cast<double>(patches.covered()), step.coverage * static_cast<double>(patches.count())};
+}
+
 void TaskEvaluator::see_steps(const TickRecord& tick, double dt_s) {
   for (std::size_t n = 0; n < done_.size(); ++n) {
     const TaskStep& step = task_.file.steps[n];
-    RegionInScene& region = task_.regions[step.region];
-    double force_N = 0;
-    for (std::size_t c = 0; c < contact_count_; ++c) {
-      const bool through =
-          contacts_[c].is_beneath && region.has(contacts_[0].label) && region.bounds(contacts_[0].place_mm);
-      const bool own = region.has(contacts_[c].label) && region.bounds(contacts_[c].place_mm);
-      if (own || through) force_N += contacts_[c].force_N;
-      if (!own) continue;
-      // covered is covered, whichever step is next
-      if (step.kind == StepKind::kCover && contacts_[c].force_N >= kTouch_N)
-        region.patches.cover(contacts_[c].place_mm);
-    }
+    const double force_N = step.kind == StepKind::kRemove ? 0 : touch_of_step(step);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
-    if (step.kind == StepKind::kCover) {
-      done = static_cast<double>(region.patches.covered()) >=
-             step.coverage * static_cast<double>(region.patches.count());
+    if (const auto share = share_asked(step)) {
+      done = share->part >= share->asked;
     } else {
       const bool met = step.kind == StepKind::kVisit
-                           ? tip_known_ && region.bounds(tip_mm_)
+                           ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
                            : force_N >= step.force_N[0] && force_N <= step.force_N[1];
       step_s_[n] = met ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
       step_was_met_[n] = met;
@@ -237,7 +299,7 @@ double TaskEvaluator::straight_mm() const {
   return corners_mm_.empty() ? 0 : straight + (tip_mm_ - corners_mm_.back()).norm();
 }
 
-double TaskEvaluator::value_of(std::size_t n) const {
+double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
   const auto sum = [](const std::vector<ForceMeter>& meters, double ForceMeter::*figure) {
     double total = 0;
     for (const ForceMeter& meter : meters) total += meter.*figure;
@@ -295,6 +357,16 @@ double TaskEvaluator::value_of(std::size_t n) const {
       const Eigen::Vector3d off = *task_.answer_mm - answer_mm_;
       return (off - off.dot(answer_normal_) * answer_normal_).norm();
     }
+    case Metric::kUnseenTime:
+      return unseen_s_;
+    case Metric::kRemovedInPlan:
+      return removal.in_plan_mm3;
+    case Metric::kRemovedOutside:
+      return removal.outside_mm3;
+    case Metric::kProtectedRemoved:
+      return removal.protected_mm3;
+    case Metric::kDepthPastPlan:
+      return removal.past_plan_mm;
   }
   return kNotKnown;
 }
@@ -313,9 +385,10 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.hash = hash_;
   // what nobody saw may have been beyond a limit
   score.in_band = ticks_ > 0 && !score.cut_short && missing_s_ == 0;
+  const Removal removal = this->removal();
   for (std::size_t n = 0; n < task_.file.metrics.size(); ++n) {
     const TaskMetric& asked = task_.file.metrics[n];
-    MetricValue value{asked.metric, n, value_of(n), asked.counts(), false};
+    MetricValue value{asked.metric, n, value_of(n, removal), asked.counts(), false};
     // comparisons with what is not known are false
     value.in_band = (!asked.at_least || value.value >= *asked.at_least) &&
                     (!asked.at_most || value.value <= *asked.at_most);
@@ -330,36 +403,41 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
 double TaskEvaluator::share_of_step(std::size_t n) const {
   if (done_[n]) return 1;
   const TaskStep& step = task_.file.steps[n];
-  if (step.kind != StepKind::kCover)
-    return step.seconds > 0 ? std::clamp(step_s_[n] / step.seconds, 0.0, 1.0) : 0;
-  const SurfacePatches& patches = task_.regions[step.region].patches;
-  const double asked = step.coverage * static_cast<double>(patches.count());
-  return asked > 0 ? std::clamp(static_cast<double>(patches.covered()) / asked, 0.0, 1.0) : 0;
+  const auto [part, asked] = share_asked(step).value_or(Share{step_s_[n], step.seconds});
+  return asked > 0 ? std::clamp(part / asked, 0.0, 1.0) : 0;
+}
+
+Result<void> RunReader::take(const RecordingPart& part, const std::function<void(const TickRecord&)>& seen) {
+  if (evaluator_.task().plan) told_.insert(told_.end(), part.events.begin(), part.events.end());
+  for (const TickRecord& tick : part.ticks) {
+    has_last_ = has_last_ || tick.tick >= range_.last;
+    if (tick.tick > range_.last || evaluator_.ended()) continue;
+    for (; !told_.empty() && told_.front().tick <= tick.tick; told_.pop_front())
+      evaluator_.hear(told_.front());
+    if (tick.tick < range_.first) continue;
+    if (auto known = evaluator_.see(tick); !known) return known;
+    if (seen) seen(tick);
+  }
+  return {};
 }
 
 Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
                                   const Progress& progress, const TickRange& range) {
-  TaskEvaluator evaluator(task);
+  RunReader reader(task, range);
   const auto ticks = static_cast<double>(std::max<std::uint64_t>(recording.head().ticks, 1));
-  double seen = 0;
-  bool is_whole = recording.head().summary.has_value();
+  double taken = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
-        for (const TickRecord& tick : part.ticks) {
-          if (tick.tick >= range.last) is_whole = true;
-          if (tick.tick < range.first || tick.tick > range.last) continue;
-          if (auto known = evaluator.see(tick); !known) return known;
-        }
-        seen += static_cast<double>(part.ticks.size());
-        progress.report("scoring", seen / ticks);
-        return {};
+        taken += static_cast<double>(part.ticks.size());
+        progress.report("scoring", taken / ticks);
+        return reader.take(part);
       },
       progress);
   if (!read) return read.error();
-  if (evaluator.ticks() == 0 && recording.head().ticks > 0)
+  if (reader.run().ticks() == 0 && recording.head().ticks > 0)
     return Error{ErrorKind::kBadInput, "it has no tick of those that are to be scored", "",
                  "leave out --from-tick and --to-tick, or give those of a run that palpate explore told"};
-  return evaluator.score(!is_whole);
+  return reader.score(recording.head().summary.has_value());
 }
 
 int runs_in_a_row(const std::vector<bool>& in_band) {

@@ -5,14 +5,16 @@
 
 #include <bit>
 #include <cmath>
+#include <fstream>
 #include <numbers>
 
 #include "base/test_folder.h"
+#include "loading/test_loading.h"
 
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr std::array kRates_Hz{1000.0, 4000.0, 10000.0};
 constexpr LabelId kMeniscus = 3, kNerve = 7;
@@ -298,6 +300,215 @@ TEST(Evaluator, OrderedStepsWaitForThoseBefore) {
   run(50, 0, 300);  // nothing after the end counts
   EXPECT_EQ(evaluator.score(true).ticks, ticks);
   EXPECT_FALSE(evaluator.score(true).cut_short);
+}
+
+constexpr const char* kScopeTask = R"(title = "Watch"
+end = "recording"
+[scope]
+optics = 0
+back = 0
+[[region]]
+name = "meniscus"
+structures = [3]
+[[step]]
+name = "push"
+region = "meniscus"
+seconds = 0.7
+seen = true
+[[metric]]
+name = "unseen_time"
+[[metric]]
+name = "steps_done"
+)";
+
+/// A run of 12 s: touching for 10 of them, at a place that swings by a sine of 4 s below a scope that looks
+/// down from 50 mm above.
+template <class Take>
+void watched_run(double rate_hz, double swing_mm, const Take& take) {
+  const auto count = static_cast<std::uint64_t>(std::llround(12 * rate_hz));
+  for (std::uint64_t n = 0; n <= count; ++n) {
+    TickRecord tick = tick_at(n, rate_hz);
+    tick.devices = 2;
+    tick.device[1].tip_patient_mm = {0, 0, 50};
+    if (tick.time_s > 1 && tick.time_s < 11) touch(tick.device[0], 0, kMeniscus, 1);
+    const double phase = 2 * std::numbers::pi * (tick.time_s - 1) / 4;
+    tick.device[0].contact_patient_mm = {swing_mm * std::sin(phase), 0, 0};
+    take(tick);
+  }
+}
+
+TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
+  const double border_mm = 50 * std::tan(ScopeOptics::kHalfField_deg * std::numbers::pi / 180);
+  for (const double rate_hz : kRates_Hz) {
+    TaskEvaluator evaluator(in_scene(kScopeTask));
+    std::vector<std::uint64_t> unseen;
+    // a sine of twice the border is beyond it in two thirds of the time
+    watched_run(rate_hz, 2 * border_mm, [&](const TickRecord& tick) {
+      const bool was = evaluator.touches_unseen();
+      ASSERT_TRUE(evaluator.see(tick).ok());
+      if (evaluator.touches_unseen() && !was) unseen.push_back(tick.tick);
+    });
+    const TaskScore score = evaluator.score(false);
+    EXPECT_NEAR(value(score, Metric::kUnseenTime) / (10 * 2.0 / 3), 1, 1e-3) << rate_hz;
+    ASSERT_EQ(unseen.size(), 5u);
+    std::vector<std::uint64_t> told;
+    for (const TaskEvent& event : score.events)
+      if (event.kind == TaskEvent::Kind::kUnseen) told.push_back(event.tick);
+    EXPECT_EQ(told, unseen) << "the tick in which it goes out of view";
+    // it is in view for two thirds of a second at a time
+    EXPECT_FALSE(score.done[0]);
+    TaskEvaluator still(in_scene(kScopeTask));
+    watched_run(rate_hz, 0.99 * border_mm,
+                [&](const TickRecord& tick) { ASSERT_TRUE(still.see(tick).ok()); });
+    EXPECT_EQ(value(still.score(false), Metric::kUnseenTime), 0);
+    EXPECT_TRUE(still.score(false).done[0]);
+  }
+}
+
+TEST(Evaluator, AScopeNeedsASecondDevice) {
+  TaskEvaluator evaluator(in_scene(kScopeTask));
+  EXPECT_THAT(evaluator.see(tick_at(0, 1000)).error().what, HasSubstr("two devices"));
+}
+
+/// Of what two balls have in common, d apart.
+double common_mm3(double a, double b, double d) {
+  return std::numbers::pi * std::pow(a + b - d, 2) * (d * d + 2 * d * (a + b) - 3 * (a - b) * (a - b)) /
+         (12 * d);
+}
+double ball_mm3(double r) {
+  return 4.0 / 3 * std::numbers::pi * r * r * r;
+}
+
+/// A task by a plan in the ball with a burr.
+class TakeOff : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::ofstream(folder_ / "plan.toml") << R"(title = "Sphere"
+[[trajectory]]
+name = "down"
+entry = [0, 0, 15]
+target = [0, 0, 3]
+[[region]]
+name = "sphere"
+shape = "sphere"
+trajectory = "down"
+radius = 5
+)";
+    std::ofstream(folder_ / "task.toml") << R"(title = "Take off"
+end = "recording"
+plan = "plan.toml"
+[[step]]
+name = "some of it"
+kind = "remove"
+region = "sphere"
+coverage = 0.08
+[[protected]]
+structures = ["ball"]
+[[metric]]
+name = "removed_in_plan"
+[[metric]]
+name = "removed_outside"
+[[metric]]
+name = "protected_removed"
+[[metric]]
+name = "depth_past_plan"
+)";
+  }
+  TaskInScene task(const Model& model) {
+    const auto file = load_task((folder_ / "task.toml").string());
+    PALPATE_CHECK(file.ok());
+    auto found = look_up(*file, model);
+    PALPATE_CHECK(found.ok());
+    return *std::move(found);
+  }
+  /// A second in which a ball of 4 mm is taken, 6 mm beside the planned one's middle, at half of it.
+  static Recording run(double rate_hz) {
+    Recording run;
+    run.header.rate_hz = rate_hz;
+    for (std::uint64_t n = 0; n <= static_cast<std::uint64_t>(rate_hz); ++n)
+      run.ticks.push_back(tick_at(n, rate_hz));
+    const auto half = static_cast<std::uint64_t>(rate_hz / 2);
+    RecordingEvent sweep;
+    sweep.kind = RecordingEvent::Kind::kSweep;
+    sweep.tick = half;
+    sweep.number = 2;
+    sweep.sweep.from_mm = sweep.sweep.to_mm = {6, 0, 3};
+    sweep.sweep.radius_mm = 4;
+    run.events = {sweep, change(half, 2, ModelChange::kCut)};
+    run.summary.emplace();
+    return run;
+  }
+  static RecordingEvent change(std::uint64_t tick, std::uint32_t version, std::uint32_t kind) {
+    RecordingEvent event;
+    event.tick = tick;
+    event.number = event.change.version = version;
+    event.change.tissue = kind;
+    return event;
+  }
+  TaskScore score(const Recording& recording, const TickRange& range = {}) {
+    const auto scored = score_recording(task(*loaded_.model), RecordingSource(recording), {}, range);
+    PALPATE_CHECK(scored.ok());
+    return *scored;
+  }
+
+  test::TemporaryFolder folder_;
+  LoadedScene loaded_ = testing::loaded_burr();
+};
+
+TEST_F(TakeOff, VolumesAndDepthAreThoseOfGeometryAtEveryRate) {
+  const double in_mm3 = common_mm3(5, 4, 6);
+  for (const double rate_hz : kRates_Hz) {
+    const TaskScore made = score(run(rate_hz));
+    EXPECT_NEAR(value(made, Metric::kRemovedInPlan) / in_mm3, 1, 0.02);
+    EXPECT_NEAR(value(made, Metric::kRemovedOutside) / (ball_mm3(4) - in_mm3), 1, 0.02);
+    EXPECT_NEAR(value(made, Metric::kProtectedRemoved) / ball_mm3(4), 1, 0.02);
+    // 6 + 4 - 5, by places that are 0.15 and 0.225 mm apart
+    EXPECT_NEAR(value(made, Metric::kDepthPastPlan), 5, 0.15);
+    EXPECT_LE(value(made, Metric::kDepthPastPlan), 5);
+    // it is looked at when something is cut, in that tick
+    ASSERT_TRUE(made.done[0]);
+    EXPECT_EQ(made.events[0].tick, static_cast<std::uint64_t>(rate_hz / 2));
+  }
+}
+
+TEST_F(TakeOff, WhatIsToldAfterItsTicksDoesNotCount) {
+  Recording recording = run(1000);
+  const TaskScore before = score(recording, {0, 499}), with = score(recording, {600, 900});
+  EXPECT_EQ(value(before, Metric::kRemovedOutside), 0);
+  EXPECT_EQ(value(before, Metric::kDepthPastPlan), 0);
+  EXPECT_FALSE(before.done[0]);
+  EXPECT_GT(value(with, Metric::kRemovedOutside), 100) << "what is gone is gone";
+  EXPECT_EQ(with.events[0].tick, 600u);
+  // what is undone is there again
+  recording.events.push_back(change(700, 3, ModelChange::kUndo));
+  EXPECT_EQ(value(score(recording), Metric::kRemovedInPlan), 0);
+  EXPECT_GT(value(score(recording, {0, 699}), Metric::kRemovedInPlan), 1);
+}
+
+TEST_F(TakeOff, HeardLiveItIsTheSameBitForBit) {
+  const Recording recording = run(1000);
+  TaskEvaluator live(task(*loaded_.model));
+  auto event = recording.events.begin();
+  for (const TickRecord& tick : recording.ticks) {
+    for (; event != recording.events.end() && event->tick <= tick.tick; ++event) live.hear(*event);
+    ASSERT_TRUE(live.see(tick).ok());
+    if (tick.tick == 499) {
+      EXPECT_EQ(live.share_of_step(0), 0);
+    }
+  }
+  EXPECT_EQ(live.share_of_step(0), 1);
+  EXPECT_EQ(live.score(false).hash, score(recording).hash);
+}
+
+TEST_F(TakeOff, NeedsAToolThatTakesAndSomethingToTake) {
+  const auto file = load_task((folder_ / "task.toml").string());
+  ASSERT_TRUE(file.ok());
+  EXPECT_THAT(look_up(*file, *testing::loaded_ball().model).error().message(),
+              HasSubstr("no tool of the scene"));
+  std::ofstream(folder_ / "plan.toml", std::ios::app) << "depth = -20\n";
+  const auto beside = load_task((folder_ / "task.toml").string());
+  ASSERT_TRUE(beside.ok()) << beside.error().message();
+  EXPECT_THAT(look_up(*beside, *loaded_.model).error().message(), HasSubstr("nothing that can be taken off"));
 }
 
 TEST(Evaluator, WhatIsNotKnownIsInNoBand) {

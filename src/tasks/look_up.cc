@@ -69,6 +69,66 @@ const Surface* surface_of(const Model& model, LabelId label) {
   return nullptr;
 }
 
+/// Where what some structures have in a part of the patient is looked at.
+template <class Bounds>
+RegionView view_of_part(const Model& model, const std::vector<bool>& has, const Bounds& bounds) {
+  RegionView view;
+  const Bricks<LabelId>& labels = *model.labels;
+  const Eigen::Matrix3d axes = labels.geometry().direction * labels.geometry().spacing_mm.asDiagonal();
+  const auto is_free = [&](LabelId label) {
+    const Tissue* const tissue = label == 0 ? nullptr : model.tissue_of(label);
+    return tissue == nullptr || !tissue->felt;
+  };
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), outward = Eigen::Vector3d::Zero();
+  double count = 0, faces = 0;
+  for_each_voxel(labels, has, [&](int i, int j, int k, const Eigen::Vector3d& place) {
+    if (!bounds(place)) return;
+    sum += place;
+    ++count;
+    for (const auto& face : kFaces) {
+      const LabelId beside = labels.anywhere(i + face[0], j + face[1], k + face[2]);
+      if ((beside < has.size() && has[beside]) || !is_free(beside)) continue;
+      const Eigen::Vector3d out = axes * Eigen::Vector3d(face[0], face[1], face[2]);
+      // by its area, which is the volume of a voxel over its height
+      outward += out / out.squaredNorm();
+      faces += 1 / out.norm();
+    }
+  });
+  if (count == 0) return view;
+  view.middle_mm = sum / count;
+  for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& place) {
+    if (bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
+  });
+  // of a closed surface all ways cancel
+  constexpr double kLeastShare = 0.05;
+  if (outward.norm() > kLeastShare * faces) view.outward = outward.normalized();
+  return view;
+}
+
+/// Errors: no tool that takes anything, structures that are not there, nothing to be taken.
+Result<TaskPlan> look_up_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
+  if (!model.cuts())
+    return Error{ErrorKind::kBadInput,
+                 "something is to be taken off, and no tool of the scene takes anything", task.source,
+                 "give the scene a burr or shaver as its [tool], docs/scene.md"};
+  auto plan = look_up_plan(*task.plan, model);
+  if (!plan) return plan.error();
+  const auto planned = planned_volumes(*plan, model, progress);
+  if (!planned) return planned.error();
+  TaskPlan found{*std::move(plan), {}, RemovalFollower(model)};
+  for (std::size_t n = 0; n < found.plan.regions.size(); ++n) {
+    double mm3 = 0;
+    for (const auto& [label, part_mm3] : planned->of_regions[n]) mm3 += part_mm3;
+    const PlanRegion& region = found.plan.file.regions[n];
+    if (mm3 == 0)
+      return Error{ErrorKind::kBadInput,
+                   "nothing that can be taken off lies in region \"" + region.name + "\"",
+                   found.plan.file.where(region.line), "move or widen it, or name other structures"};
+    found.planned_mm3.push_back(mm3);
+  }
+  return found;
+}
+
 // the faces between a region's structures and what is none of them, in points no farther apart than half a
 // patch, each drawn onto the smooth surface that is felt
 void add_patches(const Model& model, RegionInScene& region) {
@@ -148,49 +208,25 @@ bool RegionInScene::bounds(const Eigen::Vector3d& place_mm) const {
 }
 
 RegionView view_of(const RegionInScene& region, const Model& model) {
-  RegionView view;
-  if (region.has_label.empty()) {
-    view.middle_mm = region.centre_mm.value_or(Eigen::Vector3d::Zero());
-    view.radius_mm = region.radius_mm;
-    return view;
-  }
-  const Bricks<LabelId>& labels = *model.labels;
-  const Eigen::Matrix3d axes = labels.geometry().direction * labels.geometry().spacing_mm.asDiagonal();
-  const auto is_free = [&](LabelId label) {
-    const Tissue* const tissue = label == 0 ? nullptr : model.tissue_of(label);
-    return tissue == nullptr || !tissue->felt;
-  };
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), outward = Eigen::Vector3d::Zero();
-  double count = 0, faces = 0;
-  for_each_voxel(labels, region.has_label, [&](int i, int j, int k, const Eigen::Vector3d& place) {
-    if (!region.bounds(place)) return;
-    sum += place;
-    ++count;
-    for (const auto& face : kFaces) {
-      const LabelId beside = labels.anywhere(i + face[0], j + face[1], k + face[2]);
-      if (region.has(beside) || !is_free(beside)) continue;
-      const Eigen::Vector3d out = axes * Eigen::Vector3d(face[0], face[1], face[2]);
-      // by its area, which is the volume of a voxel over its height
-      outward += out / out.squaredNorm();
-      faces += 1 / out.norm();
-    }
-  });
-  if (count == 0) return view;
-  view.middle_mm = sum / count;
-  for_each_voxel(labels, region.has_label, [&](int, int, int, const Eigen::Vector3d& place) {
-    if (region.bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
-  });
-  // of a closed surface all ways cancel
-  constexpr double kLeastShare = 0.05;
-  if (outward.norm() > kLeastShare * faces) view.outward = outward.normalized();
-  return view;
+  if (region.has_label.empty())
+    return {region.centre_mm.value_or(Eigen::Vector3d::Zero()), region.radius_mm, Eigen::Vector3d::Zero()};
+  return view_of_part(model, region.has_label,
+                      [&](const Eigen::Vector3d& place) { return region.bounds(place); });
+}
+
+RegionView view_of(const RegionInPlan& region, const Model& model) {
+  std::vector<bool> has(model.tissue_of_label.size());
+  for (std::size_t label = 1; label < has.size(); ++label)
+    has[label] = region.has(static_cast<LabelId>(label)) && model.is_felt(static_cast<LabelId>(label));
+  return view_of_part(
+      model, has, [&](const Eigen::Vector3d& place) { return region.depth_mm(Point<Patient>(place)) > 0; });
 }
 
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
   const auto labels_of = [&](const std::vector<LabelReference>& structures, int line) {
     return labels_in_model(model, structures, task.where(line));
   };
-  TaskInScene found{task, {}, {}, {}, {}, {}, {}};
+  TaskInScene found{task, {}, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
     const TaskRegion& asked = task.regions[n];
@@ -211,7 +247,7 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
     }
     if (asked.plane_point) region.planes.push_back({asked.plane_point->eigen(), asked.plane_normal->eigen()});
     const bool is_covered = std::any_of(task.steps.begin(), task.steps.end(), [&](const TaskStep& step) {
-      return step.region == n && step.kind == StepKind::kCover;
+      return step.kind == StepKind::kCover && step.region == n;
     });
     if (is_covered) {
       add_patches(model, region);
@@ -240,6 +276,12 @@ Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Prog
       return Error{ErrorKind::kBadInput, "what is to be found has no voxel", task.where(task.answer->line),
                    "name another structure"};
     found.answer_labels = *std::move(labels);
+  }
+  if (task.scope) found.sight.emplace(task.scope->optics, model);
+  if (task.plan) {
+    auto plan = look_up_task_plan(task, model, progress);
+    if (!plan) return plan.error();
+    found.plan = *std::move(plan);
   }
   return found;
 }

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 /// A slab of 20 x 10 x 2 mm of structure 1, one of 4 x 4 x 4 mm of structure 2 above its left end, in voxels
 /// of 0.5 mm.
@@ -72,9 +72,9 @@ TEST(LookUp, PlacesBoundRegions) {
 }
 
 TEST(LookUp, SaysWhatTheSceneLacks) {
-  EXPECT_THAT(
-      with_region("structures = [\"slap\"]").error().message(),
-      testing::AllOf(HasSubstr("task.toml:2"), HasSubstr("no structure \"slap\""), HasSubstr("slab, block")));
+  EXPECT_THAT(with_region("structures = [\"slap\"]").error().message(),
+              ::testing::AllOf(HasSubstr("task.toml:2"), HasSubstr("no structure \"slap\""),
+                               HasSubstr("slab, block")));
   EXPECT_THAT(with_region("structures = [9]").error().what, HasSubstr("no label 9"));
   EXPECT_THAT(with_region("structures = [1]\npoint = [500, 0, 0]\nradius = 3").error().what,
               HasSubstr("nothing of"));

@@ -35,6 +35,8 @@ const char* kind_name(TaskEvent::Kind kind) {
       return "over_limit";
     case TaskEvent::Kind::kProtected:
       return "protected";
+    case TaskEvent::Kind::kUnseen:
+      return "unseen";
     case TaskEvent::Kind::kEnded:
       return "ended";
   }
@@ -72,6 +74,8 @@ std::string event_text(const TaskFile& task, const TaskEvent& event) {
     case TaskEvent::Kind::kProtected:
       return "touched " + names_of_structures(task.protections[event.part].structures, kMostNamed) +
              " with " + short_number(event.force_N) + " N, which is protected";
+    case TaskEvent::Kind::kUnseen:
+      return "touched out of the scope's view, with " + short_number(event.force_N) + " N";
     case TaskEvent::Kind::kEnded:
       return "the task was over";
   }

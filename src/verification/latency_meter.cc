@@ -135,7 +135,9 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
   header.clock = "real";
   counting_ = false;
   servo_block_.clear();
-  auto recorder = Recorder::start(loop.ring(), "", header, [this](const TickRecord& record) { see(record); });
+  auto recorder =
+      Recorder::start(loop.ring(), "", header,
+                      [this](const TickRecord& record, std::span<const RecordingEvent>) { see(record); });
   if (!recorder) return recorder.error();
 
   Stroke stroke(path_, driver, mapping);

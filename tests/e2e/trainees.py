@@ -22,7 +22,9 @@ KINDS = ("heavy", "shaky", "incomplete")
 TOLD_BY = {"heavy": "excess_impulse", "shaky": "smoothness", "incomplete": "steps_done"}
 # at the menisci the limit of 8.5 N is more than the simulated device gives
 HEAVY_AT_THE_MENISCI = "peak_force of medial_meniscus, lateral_meniscus"
-MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band"}
+TOLD_BY_OWN = {"meniscus-probing": {"heavy": HEAVY_AT_THE_MENISCI}, "scope-and-probe": {"incomplete": "unseen_time"},
+               "bone-to-plan": {"heavy": "depth_past_plan", "incomplete": "removed_in_plan"}}
+MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band", "removed_in_plan"}
 LEAST_AREA = 0.95
 # amplitude of tremor at 8 to 12 Hz, mm: what a hand has, and a hand that shakes
 STEADY_MM, SHAKY_MM = 0.03, 0.25
@@ -78,9 +80,36 @@ def nodule(draw, kind):
     return search + [contact(("soft_tissue", {"nearest": "nodule", "from": "anterior"}), force_N, draw, hold_s=1.6)]
 
 
+def softened(draw, kind):
+    force_N = draw["within"](0.4, 0.6)
+    cartilages = ["femoral_cartilage", "patellar_cartilage", "medial_tibial_cartilage", "lateral_tibial_cartilage"]
+    search = [contact((cartilage, {}), force_N, draw, then_N=4.0 if kind == "heavy" and n == 0 else None) for n, cartilage in enumerate(cartilages)]
+    return search[:2] if kind == "incomplete" else search + [contact(("lesion", {}), force_N, draw, hold_s=1.6)]
+
+
+def watched(draw, kind):
+    """Three structures, with a scope in the other hand; who forgets it leaves it where it is."""
+    force_N = draw["within"](0.7, 1.0)
+    wheres = [(("femoral_cartilage", {"landmark": "anterior"}), [0.3, -1, 0]), (("medial_meniscus", {"from": "posterior"}), [-0.3, 1, 0.2]),
+              (("lateral_meniscus", {"from": "posterior"}), [0.3, 1, 0.2])]
+    parts = []
+    for n, (where, side) in enumerate(wheres):
+        scope = [{"scope": "probe" if kind != "incomplete" else [0, -90, 60], "from": side, "distance": draw["within"](18, 22), "speed": 60}]
+        parts.append((scope if n == 0 or kind != "incomplete" else []) + contact(where, force_N, draw, hold_s=0.6, then_N=4.0 if kind == "heavy" and n == 0 else None))
+    return parts
+
+
+def pocket(draw, kind):
+    """A pocket is milled; a heavy hand goes too deep, who does half of it takes too little off."""
+    hold_s = {"heavy": 1.5, "incomplete": 0.4}.get(kind, draw["within"](1.3, 1.6))
+    return [[{"approach": [37.5, -3.7, 23.6], "speed": draw["speed"]}, {"motor": True}, {"press": 3.0 if kind == "heavy" else 1.0, "settle": 0.1},
+             {"hold": hold_s}, {"motor": False}, {"leave": True}]]
+
+
 # task: what is done, most force of the session, N
 TASKS = {"meniscus-probing": (meniscus, 9), "diagnostic-round": (round_of_seven, 6), "hold-steady": (hold_steady, 6),
-         "trace-an-edge": (trace, 6), "find-the-nodule": (nodule, 4)}
+         "trace-an-edge": (trace, 6), "find-the-nodule": (nodule, 4),
+         "find-the-softened-cartilage": (softened, 6), "scope-and-probe": (watched, 6), "bone-to-plan": (pocket, 6)}
 
 
 def script_text(task, kind, seed):
@@ -129,8 +158,8 @@ def area(better, worse, more_is_better):
 def areas_of(task, seeds, folder, workers, data_set=None):
     """{kind: {metric: area}} and the values. @param data_set  for every run; else as the seed draws it"""
     jobs = [(kind, seed) for kind in ("expert", *KINDS) for seed in range(seeds)]
-    # of four knees, so that what was prepared is found again
-    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task == "find-the-nodule" else seed % 4).strip() for seed in range(seeds)]
+    # of four knees, so that what was prepared is found again; what is to be found is drawn each time
+    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task.startswith("find-") else seed % 4).strip() for seed in range(seeds)]
     found = {}
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         recordings = dict(zip(jobs, pool.map(lambda job: recording_of(task, *job, folder, data_sets[job[1]]), jobs)))
@@ -145,7 +174,7 @@ def areas_of(task, seeds, folder, workers, data_set=None):
 
 
 def told_by(task):
-    return TOLD_BY | ({"heavy": HEAVY_AT_THE_MENISCI} if task == "meniscus-probing" else {})
+    return TOLD_BY | TOLD_BY_OWN.get(task, {})
 
 
 def faults_of(task, areas):

@@ -149,7 +149,8 @@ class Page {
     this.nearPanel = new NearPanel(session, this.connection);
     this.planPanel = new PlanPanel(session, (place) => this.showPlace(place));
     this.timeline = new Timeline(session, this.connection, this.requests);
-    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind));
+    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
+      ({ optics_deg, back_mm }) => this.scope.standAs(optics_deg, back_mm));
     const orient = this.addHeads();
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");

@@ -27,7 +27,7 @@ export function standOff(isClosed: (off_mm: number) => boolean, most_mm: number,
   return Math.min(most_mm, begin + room_mm, (begin + end) / 2);
 }
 
-type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
+export type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;
 
 export class Scope {
   /** Whose shaft it stands on, of the session's devices; null: nobody has said so. */

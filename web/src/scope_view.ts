@@ -8,7 +8,7 @@ import { LivePicture } from "./live_picture.js";
 import { drawAge, drawLetters, drawSide, drawTool, text, touchedText } from "./overlay.js";
 import { drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
-import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame } from "./scope.js";
+import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame, type ScopeStand } from "./scope.js";
 import { readable, type Session } from "./session.js";
 import type { View } from "./volume_caster.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
@@ -52,6 +52,7 @@ export class ScopeView {
   private readonly toTip = says(element("button", { type: "button", className: "small" }), { text: "toTheTip", title: "atTipTitle" });
 
   private gesture = 0; // that moves it
+  private readonly setTo: (to: ScopeStand) => void;
 
   constructor(private readonly session: Session, private readonly renderer: VolumeRenderer, isSoftware: boolean, private readonly history: History) {
     this.live = new LivePicture(this.picture, renderer, isSoftware, true, () => this.drawOver());
@@ -62,12 +63,13 @@ export class ScopeView {
     back.value = String(this.scope.back_mm);
     back.addEventListener("change", () => this.change("back", () => (this.scope.back_mm = Number(back.value))));
     this.holder.addEventListener("change", () => this.change("tool", () => (this.scope.tool = Number(this.holder.value))));
-    history.part("scope", () => this.scope.stand, (to) => {
+    this.setTo = (to) => {
       Object.assign(this.scope, to);
       [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
       this.offerHolders();
       session.touch();
-    });
+    };
+    history.part("scope", () => this.scope.stand, this.setTo);
     const turns = ([["↺", -KEY_POST_DEG, ","], ["↻", KEY_POST_DEG, "."]] as const).map(([sign, by, key]) => {
       const button = says(element("button", { type: "button", className: "small", textContent: sign }), { label: "turnOptics", title: "turnOptics" }, key);
       button.addEventListener("click", () => this.change("post", () => this.scope.turnPost(by)));
@@ -76,6 +78,11 @@ export class ScopeView {
     this.toTip.addEventListener("click", () => this.change("tip", () => this.scope.toTip()));
     this.picture.head.append(back, optics, this.holder, ...turns, this.toTip);
     this.listen();
+  }
+
+  /** As a task's scope is made, on the second device's shaft. */
+  standAs(optics_deg: number, back_mm: number): void {
+    this.change("task", () => this.setTo({ tool: null, optics_deg, back_mm, post_deg: 0, free: null }));
   }
 
   /** Shows something else, which can be undone. @param gesture  what is done by one thing in one gesture is one step */

@@ -15,21 +15,23 @@ import type { VolumeView } from "./volume_view.js";
 import { says, words, type Message } from "./words.js";
 
 export interface TaskRegion { name: string; middle_mm: Vec3; radius_mm: number; outward: Vec3 }
-export interface TaskStep { name: string; kind: "touch" | "visit" | "cover"; region: number; force_N: [number, number | null]; seconds: number; coverage: number }
+export interface TaskStep { name: string; kind: "touch" | "visit" | "cover" | "remove"; region: number; force_N: [number, number | null]; seconds: number; coverage: number; seen: boolean }
+/** In the second device: between its shaft and where it looks, and from its tip back to the camera. */
+export interface TaskScope { optics_deg: number; back_mm: number }
 export interface TaskForce { labels: number[]; band_N: [number, number | null] | null; limit_N: number | null }
 export interface TaskMetric { name: string; unit: string; labels: number[]; more_is_better: boolean; at_least: number | null; at_most: number | null; basis: string | null }
 export interface Task {
   name: string; title: string; briefing: string;
   quiz: boolean; ordered: boolean; ends_with_steps: boolean;
-  time_limit_s: number | null; answer_s: number | null; to_find: number[]; in_a_row: number;
+  time_limit_s: number | null; answer_s: number | null; to_find: number[]; in_a_row: number; scope: TaskScope | null;
   regions: TaskRegion[]; steps: TaskStep[]; forces: TaskForce[]; protected: { labels: number[]; limit_N: number }[]; metrics: TaskMetric[];
 }
-export interface TaskEvent { kind: "step_done" | "over_limit" | "protected" | "ended"; part: number; time_s: number; force_N: number }
+export interface TaskEvent { kind: "step_done" | "over_limit" | "protected" | "unseen" | "ended"; part: number; time_s: number; force_N: number }
 /** How far a run is. */
 export interface TaskRun {
   phase: "none" | "running" | "keeping" | "over";
   run: number; task: string | null; time_s: number;
-  done: boolean[]; share: number[]; forces_N: number[]; protected_N: number[]; touch_N: number;
+  done: boolean[]; share: number[]; forces_N: number[]; protected_N: number[]; touch_N: number; unseen: boolean;
   missing_s: number; events: TaskEvent[]; events_before: number; keeps: boolean;
 }
 /** Of a sample: time, the tip, the force on all that is touched, on the first of the task's forces. */
@@ -73,7 +75,7 @@ export class Training {
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
 
   constructor(private readonly session: Session, private readonly connection: Connection, private readonly requests: Requests,
-              private readonly volume: VolumeView, private readonly hide: Hide) {
+              private readonly volume: VolumeView, private readonly hide: Hide, private readonly lookBy: (scope: TaskScope) => void) {
     byId("task").addEventListener("change", (event) => this.choose((event.target as HTMLSelectElement).value));
     byId("task-begin").addEventListener("click", () => this.begin());
     byId("task-again").addEventListener("click", () => this.begin());
@@ -118,9 +120,12 @@ export class Training {
       this.debriefing = null;
       this.toldRun = run.run;
       // one that is under way already is not told from its beginning
-      this.toldEvents = before ? 0 : run.events_before + run.events.length;
+      this.toldEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
       this.warning = { text: "", until_ms: -Infinity };
-      if (before) announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
+      const begun = this.tasks.find(({ name }) => name === run.task);
+      // a recording's is the same one again, wherever one goes in it
+      if (begun?.scope && before?.run !== run.run) this.lookBy(begun.scope);
+      if (before && !this.isPlayed) announce(words.taskBegun(begun?.title ?? ""));
     }
     if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.left !== run.run)) this.chosen = run.task;
     this.tellEvents();
@@ -164,11 +169,13 @@ export class Training {
     return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
   }
   private stepText(step: TaskStep): string {
-    const { force_N: [least, most], kind, coverage } = step;
+    const { force_N: [least, most], kind, coverage, seen } = step;
     const time = `${step.seconds} s`;
     if (kind === "cover") return words.stepCover(`${Math.round(100 * coverage)} %`);
+    if (kind === "remove") return words.stepRemove(`${Math.round(100 * coverage)} %`);
     if (kind === "visit") return words.stepVisit(time);
-    return most === null ? words.stepTouchLeast(quantity(least, "N"), time) : words.stepTouch(quantity(least, "N"), quantity(most, "N"), time);
+    const touch = most === null ? words.stepTouchLeast(quantity(least, "N"), time) : words.stepTouch(quantity(least, "N"), quantity(most, "N"), time);
+    return seen ? words.inScope(touch) : touch;
   }
   private rules(task: Task): string[] {
     const band = ([least, most]: [number, number | null]) => (most === null ? words.atLeast(quantity(least, "N")) : words.fromTo(quantity(least, "N"), quantity(most, "N")));
@@ -186,7 +193,7 @@ export class Training {
     if (kind === "step_done") return words.stepIsDone(task.steps[part]?.name ?? "");
     if (kind === "over_limit") return words.wasOver(quantity(force_N, "N"), this.namesOf(task.forces[part]?.labels ?? []), quantity(task.forces[part]?.limit_N ?? 0, "N"));
     if (kind === "protected") return words.wasProtected(this.namesOf(task.protected[part]?.labels ?? []), quantity(force_N, "N"));
-    return words.taskOver;
+    return kind === "unseen" ? words.wasUnseen(quantity(force_N, "N")) : words.taskOver;
   }
   private metricName({ name, labels }: TaskMetric): string {
     const said = (words.metrics as Record<string, string>)[name] ?? name;
@@ -228,8 +235,13 @@ export class Training {
     const isAllowed = connection.link === "connected" && connection.role === "control";
     const isOthers = session.state?.pointer_by === "viewer";
     for (const id of ["task-begin", "task-end", "task-again"]) byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
-    const note = connection.role === "view" && connection.link === "connected" ? words.taskWatch : isOthers ? words.taskOthers : this.run?.keeps ? words.taskKept : words.taskNotKept;
+    const note = this.isPlayed ? words.taskPlayed : connection.role === "view" && connection.link === "connected" ? words.taskWatch : isOthers ? words.taskOthers : this.run?.keeps ? words.taskKept : words.taskNotKept;
     write(byId("task-note"), note);
+  }
+
+  /** A recording is looked at, and the run at its places. */
+  private get isPlayed(): boolean {
+    return this.session.scene?.recording != null;
   }
 
   private update(): void {
@@ -249,13 +261,15 @@ export class Training {
     for (const [ids, where] of [[["task-briefing", "task-rules", "task-begin"], ["briefing"]], [["task-time", "task-forces", "task-end"], ["running"]],
       [["debriefing", "task-again", "task-other"], ["debriefing"]], [["task-title", "task-steps", "task-note"], ["briefing", "running", "debriefing"]]])
       for (const id of ids) byId(id).hidden = !where.includes(view);
+    // in a recording nothing begins or ends
+    if (this.isPlayed) for (const id of ["task-begin", "task-end", "task-again", "task-other"]) byId(id).hidden = true;
     if (task) this.showTask(task);
     this.showWarning(task && view === "running" ? this.warningOf(task, run!) : []);
     this.allow();
     if (before !== view) {
       this.session.touch();
       // whoever pressed a button that is gone goes on where it was; the list of tasks stays where it is
-      if (hadFocus && task && before !== "none") byId(view === "running" ? "task-end" : "task-title").focus();
+      if (hadFocus && task && before !== "none") byId(view === "running" && !this.isPlayed ? "task-end" : "task-title").focus();
     }
   }
 
@@ -356,7 +370,7 @@ export class Training {
   private warningOf(task: Task, run: TaskRun): string[] {
     const over = task.forces.flatMap(({ labels, limit_N }, n) => (limit_N !== null && (run.forces_N[n] ?? 0) > limit_N ? [words.isOver(this.namesOf(labels), quantity(limit_N, "N"))] : []));
     const touched = task.protected.flatMap(({ labels, limit_N }, n) => ((run.protected_N[n] ?? 0) > limit_N ? [words.isProtected(this.namesOf(labels))] : []));
-    return [...over, ...touched, ...(run.missing_s > 0 ? [words.ticksMissing(seconds(run.missing_s))] : [])];
+    return [...over, ...touched, ...(run.unseen ? [words.isUnseen] : []), ...(run.missing_s > 0 ? [words.ticksMissing(seconds(run.missing_s))] : [])];
   }
   private showWarning(warnings: string[]): void {
     const now = performance.now();
@@ -403,7 +417,7 @@ export class Training {
     this.session.touch();
   }
   private mark({ kind }: TaskEvent): string {
-    return { step_done: "✓", over_limit: "▲", protected: "■", ended: "●" }[kind];
+    return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
   }
   /** The force over time on each of the task's forces, or on all that was touched. */
   private plotRun(task: Task, told: Debriefing): void {

@@ -23,10 +23,14 @@ struct ViewedTask {
     std::array<double, 3> outward{};    ///< unit, patient: from where it is seen; zero: from anywhere
   };
   struct Step {
-    std::string name, kind;  ///< "touch", "visit", "cover"
+    std::string name, kind;  ///< "touch", "visit", "cover", "remove"
     std::size_t region = 0;
     std::array<double, 2> force_N{0, kNotKnown};  ///< of a touch; no number: no bound
     double seconds = 0, coverage = 0;
+    bool seen = false;  ///< by the scope
+  };
+  struct Scope {
+    double optics_deg = 0, back_mm = 0;
   };
   struct Force {
     std::vector<LabelId> labels;
@@ -55,10 +59,11 @@ struct ViewedTask {
   std::vector<Protected> protections;
   std::vector<Metric> metrics;
   std::vector<LabelId> to_find;
+  std::optional<Scope> scope;  ///< in the second device
 };
 
 struct ViewedTaskEvent {
-  const char* kind = "";  ///< "step_done", "over_limit", "protected", "ended"
+  const char* kind = "";  ///< "step_done", "over_limit", "protected", "unseen", "ended"
   std::size_t part = 0;
   double time_s = 0, force_N = 0;
 };
@@ -76,6 +81,7 @@ struct ViewedTraining {
   std::vector<double> share;  ///< of each step, 0 ... 1
   std::vector<double> forces_N, protected_N;
   double touch_N = 0;
+  bool unseen = false;  ///< something is touched that the scope does not see
   double missing_s = 0;
   std::vector<ViewedTaskEvent> events;  ///< the last ones
   std::uint64_t events_before = 0;      ///< that came before these

@@ -27,6 +27,9 @@ struct HandCommands {
   std::optional<std::uint32_t> stroke_led_to = {};
   /// Likewise of the law that it asked for last; 0: it cannot be.
   std::optional<std::uint32_t> law_led_to = {};
+  /// What the second hand's scope is to look at from now on; and, told to it, whether it does.
+  std::optional<ScopeStep> scope = {};
+  bool scope_is_there = false;
 };
 
 /// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
@@ -80,6 +83,7 @@ class ScriptedHand {
   bool slide(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& felt, double dt_s, Eigen::Quaterniond& target);
   bool change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
+  bool lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_law(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <utility>
@@ -7,12 +8,14 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/palpation/run_setup.h"
+#include "palpate/palpation/scope_hand.h"
 #include "palpate/palpation/scripted_hand.h"
 #include "palpate/tissue/yield_solver.h"
 
 namespace palpate {
 
-/// A scripted hand with a simulated device on the virtual clock: sense, tick, feel, act.
+/// A scripted hand with a simulated device, and a scope in another hand where the script has one, on the
+/// virtual clock: sense, tick, feel, act.
 class VirtualRun {
  public:
   /// @param progress  of what takes seconds between two ticks; without it that is not interrupted
@@ -25,8 +28,8 @@ class VirtualRun {
   bool act();
 
   // ---- of the last tick
-  const DeviceState& sensed() const { return sensed_; }
-  const Wrench& sent() const { return sent_; }
+  const DeviceState& sensed() const { return sensed_[0]; }
+  const Wrench& sent() const { return sent_[0]; }
   /// Where the hand wanted to be after it.
   const Point<World>& intended() const { return intended_; }
   double time_s() const { return state_.time_s; }
@@ -49,8 +52,9 @@ class VirtualRun {
   WorkspaceMapping mapping_;
   Parameters parameters_;
   SessionState state_;
-  DeviceState sensed_;
-  Wrench sent_;
+  std::optional<ScopeHand> scope_;
+  std::array<DeviceState, 2> sensed_;  // the scope's last
+  std::array<Wrench, 2> sent_;
   Point<World> intended_;
   TickRecord record_;
   double cut_s_ = 0;                                         // when the model was cut last

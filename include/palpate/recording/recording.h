@@ -245,17 +245,18 @@ class RecordingWriter {
 /// so the ring must hold what comes in during the longest write.
 class Recorder {
  public:
+  using See = std::function<void(const TickRecord&, std::span<const RecordingEvent>)>;
   /// @param ring  outlives the recorder, which is its one consumer
   /// @param file  as for RecordingWriter::create; empty: the ticks are counted and seen, and not kept
-  /// @param see   called on the recorder's thread with every tick, in order; may be empty; throws nothing.
-  ///              Its time adds to that of a write.
+  /// @param see   called on the recorder's thread with every tick, in order, and with the rows that this is
+  ///              the first one to have heard of, as they are written; may be empty; throws nothing. Its time
+  ///              adds to that of a write.
   /// @param told  what the run is told from outside; outlives the recorder, which alone takes from it; may be
   ///              null
   /// Errors: those of RecordingWriter::create, kUnavailable when there is no thread to be had.
   static Result<std::unique_ptr<Recorder>> start(SpscRing<TickRecord>& ring,
                                                  const std::filesystem::path& file,
-                                                 const RecordingHeader& header,
-                                                 std::function<void(const TickRecord&)> see = {},
+                                                 const RecordingHeader& header, See see = {},
                                                  EventLog* told = nullptr);
   /// Takes what is left in the ring and stops. A recording that was not finished counts as cut short.
   virtual ~Recorder() = default;

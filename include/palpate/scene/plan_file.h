@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "palpate/base/embedded_file.h"
 #include "palpate/scene/scene.h"
 
 /// The plan file, TOML: what is to be done in a scene and rehearsed there: trajectories, what is to be taken
@@ -68,13 +69,18 @@ struct PlanFile {
   std::vector<PlanRegion> regions;
   std::vector<PlanDistance> distances;
   std::string source;
+  std::uint64_t text_hash = 0;
 
   std::string where(int line) const { return source + ":" + std::to_string(line); }
 };
 
 /// @param source  names the text in errors ("plan.toml:12: ...")
 Result<PlanFile> parse_plan(std::string_view text, const std::string& source);
-Result<PlanFile> load_plan(const std::filesystem::path& file);
+/// A plan of embedded_plans() by its name, else the file. @param beside  where a relative path begins
+Result<PlanFile> load_plan(const std::string& name_or_file, const std::filesystem::path& beside = {});
+
+/// The files of data/plans/, compiled in.
+const std::vector<EmbeddedFile>& embedded_plans();
 
 /// The plan as a text that parse_plan reads as the same plan, every number to its last bit. Names are UTF-8.
 std::string plan_text(const PlanFile& plan);

@@ -14,6 +14,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/haptics/scope.h"
 #include "palpate/preparation/preparation.h"
 #include "palpate/volume/volume.h"
 
@@ -318,12 +319,20 @@ struct MotorStep {
 struct StrokeStep {
   StrokeAction action = StrokeAction::kUndo;
 };
+/// The scope in the second device looks at something from here on.
+struct ScopeStep {
+  std::optional<Point<Patient>> at;  ///< empty: the first device's tip, with which it goes
+  Vector<Patient> from{0, -1, 0};    ///< unit, from there to the camera
+  double distance_mm = 20;           ///< likewise
+  double speed_mm_s = 40;
+  ScopeOptics optics;
+};
 /// Withdraw along the path of approach.
 struct LeaveStep {
   double speed_mm_s = 60;
 };
 using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep,
-                                LeaveStep, MotorStep, StrokeStep, LawStep>;
+                                LeaveStep, MotorStep, StrokeStep, LawStep, ScopeStep>;
 /// Press, hold, slide and leave need the contact that an approach before them makes.
 bool needs_contact(const ScriptStep& step);
 
@@ -340,6 +349,8 @@ struct Script {
   int device_line = 0, hand_line = 0;  ///< 0: the script does not name it
   std::string source;
 };
+/// Whether a second device holds a scope in it.
+bool has_scope(const Script& script);
 /// What needs contact comes after an approach, and an approach after the one before it was left: errors with
 /// their line. Device and hand are looked up by the session.
 Result<Script> parse_script(std::string_view text, const std::string& source);

@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "palpate/base/embedded_file.h"
+#include "palpate/haptics/scope.h"
+#include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
 
 /// The task file, TOML: what a trainee is to do in a scene, and what of it counts. Read as scenes and scripts
@@ -35,6 +37,11 @@ enum class Metric : std::uint8_t {
   kProtectedTime,
   kStepsDone,
   kAnswerError,
+  kUnseenTime,
+  kRemovedInPlan,
+  kRemovedOutside,
+  kProtectedRemoved,
+  kDepthPastPlan,
 };
 struct MetricInfo {
   Metric metric;
@@ -45,7 +52,7 @@ struct MetricInfo {
   std::string_view source;    ///< who published it
   std::string_view validity;  ///< what is known of whether it tells experts from beginners
 };
-inline constexpr std::size_t kMetricCount = 14;
+inline constexpr std::size_t kMetricCount = 19;
 const std::array<MetricInfo, kMetricCount>& metric_infos();  ///< in the order of Metric
 inline const MetricInfo& info_of(Metric metric) {
   return metric_infos()[static_cast<std::size_t>(metric)];
@@ -66,17 +73,19 @@ struct TaskRegion {
 };
 
 enum class StepKind : std::uint8_t {
-  kTouch,  ///< the region is touched with a force for a time
-  kVisit,  ///< the tip is in the region for a time
-  kCover,  ///< a part of the region's surface was touched
+  kTouch,   ///< the region is touched with a force for a time
+  kVisit,   ///< the tip is in the region for a time
+  kCover,   ///< a part of the region's surface was touched
+  kRemove,  ///< a part of a region of the plan was taken off
 };
 struct TaskStep {
   std::string name;
-  std::size_t region = 0;  ///< place in TaskFile::regions
+  std::size_t region = 0;  ///< place in TaskFile::regions; of kRemove in TaskFile::plan's
   StepKind kind = StepKind::kTouch;
   std::array<double, 2> force_N{0.2, std::numeric_limits<double>::infinity()};
   double seconds = 0.1;   ///< without a break
   double coverage = 0.5;  ///< 0 ... 1
+  bool seen = false;      ///< of a touch: what of it the scope does not see does not count
   int line = 0;
 };
 
@@ -107,11 +116,17 @@ struct TaskAnswer {
   double seconds = 1;
   int line = 0;
 };
+/// The second device holds a scope.
+struct TaskScope {
+  ScopeOptics optics;
+  int line = 0;
+};
 /// A key of the data set that the seed draws.
 struct TaskDraw {
   std::string key;
   std::array<double, 2> range{};
   double step = 0.5;
+  std::vector<std::string> words;  ///< one of these; none: a number of the range
 };
 
 enum class TaskEnd : std::uint8_t {
@@ -133,23 +148,27 @@ struct TaskFile {
   std::vector<TaskProtected> protections;
   std::vector<TaskMetric> metrics;
   std::optional<TaskAnswer> answer;
+  std::optional<TaskScope> scope;
+  std::optional<PlanFile> plan;  ///< whose regions are to be taken off
   std::vector<TaskDraw> draws;
   std::string source;
-  std::uint64_t text_hash = 0;
+  std::uint64_t text_hash = 0;  ///< of its text and the plan's
 
   std::string where(int line) const { return source + ":" + std::to_string(line); }
 };
 
 /// @param source  names the text in errors ("task.toml:12: ...")
-Result<TaskFile> parse_task(std::string_view text, const std::string& source);
+/// @param beside  the folder from which a plan is read that is a file; none: of embedded_plans() alone
+Result<TaskFile> parse_task(std::string_view text, const std::string& source,
+                            const std::optional<std::filesystem::path>& beside = {});
 /// A task of embedded_tasks() by its name, else the file.
 Result<TaskFile> load_task(const std::string& name_or_file);
 
 /// The files of data/tasks/, compiled in: "meniscus-probing.toml", ...
 const std::vector<EmbeddedFile>& embedded_tasks();
 
-/// The data set with what the seed draws: "palpation-block:seed=5,diameter=8.5". Empty where the task names
-/// none.
+/// The data set with what the seed draws: "palpation-block:seed=5,diameter=8.5"; of a task with a plan as it
+/// is, for a plan is one patient's. Empty where the task names none.
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed);
 
 /// Every key of a task file, and every metric, as Markdown tables: those of docs/tasks.md.

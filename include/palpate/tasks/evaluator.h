@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -27,6 +29,7 @@ struct TaskEvent {
     kStepDone,   ///< `part` of the steps
     kOverLimit,  ///< the force on `part` of the forces passed its limit in this very tick
     kProtected,  ///< `part` of what is protected was touched above its limit, from this tick on
+    kUnseen,     ///< what is touched first was not seen by the scope, from this tick on
     kEnded,      ///< the task was over
   };
   Kind kind = Kind::kStepDone;
@@ -69,7 +72,12 @@ class TaskEvaluator {
  public:
   explicit TaskEvaluator(TaskInScene task);
 
-  /// Errors: kBadInput where a tick's time is not finite or does not grow.
+  /// Before the first tick: what was told before, of a task with a plan.
+  void begin_after(const RemovalFollower& told) { gone_ = told; }
+  /// What was told from outside, before the first tick that had heard of it.
+  void hear(const RecordingEvent& event);
+  /// Errors: kBadInput where a tick's time is not finite or does not grow, and for a run without the second
+  /// device that holds the task's scope.
   Result<void> see(const TickRecord& tick);
   bool ended() const { return ended_; }
   /// @param cut_short  the recording was
@@ -88,6 +96,8 @@ class TaskEvaluator {
   double force_N(std::size_t force) const { return forces_[force].last_N; }
   double protected_N(std::size_t protection) const { return protections_[protection].last_N; }
   double touch_N() const { return force_on({}); }
+  /// In the last tick: something is touched that the task's scope does not see.
+  bool touches_unseen() const { return unseen_; }
   /// Of the last tick that had a place, patient, mm.
   std::optional<Eigen::Vector3d> tip_mm() const { return tip_known_ ? std::optional(tip_mm_) : std::nullopt; }
   const std::vector<TaskEvent>& events() const { return events_; }
@@ -106,6 +116,7 @@ class TaskEvaluator {
     Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
     double force_N = 0;
     bool is_beneath = false;  ///< what is touched, which it pushes back through
+    bool is_seen = false;     ///< by the scope
   };
   /// A force over time, straight between ticks.
   struct ForceMeter {
@@ -116,13 +127,26 @@ class TaskEvaluator {
              std::optional<double> limit_N);
   };
 
-  void read_contacts(const DeviceTick& device);
+  /// Of what was taken off.
+  struct Removal {
+    double in_plan_mm3 = 0, outside_mm3 = 0, protected_mm3 = 0, past_plan_mm = 0;
+  };
+
+  void read_contacts(const TickRecord& tick);
   double force_on(const std::vector<bool>& labels) const;
   void see_forces(const TickRecord& tick, double dt_s);
   void see_steps(const TickRecord& tick, double dt_s);
+  struct Share {
+    double part = 0, asked = 0;
+  };
+  double touch_of_step(const TaskStep& step);
+  std::optional<Share> share_asked(const TaskStep& step) const;
   void see_answer(const DeviceTick& device, double dt_s);
+  void see_sight(const TickRecord& tick, double dt_s);
+  void see_removal(const TickRecord& tick);
+  Removal removal() const;
   void tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
-  double value_of(std::size_t metric) const;
+  double value_of(std::size_t metric, const Removal& removal) const;
   double straight_mm() const;
 
   TaskInScene task_;
@@ -144,12 +168,41 @@ class TaskEvaluator {
                   answer_normal_ = Eigen::Vector3d::Zero();
   double rest_s_ = 0;
   bool resting_ = false, answered_ = false;
+  // of the scope
+  bool unseen_ = false;
+  double unseen_s_ = 0;
+  // of the plan: what is gone, and what of each region was when it was looked at last
+  std::optional<RemovalFollower> gone_;
+  std::vector<double> taken_mm3_;
+  bool has_taken_ = true;
+  double next_look_s_ = 0;
 };
 
 /// Of a recording the ticks of these numbers and between them: a run that was begun and ended while it was
 /// made.
 struct TickRange {
   std::uint64_t first = 0, last = std::numeric_limits<std::uint64_t>::max();
+};
+
+/// The ticks of a recording that are in a range, as a run, with what was told up to each of them.
+class RunReader {
+ public:
+  explicit RunReader(TaskInScene task, const TickRange& range = {})
+      : evaluator_(std::move(task)), range_(range) {}
+
+  /// Those that come next. @param seen  called with each tick that is of the run, after it was seen; may be
+  /// empty
+  /// Errors: those of TaskEvaluator::see().
+  Result<void> take(const RecordingPart& part, const std::function<void(const TickRecord&)>& seen = {});
+  const TaskEvaluator& run() const { return evaluator_; }
+  /// @param is_whole  the recording was not cut short
+  TaskScore score(bool is_whole) const { return evaluator_.score(!is_whole && !has_last_); }
+
+ private:
+  TaskEvaluator evaluator_;
+  TickRange range_;
+  std::deque<RecordingEvent> told_;  // that no tick has heard of yet
+  bool has_last_ = false;            // it goes as far as the range
 };
 
 /// A recording by a task. Errors: those of reading it, of look_up() and of TaskEvaluator::see(), with the

@@ -8,7 +8,10 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/rehearsal/plan_in_scene.h"
+#include "palpate/rehearsal/removal_follower.h"
 #include "palpate/scene/task_file.h"
+#include "palpate/tasks/seen.h"
 
 /// A task whose structures, regions and answer were looked up in a scene.
 namespace palpate {
@@ -54,6 +57,13 @@ struct RegionInScene {
   bool bounds(const Eigen::Vector3d& place_mm) const;
 };
 
+/// A task's plan in a scene from which nothing is taken yet.
+struct TaskPlan {
+  PlanInScene plan;
+  std::vector<double> planned_mm3;  ///< that a burr can take, of each of its regions
+  RemovalFollower untouched;
+};
+
 struct TaskInScene {
   TaskFile file;
   std::vector<RegionInScene> regions;                  ///< as file.regions
@@ -61,6 +71,8 @@ struct TaskInScene {
   std::vector<std::vector<bool>> metrics;              ///< likewise; empty: all
   std::optional<Eigen::Vector3d> answer_mm;            ///< centroid of what is to be found
   std::vector<bool> answer_labels;                     ///< by LabelId: what is to be found
+  std::optional<ScopeSight> sight;
+  std::optional<TaskPlan> plan;
 };
 
 /// Where a region is to be looked at, patient.
@@ -72,9 +84,11 @@ struct RegionView {
   Eigen::Vector3d outward = Eigen::Vector3d::Zero();
 };
 RegionView view_of(const RegionInScene& region, const Model& model);
+/// Likewise of what is to be taken off.
+RegionView view_of(const RegionInPlan& region, const Model& model);
 
 /// Errors: kBadInput with the line of a structure that the scene does not have, or of a region without a
-/// place; kInterrupted.
+/// place; with the task's name where something is to be taken off and no tool takes anything; kInterrupted.
 /// @param model  with its labels; surfaces are taken where the proxy's are there, else the voxels' own faces
 Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress = {});
 

@@ -1,0 +1,46 @@
+#include "palpate/palpation/scope_hand.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "palpate/palpation/plain_vectors.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kAbove_mm = 30;
+constexpr double kTurning_rad_s = std::numbers::pi;
+constexpr double kThere_mm = 0.5, kThere_rad = 2 * std::numbers::pi / 180;
+
+}  // namespace
+
+ScopeHand::ScopeHand(const Model& model, const Point<World>& start) : model_(&model) {
+  state_.tip = start + Vector<World>(0, 0, kAbove_mm);
+  eye_ = state_.tip;
+}
+
+void ScopeHand::advance(const TickRecord& felt, double dt_s) {
+  if (!step_) return;
+  const auto X = turned_object(model_->X_WorldPatient, quaternion(felt.rotation_felt_wxyz));
+  const auto& probe = felt.device[0].tip_world_mm;
+  const Point<World> at = step_->at ? X * *step_->at : Point<World>(probe[0], probe[1], probe[2]);
+  const Point<World> wanted = at + X * step_->from * step_->distance_mm;
+  const Vector<World> way = wanted - eye_;
+  const double step_mm = step_->speed_mm_s * dt_s;
+  eye_ = way.norm() <= step_mm ? wanted : eye_ + way.normalized() * step_mm;
+
+  // in the place itself there is nowhere to look
+  const Vector<World> look = at - eye_;
+  const Vector<World> superior = X * Vector<Patient>(0, 0, 1);
+  const Rotation<World, World> held(state_.R_WorldTool);
+  const Rotation<World, World> looking(look.norm() > 0 ? held_to_look(step_->optics, look, superior)
+                                                       : state_.R_WorldTool);
+  const double angle = held.quaternion().angularDistance(looking.quaternion());
+  const double part = angle > 0 ? std::min(1.0, kTurning_rad_s * dt_s / angle) : 1;
+  state_.R_WorldTool = held.slerp(part, looking).quaternion();
+  state_.tip = eye_ - Vector<World>(state_.R_WorldTool * camera_of(step_->optics));
+  is_there_ = (wanted - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
+}
+
+}  // namespace palpate

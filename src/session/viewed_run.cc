@@ -1,0 +1,209 @@
+#include "session/viewed_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+std::array<double, 3> numbers_of(const Eigen::Vector3d& v) {
+  return {v.x(), v.y(), v.z()};
+}
+
+std::vector<LabelId> labels_in(const std::vector<bool>& has) {
+  std::vector<LabelId> labels;
+  for (std::size_t n = 0; n < has.size(); ++n)
+    if (has[n]) labels.push_back(static_cast<LabelId>(n));
+  return labels;
+}
+
+const char* kind_text(StepKind kind) {
+  switch (kind) {
+    case StepKind::kTouch:
+      return "touch";
+    case StepKind::kVisit:
+      return "visit";
+    case StepKind::kCover:
+      return "cover";
+    case StepKind::kRemove:
+      return "remove";
+  }
+  return "";
+}
+
+const char* end_text(RunEnd end) {
+  switch (end) {
+    case RunEnd::kTask:
+      return "task";
+    case RunEnd::kAsked:
+      return "asked";
+    case RunEnd::kSession:
+      return "session";
+    case RunEnd::kTrouble:
+      return "trouble";
+  }
+  return "";
+}
+
+}  // namespace
+
+ViewedTaskEvent viewed_event(const TaskEvent& event) {
+  return {kind_name(event.kind), event.part, event.time_s, event.force_N};
+}
+
+ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, const Model& model) {
+  const TaskFile& file = offered.file;
+  ViewedTask task;
+  task.name = offered.name;
+  task.title = file.title;
+  task.briefing = file.briefing;
+  task.quiz = file.quiz;
+  task.ordered = file.ordered;
+  task.ends_with_steps = file.end == TaskEnd::kSteps;
+  task.time_limit_s = file.time_limit_s;
+  task.in_a_row = file.in_a_row;
+  const auto add_region = [&](const std::string& name, const RegionView& view) {
+    task.regions.push_back({name, numbers_of(view.middle_mm), view.radius_mm, numbers_of(view.outward)});
+  };
+  for (std::size_t n = 0; n < file.regions.size(); ++n)
+    add_region(file.regions[n].name, view_of(in_scene.regions[n], model));
+  // then those of the plan
+  for (std::size_t n = 0; file.plan && n < file.plan->regions.size(); ++n)
+    add_region(file.plan->regions[n].name, view_of(in_scene.plan->plan.regions[n], model));
+  for (const TaskStep& step : file.steps) {
+    const std::size_t region =
+        step.kind == StepKind::kRemove ? file.regions.size() + step.region : step.region;
+    task.steps.push_back(
+        {step.name, kind_text(step.kind), region, step.force_N, step.seconds, step.coverage, step.seen});
+  }
+  if (file.scope) task.scope = {file.scope->optics.lean_deg, file.scope->optics.back_mm};
+  for (std::size_t n = 0; n < file.forces.size(); ++n)
+    task.forces.push_back({labels_in(in_scene.forces[n]), file.forces[n].band_N, file.forces[n].limit_N});
+  for (std::size_t n = 0; n < file.protections.size(); ++n)
+    task.protections.push_back({labels_in(in_scene.protections[n]), file.protections[n].limit_N});
+  for (std::size_t n = 0; n < file.metrics.size(); ++n) {
+    const TaskMetric& metric = file.metrics[n];
+    const MetricInfo& info = info_of(metric.metric);
+    task.metrics.push_back({std::string(info.name), std::string(info.unit), labels_in(in_scene.metrics[n]),
+                            info.more_is_better, metric.at_least, metric.at_most, metric.basis});
+  }
+  if (file.answer) {
+    task.answer_s = file.answer->seconds;
+    task.to_find = labels_in(in_scene.answer_labels);
+  }
+  return task;
+}
+
+void RunTrace::see(const TaskEvaluator& run) {
+  coming_.touch_N = std::max(coming_.touch_N, run.touch_N());
+  for (std::size_t n = 0; n < forces_; ++n)
+    coming_.forces_N[n] = std::max(coming_.forces_N[n], run.force_N(n));
+  const double now_s = run.time_s();
+  if (now_s < next_s_) return;
+  coming_.time_s = now_s;
+  if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
+  samples_.push_back(std::exchange(coming_, {}));
+  next_s_ = now_s + period_s_;
+  if (samples_.size() == kMost) thin_out();
+}
+
+void RunTrace::finish(const TaskEvaluator& run) {
+  if (run.ticks() == 0 || (!samples_.empty() && samples_.back().time_s >= run.time_s())) return;
+  coming_.time_s = run.time_s();
+  if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
+  samples_.push_back(std::exchange(coming_, {}));
+}
+
+// half as many, each for twice the time: of two samples the later place and the greater force
+void RunTrace::thin_out() {
+  std::vector<ViewedDebriefing::Sample> kept;
+  kept.reserve(kMost);
+  kept.push_back(samples_.front());
+  for (std::size_t n = 2; n < samples_.size(); n += 2) {
+    const ViewedDebriefing::Sample& before = samples_[n - 1];
+    ViewedDebriefing::Sample sample = samples_[n];
+    sample.touch_N = std::max(sample.touch_N, before.touch_N);
+    for (std::size_t f = 0; f < forces_; ++f)
+      sample.forces_N[f] = std::max(sample.forces_N[f], before.forces_N[f]);
+    kept.push_back(sample);
+  }
+  // one that is left over goes on
+  if (samples_.size() % 2 == 0) {
+    coming_.touch_N = std::max(coming_.touch_N, samples_.back().touch_N);
+    for (std::size_t f = 0; f < forces_; ++f)
+      coming_.forces_N[f] = std::max(coming_.forces_N[f], samples_.back().forces_N[f]);
+  }
+  samples_ = std::move(kept);
+  period_s_ *= 2;
+  next_s_ = samples_.back().time_s + period_s_;
+}
+
+void tell_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to) {
+  const auto last = events.last(std::min(events.size(), ViewedTraining::kMostEvents));
+  to.events.clear();
+  for (const TaskEvent& event : last) to.events.push_back(viewed_event(event));
+  to.events_before = events.size() - last.size() + more;
+}
+
+ViewedTraining viewed_run(const TaskEvaluator& run, const std::string& name, std::uint32_t number) {
+  const TaskFile& task = run.task().file;
+  ViewedTraining state;
+  state.phase = ViewedTraining::Phase::kRunning;
+  state.run = number;
+  state.task = name;
+  state.time_s = run.time_s();
+  state.done = run.done();
+  for (std::size_t n = 0; n < state.done.size(); ++n) state.share.push_back(run.share_of_step(n));
+  for (std::size_t n = 0; n < task.forces.size(); ++n) state.forces_N.push_back(run.force_N(n));
+  for (std::size_t n = 0; n < task.protections.size(); ++n) state.protected_N.push_back(run.protected_N(n));
+  state.touch_N = run.touch_N();
+  state.unseen = run.touches_unseen();
+  state.missing_s = run.missing_s();
+  tell_events(run.events(), run.more_events(), state);
+  return state;
+}
+
+ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace,
+                           const FinishedRun& finished) {
+  const TaskRun& run = finished.run;
+  const TaskScore& score = run.score;
+  ViewedDebriefing told;
+  told.run = run.number;
+  told.task = run.task;
+  told.end = end_text(run.end);
+  told.in_band = score.in_band;
+  told.time_s = score.time_s;
+  told.missing_s = score.missing_s;
+  told.ticks = score.ticks;
+  told.first_tick = run.ticks.first;
+  told.last_tick = run.ticks.last;
+  for (const MetricValue& value : score.metrics)
+    told.metrics.push_back({value.value, finished.history.best[value.part], value.in_band});
+  told.done = score.done;
+  const std::size_t events = std::min(score.events.size(), ViewedDebriefing::kMostEvents);
+  for (std::size_t n = 0; n < events; ++n) told.events.push_back(viewed_event(score.events[n]));
+  told.more_events = score.events.size() - events + score.more_events;
+  told.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMostForces);
+  told.samples = trace.samples();
+
+  // of many patches every so many-th
+  std::vector<SurfacePatches::Patch> patches;
+  for (const RegionInScene& region : evaluator.task().regions)
+    for (const SurfacePatches::Patch& patch : region.patches.all()) patches.push_back(patch);
+  const std::size_t step =
+      (patches.size() + ViewedDebriefing::kMostPatches - 1) / ViewedDebriefing::kMostPatches;
+  for (std::size_t n = 0; n < patches.size(); n += step)
+    told.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
+  told.patches_left_out = patches.size() - told.patches.size();
+
+  if (const auto answer = evaluator.answer()) told.answer_mm = numbers_of(answer->place_mm);
+  if (const auto& middle = evaluator.task().answer_mm) told.to_find_mm = numbers_of(*middle);
+  told.runs = finished.history.runs;
+  told.in_a_row = finished.history.in_a_row;
+  told.kept = finished.history.kept;
+  told.not_kept = finished.history.not_kept;
+  return told;
+}
+
+}  // namespace palpate
