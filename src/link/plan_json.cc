@@ -26,11 +26,8 @@ PlanJson trajectory_json(const ViewedPlan::Trajectory& trajectory) {
 }  // namespace
 
 std::string plan_json(const ViewedPlan& plan) {
-  PlanJson json = {{"type", "plan"},
-                   {"version", plan.version},
-                   {"title", printable_name(plan.title)},
-                   {"saved", plan.saved},
-                   {"can_change", plan.can_change}};
+  PlanJson json = {
+      {"type", "plan"}, {"version", plan.version}, {"saved", plan.saved}, {"can_change", plan.can_change}};
   json["trajectories"] = PlanJson::array();
   for (const ViewedPlan::Trajectory& trajectory : plan.trajectories)
     json["trajectories"].push_back(trajectory_json(trajectory));

@@ -14,8 +14,7 @@ using palpate::testing::TestViewer;
 
 ViewedPlan test_plan() {
   ViewedPlan plan;
-  plan.title = "a hole\x1b[2J";
-  plan.trajectories = {{"hole", {1, 2, 3}, {4, 5, 6.5}, 2, {}, 5, {}}};
+  plan.trajectories = {{"hole\x1b[2J", {1, 2, 3}, {4, 5, 6.5}, 2, {}, 5, {}}};
   plan.keep_away = {{2, 3}};
   plan.version = 4;
   plan.can_change = true;
@@ -24,8 +23,8 @@ ViewedPlan test_plan() {
 
 TEST(PlanJson, HasTheDocumentsKeys) {
   EXPECT_EQ(Json::parse(plan_json(test_plan())), Json::parse(R"({
-    "type": "plan", "version": 4, "title": "a hole\\u001b[2J", "saved": true, "can_change": true,
-    "trajectories": [{"name": "hole", "entry_mm": [1, 2, 3], "target_mm": [4, 5, 6.5], "entry_within_mm": 2.0, "target_within_mm": null,
+    "type": "plan", "version": 4, "saved": true, "can_change": true,
+    "trajectories": [{"name": "hole\\u001b[2J", "entry_mm": [1, 2, 3], "target_mm": [4, 5, 6.5], "entry_within_mm": 2.0, "target_within_mm": null,
                       "angle_within_deg": 5.0, "depth_within_mm": null}],
     "keep_away": [{"label": 2, "mm": 3.0}]})"));
 }
@@ -43,7 +42,7 @@ TEST(Viewer, APlanComesToWhoAsksAndAnewWhenItIsChanged) {
   EXPECT_EQ(viewer.text("done")["id"], 8);
   const Json changed = viewer.text("plan");
   EXPECT_EQ(changed["version"], 5);
-  EXPECT_EQ(changed["title"], "another");
+  EXPECT_EQ(changed["trajectories"][0]["name"], "another");
   EXPECT_EQ(changed["saved"], false);
   viewer.send({{"type", "plan"}, {"id", 9}, {"version", 5}, {"save", true}});
   EXPECT_EQ(viewer.text("plan")["saved"], true);

@@ -273,7 +273,7 @@ class FakeHost : public ViewerHost {
       return Error{ErrorKind::kUsage, "is another plan", "version", "look again"};
     auto next = std::make_shared<ViewedPlan>(*plan_);
     ++next->version;
-    if (request.name) next->title = *request.name;
+    if (request.name) next->trajectories.at(request.trajectory.value()).name = *request.name;
     next->saved = request.save;
     plan_ = std::move(next);
     return {};

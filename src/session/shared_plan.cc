@@ -108,7 +108,6 @@ std::shared_ptr<const ViewedPlan> SharedPlan::viewed() const {
 
 void SharedPlan::show() {
   auto next = std::make_shared<ViewedPlan>();
-  next->title = plan_.title;
   for (const PlanTrajectory& trajectory : plan_.trajectories)
     next->trajectories.push_back({trajectory.name, place_of(trajectory.entry), place_of(trajectory.target),
                                   trajectory.entry_within_mm, trajectory.target_within_mm,

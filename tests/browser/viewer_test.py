@@ -3627,6 +3627,10 @@ outward = "right"
         self.page.run("clearInterval(window.leading)")
 
     def test_a_recording_tells_what_its_ticks_told(self):
+        # a browser may keep a page that is left for another server's, and its connection with it
+        self.page.wait("palpateViewer.state.pointer")
+        self.page.click("[data-tool=window]")
+        self.page.wait("!palpateViewer.state.pointer")
         script = self.recording.replace("run.h5", "script.toml")
         with open(script, "w", encoding="utf-8") as file:
             file.write('[[step]]\napproach = "patella"\n[[step]]\npress = 0.8\n')
@@ -3708,12 +3712,12 @@ distance = 6
         self.page.run("clearInterval(window.leading); window.leading = setInterval(() => window.lead(arguments[0]), 30)", place)
         self.page.wait(f"Math.hypot(...palpateViewer.pose.devices[0].tip.map((x, n) => x - {json.dumps(place)}[n])) < 0.01")
 
-    def test_a_tip_beside_a_trajectory_has_its_figures_and_what_comes_too_near_is_warned_of(self):
+    def test_the_tip_beside_a_trajectory_has_its_figures_and_what_comes_too_near_is_warned_of(self):
         entry, target = numpy.array([34.0, -14, 18]), numpy.array([20.0, -9, 24])
         axis = (target - entry) / numpy.linalg.norm(target - entry)
         aside = numpy.cross(axis, [0, 0, 1])
         aside /= numpy.linalg.norm(aside)
-        self.assertEqual(self.text("plan-title"), "A hole into the femur")
+        self.assertNotIn("A hole into the femur", self.page.run("return document.body.textContent"), "its title is told to nobody")
         self.let_another_viewer_lead()
         self.lead((entry - 12 * axis + 3 * aside).tolist())
         self.page.wait("palpateViewer.draw(), document.getElementById('plan-nearest').textContent === 'hole'")
@@ -3741,7 +3745,9 @@ distance = 6
 
     def test_a_trajectory_is_made_moved_undone_and_saved(self):
         page, places = self.page, "palpateViewer.plan.list.map(({ name }) => name).join()"
+        # and drawn, or a press would be where the picture is another size
         page.run("document.querySelector('[data-layout=section]').click()")
+        page.wait("palpateViewer.draw(), document.querySelector('#picture-oblique canvas').width > 500 && palpateViewer.areSectionsSharp")
         page.press("e")
         page.wait("palpateViewer.plan.isShared && document.querySelector('[data-tool=plan]').ariaChecked === 'true'")
         # two presses in the section
@@ -3754,10 +3760,15 @@ distance = 6
         for end, (x, y) in zip(("entry_mm", "target_mm"), points):
             seen = page.run("return palpateViewer.pixelOf('oblique', arguments[0])", made[end])
             self.assertLess(abs(seen["x"] - (x - left)) + abs(seen["y"] - (y - top)), 2.5)
-        # its target is dragged, by a finger
-        for kind, touched in (("Start", [points[1]]), ("Move", [(points[1][0] + 30, points[1][1])]), ("Move", [(points[1][0] + 60, points[1][1])]), ("End", [])):
-            page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": 0} for x, y in touched])
-        page.wait(f"palpateViewer.plan.list[1].target_mm.some((x, n) => Math.abs(x - {json.dumps(made['target_mm'])}[n]) > 1)")
+        # its target is dragged, by a finger; of the first ones a browser may lose some
+        is_moved = f"palpateViewer.plan.list[1].target_mm.some((x, n) => Math.abs(x - {json.dumps(made['target_mm'])}[n]) > 1)"
+        for _ in range(10):
+            for kind, touched in (("Start", [points[1]]), ("Move", [(points[1][0] + 30, points[1][1])]), ("Move", [(points[1][0] + 60, points[1][1])]), ("End", [])):
+                page.developer_tools("Input.dispatchTouchEvent", type="touch" + kind, touchPoints=[{"x": x, "y": y, "id": 0} for x, y in touched])
+            time.sleep(0.5)
+            if page.run("return " + is_moved):
+                break
+        page.wait(is_moved)
         moved = page.run("return palpateViewer.plan.list[1]")
         self.assertEqual(moved["entry_mm"], made["entry_mm"])
         # and named and placed by keys alone

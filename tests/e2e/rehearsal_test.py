@@ -129,7 +129,8 @@ class PlanInThePage(cli.PalpateTest):
     """What `--plan` of explore and replay refuses, before anything is loaded or served for long."""
 
     def test_a_plan_that_cannot_be_shown_is_refused(self):
-        plan = self.write("plan.toml", 'title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\nenters = ["femurr"]\n')
+        plan = self.folder / "plan.toml"
+        plan.write_text('title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\nenters = ["femurr"]\n', encoding="utf-8")
         knee = f"knee-phantom:spacing={cli.KNEE_MM}"
         self.fail_clearly(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, says="--no-viewer serves none")
         self.fail_clearly(cli.BAD_INPUT, "explore", knee, "--plan", plan, "--port", 0, says='did you mean "femur"?')

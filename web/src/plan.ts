@@ -16,7 +16,6 @@ export interface Trajectory {
 /** As palpate tells it. */
 export interface Plan {
   version: number;
-  title: string;
   saved: boolean; // its file says the same
   can_change: boolean; // viewers with control may
   trajectories: Trajectory[];
@@ -58,8 +57,8 @@ export function breachesOf({ keep_away }: Plan, near: NearStructure[]): Breach[]
     .sort((a, b) => a.mm - a.asked_mm - (b.mm - b.asked_mm));
 }
 
-/** TOML as a plan's file has it. What palpate does not tell of its own plan (regions, `enters`) is not in it. */
-export function planText({ title, trajectories, keep_away }: Plan): string {
+/** TOML as a plan's file has it. What palpate does not tell of its own plan (its title, regions, `enters`) is not in it. */
+export function planText({ trajectories, keep_away }: Plan, title: string): string {
   // what JSON spells out TOML spells out, too
   const list = (p: Vec3): string => `[${p.map((x) => String(x === 0 ? 0 : x)).join(", ")}]`;
   const bounds = { entry_within: "entry_within_mm", target_within: "target_within_mm", angle_within: "angle_within_deg", depth_within: "depth_within_mm" } as const;

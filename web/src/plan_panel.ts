@@ -30,7 +30,7 @@ export class PlanPanel {
     byId("plan-new").addEventListener("click", () => session.volumes && plans.addTowards(session.anchor(), session.volumes.centre));
     byId("plan-save").addEventListener("click", () => void plans.save().then((isSaved) => isSaved && toast(words.planSaved)));
     byId("plan-download").addEventListener("click", () =>
-      plans.plan && download(new Blob([planText(plans.plan)], { type: "application/toml" }), `${fileStem()}-plan.toml`));
+      plans.plan && download(new Blob([planText(plans.plan, words.planTitle)], { type: "application/toml" }), `${fileStem()}-plan.toml`));
     onLanguage(() => {
       this.shown = "";
       this.show();
@@ -61,7 +61,7 @@ export class PlanPanel {
     // what there is to be seen is seen, until somebody folds it
     if (plan && !this.wasThere) byId<HTMLDetailsElement>("plan-card").open = true;
     this.wasThere = plan !== null;
-    write(byId("plan-title"), plan ? plan.title : words.noPlan);
+    byId("plan-none").hidden = plan !== null;
     write(byId("plan-note"), plans.isShared ? (plan!.saved ? words.planIsSaved : words.planNotSaved) : plans.isOwn ? words.planOwn : "");
     byId("plan-save").hidden = !plans.isShared;
     byId<HTMLButtonElement>("plan-save").disabled = plan?.saved !== false;

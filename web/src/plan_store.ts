@@ -88,8 +88,7 @@ export class PlanStore {
     this.history.gesture += 1;
     if (!this.isShared) {
       const before = this.own;
-      const { title, keep_away } = this.plan ?? { title: words.planTitle, keep_away: [] };
-      const after: Plan = { version: 0, title, keep_away, saved: false, can_change: false, trajectories };
+      const after: Plan = { version: 0, keep_away: this.plan?.keep_away ?? [], saved: false, can_change: false, trajectories };
       this.history.note("plan", { before, after, go: (_, to) => this.setOwn(to) });
       this.setOwn(after);
       return;

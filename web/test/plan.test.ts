@@ -9,7 +9,7 @@ import type { HeldTool } from "../src/scene.js";
 const trajectory = (entry_mm: Vec3, target_mm: Vec3, name = "hole"): Trajectory =>
   ({ name, entry_mm, target_mm, entry_within_mm: null, target_within_mm: 1.5, angle_within_deg: null, depth_within_mm: null });
 const plan = (of: Partial<Plan> = {}): Plan =>
-  ({ version: 3, title: "a hole", saved: true, can_change: true, trajectories: [trajectory([0, 0, 0], [0, 0, 20])], keep_away: [], ...of });
+  ({ version: 3, saved: true, can_change: true, trajectories: [trajectory([0, 0, 0], [0, 0, 20])], keep_away: [], ...of });
 const near = (a: number, b: number, slack = 1e-9) => assert.ok(Math.abs(a - b) < slack, `${a} ${b}`);
 
 test("a tip beside a trajectory has its distance from the line, its depth and its shaft's angle, whatever way that lies", () => {
@@ -44,7 +44,7 @@ test("what is nearer than planned is told, the worst first", () => {
 });
 
 test("a plan is written as its file has it", () => {
-  assert.equal(planText(plan({ title: 'a "hole"', trajectories: [trajectory([0.1, -0, 2], [1e-7, 3, 4.25])], keep_away: [{ label: 7, mm: 3 }] })),
+  assert.equal(planText(plan({ trajectories: [trajectory([0.1, -0, 2], [1e-7, 3, 4.25])], keep_away: [{ label: 7, mm: 3 }] }), 'a "hole"'),
     'title = "a \\"hole\\""\n\n[[trajectory]]\nname = "hole"\nentry = [0.1, 0, 2]\ntarget = [1e-7, 3, 4.25]\ntarget_within = 1.5\n\n[[keep_away]]\nstructures = [7]\ndistance = 3\n');
 });
 

@@ -9,7 +9,8 @@
 
 #include "palpate/volume/volume.h"
 
-/// What viewers see of a plan that is rehearsed, and how they change it.
+/// What viewers see of a plan that is rehearsed, and how they change it. Its title, which may name a patient,
+/// is told to nobody.
 namespace palpate {
 
 struct ViewedPlan {
@@ -23,7 +24,6 @@ struct ViewedPlan {
     LabelId label = 0;
     double mm = 0;
   };
-  std::string title;
   std::vector<Trajectory> trajectories;
   std::vector<KeepAway> keep_away;
   std::uint32_t version = 1;  ///< one more with each change

@@ -336,11 +336,11 @@ export const de: Words = {
   yourAnswer: "eigene Antwort",
 
   // the plan
-  plan: "Plan",
-  planTitle: "Plan",
-  planTool: "Plan",
+  plan: "Planung",
+  planTitle: "Planung",
+  planTool: "Planen",
   planToolTitle: "Ein Druck in ein Bild ist ein Eintritt, der nächste sein Ziel; ein Ende wird gezogen (E)",
-  noPlan: "Noch keiner: Plan (E) und zweimal in ein Bild drücken, oder Neu.",
+  noPlan: "Noch keiner: Planen (E) und zweimal in ein Bild drücken, oder Neu.",
   trajectoryNumber: (number) => `Weg ${number}`,
   trajectoryName: "Name des Weges",
   changeTrajectory: (name) => `Eintritt und Ziel von ${name}`,
