@@ -13,6 +13,7 @@
 #include "base/test_wait.h"
 #include "loading/test_loading.h"
 #include "palpate/session/explore.h"
+#include "palpate/session/playback.h"
 
 namespace palpate {
 namespace {
@@ -207,6 +208,64 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
   EXPECT_EQ(result.runs[0].run.end, RunEnd::kAsked);
   EXPECT_EQ(result.runs[1].run.end, RunEnd::kSession);
   EXPECT_LT(result.runs[0].run.ticks.last, result.runs[1].run.ticks.first);
+}
+
+TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
+  const TaskFile task = ball_task("steps");
+  TrainingOptions training;
+  training.tasks = {{"ball", task}};
+  training.begins_at_once = training.have_to_fit = true;
+  const TaskRun live = run(training).runs.at(0).run;
+  const auto opened = [&](const TickRange& ticks) {
+    auto recording = RecordingSource::open(file_);
+    PALPATE_CHECK(recording.ok());
+    return open_playback(*std::move(recording), loaded_.model, Modality::kMr, {},
+                         PlayedTaskOptions{{"ball", task}, ticks});
+  };
+  const auto playback = opened({});
+  ASSERT_TRUE(playback.ok()) << playback.error().message();
+  ViewerHost& host = **playback;
+  ASSERT_EQ(host.scene().tasks.size(), 1u);
+  EXPECT_EQ(host.scene().tasks[0].title, "Press the ball");
+  const double begin_s = host.scene().recording->begin_s, end_s = begin_s + live.score.time_s;
+  const auto stand_at = [&](double at_s) {
+    PlayRequest request;
+    request.at_s = at_s;
+    ASSERT_TRUE(host.play(request).ok());
+    std::array<double, kMaxDevices> unused{};
+    ASSERT_TRUE(testing::soon([&] { return std::abs(host.snapshot(unused).time_s - at_s) < 0.002; }));
+  };
+  // how far it was
+  stand_at(begin_s + 0.5 * live.score.time_s);
+  ViewedTraining there = host.training();
+  EXPECT_EQ(there.phase, Phase::kRunning);
+  EXPECT_EQ(there.task, "ball");
+  EXPECT_NEAR(there.time_s, 0.5 * live.score.time_s, 0.06);
+  EXPECT_EQ(host.debriefing(), nullptr);
+  for (const ViewedTaskEvent& event : there.events) EXPECT_LE(event.time_s, 0.5 * live.score.time_s + 0.002);
+  // what came of it, after its end, bit for bit
+  stand_at(end_s + 0.01);
+  there = host.training();
+  EXPECT_EQ(there.phase, Phase::kOver);
+  EXPECT_THAT(there.done, ::testing::Each(true));
+  const auto debriefing = host.debriefing();
+  ASSERT_NE(debriefing, nullptr);
+  ASSERT_EQ(debriefing->metrics.size(), live.score.metrics.size());
+  for (std::size_t n = 0; n < debriefing->metrics.size(); ++n)
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(debriefing->metrics[n].value),
+              std::bit_cast<std::uint64_t>(live.score.metrics[n].value));
+  EXPECT_EQ(debriefing->end, "task");
+  EXPECT_EQ(debriefing->last_tick, live.ticks.last);
+  // and back again
+  stand_at(begin_s + 0.1);
+  EXPECT_EQ(host.training().phase, Phase::kRunning);
+  EXPECT_EQ(host.debriefing(), nullptr);
+  EXPECT_THAT(host.train({"ball", false}).error().what, HasSubstr("recording"));
+  // before it began there was no run
+  const auto later = opened({live.ticks.first + 200, live.ticks.last});
+  ASSERT_TRUE(later.ok());
+  EXPECT_EQ((*later)->training().phase, Phase::kNone);
+  EXPECT_THAT(opened({1'000'000'000, 1'000'000'001}).error().what, HasSubstr("no tick of those"));
 }
 
 TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {

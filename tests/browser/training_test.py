@@ -384,6 +384,94 @@ class Quiz(Trainee):
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
 
 
+class Played(viewer_test.Viewer):
+    """A recording that is looked at as a run of a task: the card shows what was done by the place that is shown."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-played-")
+        viewer_test.command = lambda *_: [viewer_test.PROGRAM]
+        cls.addClassCleanup(folder.cleanup)
+        cls.program, cls.recording = viewer_test.simulated(folder.name)
+        cls.file = os.path.join(folder.name, "press.toml")
+        with open(cls.file, "w", encoding="utf-8") as out:
+            out.write(TASK)
+        cls.server = viewer_test.Server("recording")
+        cls.server.command = lambda: [cls.program, "replay", cls.recording, "--view", "--task", cls.file, "--port", str(cls.server.port)]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.scene = cls.server.scene()
+        cls.open_browser()
+
+    def go(self, part):
+        """To a part of the recording's time."""
+        recording = self.scene["recording"]
+        at_s = recording["begin_s"] + part * (recording["end_s"] - recording["begin_s"])
+        self.page.run("const place = document.getElementById('place'); place.value = arguments[0];"
+                      "place.dispatchEvent(new Event('input', { bubbles: true }))", at_s)
+
+    def test_its_card_follows_the_time_line(self):
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        buttons = "['task-begin', 'task-end', 'task-again', 'task-other'].map((id) => document.getElementById(id).hidden)"
+        self.assertEqual(self.page.run(f"return {buttons}"), [True] * 4)
+        text = lambda selector: self.page.run("return document.querySelector(arguments[0]).innerText", selector)  # noqa: E731
+        self.assertIn("A recording", text("#task-note"))
+        self.assertEqual(self.page.run(f"return {TRAINING}.run.done"), [False, False])
+        # after its end, what came of it, as it is scored
+        self.go(1)
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+        self.assertEqual(self.page.run(f"return {buttons}"), [True] * 4)
+        scored = json.loads(subprocess.run([self.program, "-q", "task", "score", self.recording, "--task", self.file, "--json"],
+                                           capture_output=True, text=True, check=False).stdout)["runs"][0]
+        told = self.page.run(f"return {TRAINING}.debriefing")
+        self.assertEqual([metric["value"] for metric in told["metrics"]], [metric["value"] for metric in scored["metrics"]])
+        self.assertEqual(told["done"], [step["done"] for step in scored["steps"]])
+        self.assertIn("✓" if scored["in_band"] else "✗", text("#verdict"))
+        # and back, before anything was done; what was felt cannot be begun
+        self.go(0.02)
+        self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.done.every((done) => !done)")
+        self.page.press("b")
+        self.assertEqual(self.view_after_a_moment(), "running")
+
+    def view_after_a_moment(self):
+        time.sleep(0.3)
+        return self.page.run(f"return {TRAINING}.view")
+
+
+class PlayedWithScope(viewer_test.Viewer):
+    """A run of two devices: the page's scope stands as the task's does, on the second one."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-scope-")
+        cls.addClassCleanup(folder.cleanup)
+        program = viewer_test.PROGRAM
+        script, recording, task = (os.path.join(folder.name, name) for name in ("script.toml", "run.h5", "task.toml"))
+        with open(script, "w", encoding="utf-8") as out:
+            out.write('[[step]]\nscope = "probe"\nspeed = 200.0\noptics = 70.0\nback = 4.0\n[[step]]\napproach = "patella"\n[[step]]\npress = 0.8\n[[step]]\nhold = 0.5\n')
+        with open(task, "w", encoding="utf-8") as out:
+            out.write(TASK + '[[metric]]\nname = "unseen_time"\nat_most = 0\n[scope]\noptics = 70\nback = 4\n')
+        subprocess.run([program, "-q", "simulate", "knee-phantom:spacing=1.2", "-s", script, "-o", recording], check=True, stdout=subprocess.DEVNULL)
+        cls.server = viewer_test.Server("recording")
+        cls.server.command = lambda: [program, "replay", recording, "--view", "--task", task, "--port", str(cls.server.port)]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
+        cls.open_browser()
+
+    def test_the_scope_stands_as_the_task_says(self):
+        self.page.wait(f"{TRAINING}.view === 'running' && palpateViewer.pose.devices.length === 2 && palpateViewer.scopeFrame !== null")
+        # at the end of it, so that it has got there and looks at the probe
+        self.page.run("const place = document.getElementById('place'); place.value = place.max; place.dispatchEvent(new Event('input', { bubbles: true }))")
+        self.page.wait(f"{TRAINING}.view === 'debriefing'")
+        frame, devices = self.page.run("return [palpateViewer.scopeFrame, palpateViewer.pose.devices]")
+        self.assertAlmostEqual(math.dist(frame["eye"], devices[1]["tip"]), 4, delta=0.001)
+        way = [a - b for a, b in zip(devices[0]["tip"], frame["eye"])]
+        far_mm = math.hypot(*way)
+        self.assertAlmostEqual(far_mm, 20, delta=0.6)
+        self.assertGreater(sum(a * b for a, b in zip(way, frame["forward"])) / far_mm, math.cos(math.radians(2.5)), "the probe is in its middle")
+        self.assertEqual(self.page.run(f"return {TRAINING}.debriefing.metrics.at(-1).value"), 0)
+
+
 class Picker(Trainee):
     """Without a task of its own the page offers those that are made for the scene."""
 

@@ -72,6 +72,7 @@ export class Training {
   private looked = -1; // at this step's region
   private shownRun = 0; // whose debriefing is written
   private spokenRun = 0; // whose verdict was spoken
+  private scopedRun = 0; // for which the scope was set
   private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
 
   constructor(private readonly session: Session, private readonly connection: Connection, private readonly requests: Requests,
@@ -122,10 +123,7 @@ export class Training {
       // one that is under way already is not told from its beginning
       this.toldEvents = before && !this.isPlayed ? 0 : run.events_before + run.events.length;
       this.warning = { text: "", until_ms: -Infinity };
-      const begun = this.tasks.find(({ name }) => name === run.task);
-      // a recording's is the same one again, wherever one goes in it
-      if (begun?.scope && before?.run !== run.run) this.lookBy(begun.scope);
-      if (before && !this.isPlayed) announce(words.taskBegun(begun?.title ?? ""));
+      if (before && !this.isPlayed) announce(words.taskBegun(this.tasks.find(({ name }) => name === run.task)?.title ?? ""));
     }
     if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.left !== run.run)) this.chosen = run.task;
     this.tellEvents();
@@ -138,7 +136,7 @@ export class Training {
   /** Another connection, behind which another session may stand, whose runs are counted from 1 again. */
   beginAnew(): void {
     this.run = this.debriefing = null;
-    this.shownRun = this.spokenRun = this.left = this.toldRun = this.toldEvents = 0;
+    this.shownRun = this.spokenRun = this.scopedRun = this.left = this.toldRun = this.toldEvents = 0;
     this.plots = [];
     this.update();
   }
@@ -249,6 +247,11 @@ export class Training {
     const before = this.view;
     const isRunning = run !== null && (run.phase === "running" || run.phase === "keeping");
     const isOver = this.debriefing !== null && run?.phase === "over" && this.debriefing.run === run.run && this.left !== run.run && this.debriefing.task === task?.name;
+    // once a run: who moves the scope meanwhile has moved it
+    if (isRunning && task?.scope && this.scopedRun !== run.run) {
+      this.scopedRun = run.run;
+      this.lookBy(task.scope);
+    }
     this.view = !task ? "none" : isRunning ? "running" : isOver ? "debriefing" : "briefing";
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
     // a browser takes the focus from the button that is disabled while the run is kept
