@@ -1201,6 +1201,13 @@ class WithHand(Viewer):
         self.page.wait(LOADED)
         self.page.wait("palpateViewer.link === 'connected' && palpateViewer.age_ms < 250")
 
+    def test_a_page_that_is_left_lets_go_and_one_that_is_come_back_to_goes_on(self):
+        leave = "dispatchEvent(new PageTransitionEvent('{}', {{ persisted: true }}))"
+        self.page.run(leave.format("pagehide"))
+        self.page.wait("palpateViewer.link === 'ended'")
+        self.page.run(leave.format("pageshow"))
+        self.page.wait("palpateViewer.link === 'connected' && palpateViewer.isFresh")
+
 
 # Put into a page before its own script: a clock of the page's that `advance` puts forward by so many ms, with all that was to happen until then.
 CLOCK = """{
@@ -3661,7 +3668,6 @@ outward = "right"
             self.page.press("n")
             time.sleep(0.3)
             self.assertIsNone(self.page.run("return palpateViewer.tone"))
-            self.page.post("/url", {"url": "about:blank"})
 
 
 class WithPlan(Viewer):

@@ -170,6 +170,11 @@ class Page {
       return scene && { hash: scene.volume.hash, structures: scene.structures.length, token: this.token };
     };
     this.renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
+    // a browser may keep a page that was left, and its connection with it: it lets go of the pointer
+    addEventListener("pagehide", () => this.connection.end());
+    addEventListener("pageshow", ({ persisted }) => {
+      if (persisted) void this.load();
+    });
   }
 
   private workerFailed(isReplaced: boolean): void {
