@@ -353,6 +353,34 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
   EXPECT_EQ(draw(renderer, camera), draw(anew, camera));
 }
 
+/// Blocks of two slices beside each other that a thread's lit blocks have but one slot for.
+TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
+  const GridGeometry grid = test::make_grid({64, 64, 30}, 1);
+  Volume<LabelId> labels(grid);
+  const auto fill = [&](int k, LabelId label) {
+    for (int j = 0; j < 64; ++j)
+      for (int i = 0; i < 64; ++i) labels.at(i, j, k) = label;
+  };
+  // 512 blocks each, so far apart that nothing is seen between them: what is filled later lies 4096 places on
+  for (const int k : {0, 5, 8, 11, 14, 17, 20, 23}) fill(k, 1);
+  const std::vector<StructureLook> solid{{{}, 0}, {{220, 30, 30}, 1}, {{30, 30, 220}, 1}};
+  VolumeRenderer renderer = made(labels, solid, 1);
+  fill(1, 2);
+  renderer.change(*label_bricks(labels), {{0, 0, 1}, {64, 64, 1}});
+  VolumeRenderer anew = made(labels, solid, 1);
+  std::mt19937 random(3);
+  VolumeCamera camera = some_camera(grid, 0, random);
+  camera.eye_mm = std::numeric_limits<double>::infinity();
+  // along the slices' normal but for a slant, from either side
+  const Vector<Patient> normal(grid.direction.col(2)), beside(grid.direction.col(0));
+  for (const double side : {1.0, -1.0}) {
+    const Vector<Patient> into = (normal * side + beside * 0.1).normalized();
+    camera.right = into.cross(Vector<Patient>(grid.direction.col(1))).normalized();
+    camera.down = into.cross(camera.right);
+    EXPECT_EQ(draw(renderer, camera), draw(anew, camera)) << side;
+  }
+}
+
 /// As an image would tell it: how much the pixels of two views that are nearly the same differ.
 TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
   const GridGeometry grid = some_grid(1);
