@@ -51,6 +51,8 @@ struct VoxelLook {
 namespace {
 
 constexpr int kTileSide = 64;
+/// That a tile puts, so that few are moved while they are gathered.
+constexpr std::size_t kUsualBlocks = 16384;
 /// Cubes. A leap that is no longer, so that what changes has an end.
 constexpr std::uint8_t kFarthestLeap = 12;
 
@@ -75,27 +77,88 @@ int blocks_along(int voxels) {
   return (voxels + kBlock - 1) / kBlock;
 }
 
-/// Smooths along one axis; what comes out is shorter by the kernel's reach and `less` more at either end.
-Box<float> smoothed(const Box<float>& from, int axis, const std::vector<float>& kernel, int less) {
-  const int reach = static_cast<int>(kernel.size()) - 1;
-  std::array<int, 3> size = from.size;
-  size[axis] -= 2 * (reach + less);
-  Box<float> to(size);
-  std::vector<RowPair<float>> pairs(kernel.size() - 1);
-  for (int k = 0; k < size[2]; ++k)
-    for (int j = 0; j < size[1]; ++j) {
-      const std::array<int, 3> steps{axis == 0 ? 1 : 0, axis == 1 ? 1 : 0, axis == 2 ? 1 : 0};
-      const auto shifted = [&](int t) {
-        const int by = reach + less + t;
-        return from.values.data() + from.offset(by * steps[0], j + by * steps[1], k + by * steps[2]);
-      };
-      for (int t = 1; t <= reach; ++t)
-        pairs[static_cast<std::size_t>(t - 1)] = {shifted(-t), shifted(t),
-                                                  kernel[static_cast<std::size_t>(t)]};
-      sum_rows({shifted(0), kernel[0], pairs.data(), pairs.size()}, static_cast<std::size_t>(size[0]),
-               to.row(j, k));
+/// Rows of values, some of which are known to have one value throughout.
+struct KnownRows {
+  explicit KnownRows(const std::array<int, 3>& size)
+      : values(size), is_constant(static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(size[2])) {}
+  char& constant(int j, int k) { return is_constant[row_number(j, k)]; }
+  /// Of rows j - reach * dj ... j + reach * dj, and so along k.
+  bool are_constant(int j, int k, int dj, int dk, int reach) const {
+    for (int t = -reach; t <= reach; ++t)
+      if (!is_constant[row_number(j + t * dj, k + t * dk)]) return false;
+    return true;
+  }
+  std::size_t row_number(int j, int k) const {
+    return static_cast<std::size_t>(j) +
+           static_cast<std::size_t>(values.size[1]) * static_cast<std::size_t>(k);
+  }
+
+  Box<float> values;
+  std::vector<char> is_constant;
+};
+
+/// Sums rows around a row by a kernel.
+class KernelSum {
+ public:
+  /// @param step  from a row to the next
+  KernelSum(const std::vector<float>& kernel, std::size_t step)
+      : kernel_(kernel), step_(step), pairs_(kernel.size() - 1) {}
+  /// @param constant  all of the row's sums are the same: one is made, by the same operations
+  void sum(const float* centre, int length, bool constant, float* out) {
+    const auto count = static_cast<std::size_t>(length);
+    for (std::size_t t = 1; t <= pairs_.size(); ++t)
+      pairs_[t - 1] = {centre - t * step_, centre + t * step_, kernel_[t]};
+    sum_rows({centre, kernel_[0], pairs_.data(), pairs_.size()}, constant ? 1 : count, out);
+    if (constant) std::fill_n(out + 1, count - 1, out[0]);
+  }
+
+ private:
+  const std::vector<float>& kernel_;
+  std::size_t step_;
+  std::vector<RowPair<float>> pairs_;
+};
+
+/// Smooths values of labels along all axes; what comes out is smaller by the kernels' reach on either side.
+/// One plane across j after another is smoothed along k, and one slice after another along i and j: each of
+/// these is in a core's cache.
+/// @param value  by label; the last one for all labels beyond
+Box<float> smoothed(const Box<LabelId>& labels, const std::vector<float>& value,
+                    const std::array<std::vector<float>, 3>& kernels) {
+  const std::array<int, 3>& from = labels.size;
+  std::array<int, 3> reach{}, to{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    reach[a] = static_cast<int>(kernels[a].size()) - 1;
+    to[a] = from[a] - 2 * reach[a];
+  }
+  const auto width = static_cast<std::size_t>(from[0]);
+  KnownRows plane({from[0], 1, from[2]}), along_k({from[0], from[1], to[2]}), slice({to[0], from[1], 1});
+  KernelSum by_k(kernels[2], width), by_i(kernels[0], 1), by_j(kernels[1], static_cast<std::size_t>(to[0]));
+  for (int j = 0; j < from[1]; ++j) {
+    for (int k = 0; k < from[2]; ++k) {
+      const LabelId* row = labels.row(j, k);
+      float* values = plane.values.row(0, k);
+      for (std::size_t i = 0; i < width; ++i)
+        values[i] = value[std::min<std::size_t>(row[i], value.size() - 1)];
+      plane.constant(0, k) = std::all_of(values, values + width, [&](float v) { return v == values[0]; });
     }
-  return to;
+    for (int k = 0; k < to[2]; ++k) {
+      const bool constant = plane.are_constant(0, k + reach[2], 0, 1, reach[2]);
+      by_k.sum(plane.values.row(0, k + reach[2]), from[0], constant, along_k.values.row(j, k));
+      along_k.constant(j, k) = constant;
+    }
+  }
+  Box<float> all(to);
+  for (int k = 0; k < to[2]; ++k) {
+    for (int j = 0; j < from[1]; ++j) {
+      const bool constant = along_k.constant(j, k);
+      by_i.sum(along_k.values.row(j, k) + reach[0], to[0], constant, slice.values.row(j, 0));
+      slice.constant(j, 0) = constant;
+    }
+    for (int j = 0; j < to[1]; ++j)
+      by_j.sum(slice.values.row(j + reach[1], 0), to[0], slice.are_constant(j + reach[1], 0, 1, 0, reach[1]),
+               all.row(j, k));
+  }
+  return all;
 }
 
 }  // namespace
@@ -227,26 +290,33 @@ void Leaps::pass(const Cubes& region, int step) {
   const auto order = [&](int n, std::size_t axis) {
     return step > 0 ? n : region[axis][0] + region[axis][1] - n;
   };
-  const int first = region[0][0], last = region[0][1], before = std::max(0, first - 1),
-            after = std::min(cubes_[0] - 1, last + 1);
+  const int first = region[0][0], count = region[0][1] - first + 1;
+  // the least of rows that were passed before, from a cube before the first to one after the last
+  std::vector<std::uint8_t> least(static_cast<std::size_t>(count) + 2);
+  const int from = std::max(0, first - 1), to = std::min(cubes_[0] - 1, first + count);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
     for (int b = region[1][0]; b <= region[1][1]; ++b) {
       const int y = order(b, 1), z = order(c, 2);
-      std::uint8_t* row = &leap_[index(0, y, z)];
-      const auto lower = [&](int a, std::uint8_t beside) {
-        row[a] = std::min(row[a], static_cast<std::uint8_t>(beside + 1));
-      };
-      // rows that were passed before
+      std::fill(least.begin(), least.end(), kFarthestLeap);
       for (int q = 0; q < 4; ++q) {
         const int yy = y + step * (q % 3 - 1), zz = z + step * (q / 3 - 1);
         if (yy < 0 || zz < 0 || yy >= cubes_[1] || zz >= cubes_[2]) continue;
-        const std::uint8_t* other = &leap_[index(0, yy, zz)];
-        for (int a = first; a <= last; ++a)
-          lower(a, std::min({other[std::max(a - 1, before)], other[a], other[std::min(a + 1, after)]}));
+        const std::uint8_t* other = &leap_[index(from, yy, zz)];
+        std::uint8_t* lowered = least.data() + (from - first + 1);
+        for (int n = 0; n <= to - from; ++n) lowered[n] = std::min(lowered[n], other[n]);
       }
-      for (int n = first; n <= last; ++n) {
-        const int a = order(n, 0), beside = a - step;
-        if (beside >= 0 && beside < cubes_[0]) lower(a, row[beside]);
+      std::uint8_t* row = &leap_[index(first, y, z)];
+      const std::uint8_t* before = least.data();
+      for (int n = 0; n < count; ++n) {
+        const std::uint8_t beside = std::min(std::min(before[n], before[n + 1]), before[n + 2]);
+        row[n] = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(beside + 1));
+      }
+      // then along the row
+      const int begin = step > 0 ? 0 : count - 1, ahead = first + begin - step;
+      std::uint8_t leap = ahead >= 0 && ahead < cubes_[0] ? row[begin - step] : kFarthestLeap;
+      for (int n = begin; n >= 0 && n < count; n += step) {
+        leap = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(leap + 1));
+        row[n] = leap;
       }
     }
 }
@@ -281,19 +351,23 @@ CubesView Leaps::view(int x, int y, int z) const {
 /// A box of voxels, and all that decides how they look.
 class Encoding::Tile {
  public:
-  /// @param changed  where voxels look otherwise than the encoding's blocks say; beyond it only normals may
-  /// differ
+  /// @param changed  where voxels look otherwise than the encoding's blocks say
+  /// @param turned   where normals may differ; around `changed`
   Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box,
-       const VoxelBox& changed)
-      : encoding_(encoding), box_(box), margin_(margins(encoding)), labels_(widened(box.size, margin_)) {
-    for (std::size_t a = 0; a < 3; ++a) {
-      changed_[a][0] = std::clamp(changed.first[a] - box.first[a], 0, box.size[a]);
-      changed_[a][1] = std::clamp(changed.first[a] + changed.size[a] - box.first[a], 0, box.size[a]);
-    }
+       const VoxelBox& changed, const VoxelBox& turned)
+      : encoding_(encoding),
+        box_(box),
+        changed_(within(box, changed)),
+        turned_(within(box, turned)),
+        margin_(margins(encoding)),
+        labels_(widened(turned_, margin_)) {
     copy_labels(labels);
     for (const StructureLook& look : encoding.looks_) parts_.push_back(part_of(look));
     parts_.resize(std::max<std::size_t>(1, parts_.size()));
     parts_[0] = {};
+    for (const Part& part : parts_) opacities_.push_back(part.opacity);
+    // of labels that have no look
+    opacities_.push_back(parts_[0].opacity);
   }
   static std::array<int, 3> margins(const Encoding& encoding) {
     std::array<int, 3> margin{};
@@ -310,7 +384,9 @@ class Encoding::Tile {
                                      [&](LabelId label) { return label == first; });
     const std::array<int, 3>& size = box_.size;
     looks_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
-    for (auto& component : normals_) component.assign(looks_.size(), 0);
+    // a block at the end is read as if it were whole
+    for (auto& rows : normals_)
+      for (auto& component : rows) component.assign(looks_.size() + kBlock, 0);
     if (uniform)
       fill_looks(look_of_one(part(first)));
     else
@@ -320,8 +396,8 @@ class Encoding::Tile {
     if (encoding_.scan_.scan != nullptr) add_scan();
     for (int along = 0; along < 2; ++along) {
       const auto a = static_cast<std::size_t>(along), across = 1 - a;
-      for (int k = 0; k < size[2]; ++k)
-        for (int c = 0; c < size[across]; ++c) {
+      for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
+        for (int c = turned_[across][0]; c < turned_[across][1]; ++c) {
           // voxels of the row whose look has changed
           const bool is_in = is_changed(across, c) && is_changed(2, k);
           const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
@@ -334,14 +410,16 @@ class Encoding::Tile {
             const bool is_whole = from == b && to == end;
             const VoxelBlock* before = is_whole ? nullptr : row[(box_.first[a] + b) / kBlock];
             if (before == nullptr && from >= to) continue;
+            const NormalWords normals =
+                normal_words(a, at, std::max(b, turned_[a][0]) - b, std::min(end, turned_[a][1]) - b);
+            if (from >= to && normals.are_of(*before)) continue;
             VoxelBlock block{};
             if (before != nullptr) block = *before;
-            const std::size_t first_voxel = along == 0 ? offset(b, c, k) : offset(c, b, k),
+            const std::size_t first_voxel = offset(at[0] - box_.first[0], at[1] - box_.first[1], k),
                               step = along == 0 ? 1 : static_cast<std::size_t>(size[0]);
             for (int n = from; n < to; ++n)
               fill_look(block, n - b, first_voxel + static_cast<std::size_t>(n - b) * step);
-            fill_normals(block, end - b, first_voxel, step);
-            if (before != nullptr && std::memcmp(before, &block, sizeof block) == 0) continue;
+            normals.put_into(block);
             put(along, at[0], at[1], at[2], block);
           }
         }
@@ -349,8 +427,19 @@ class Encoding::Tile {
   }
 
  private:
-  static std::array<int, 3> widened(std::array<int, 3> size, const std::array<int, 3>& margin) {
-    for (std::size_t a = 0; a < 3; ++a) size[a] += 2 * margin[a];
+  using Region = std::array<std::array<int, 2>, 3>;  ///< first and end, from the box's first voxel
+
+  static Region within(const VoxelBox& box, const VoxelBox& part) {
+    Region region;
+    for (std::size_t a = 0; a < 3; ++a) {
+      region[a][0] = std::clamp(part.first[a] - box.first[a], 0, box.size[a]);
+      region[a][1] = std::clamp(part.first[a] + part.size[a] - box.first[a], region[a][0], box.size[a]);
+    }
+    return region;
+  }
+  static std::array<int, 3> widened(const Region& region, const std::array<int, 3>& margin) {
+    std::array<int, 3> size{};
+    for (std::size_t a = 0; a < 3; ++a) size[a] = region[a][1] - region[a][0] + 2 * margin[a];
     return size;
   }
   Part part_of(const StructureLook& look) const {
@@ -376,15 +465,21 @@ class Encoding::Tile {
 
   void copy_labels(const palpate::Bricks<LabelId>& labels) {
     const std::array<int, 3>& dims = encoding_.grid_.dims;
-    const int from = std::max(0, box_.first[0] - margin_[0]),
-              to = std::min(dims[0], box_.first[0] + box_.size[0] + margin_[0]);
+    std::array<int, 3> first{};
+    for (std::size_t a = 0; a < 3; ++a) first[a] = box_.first[a] + turned_[a][0] - margin_[a];
+    const int from = std::max(0, first[0]), to = std::min(dims[0], first[0] + labels_.size[0]);
     for (int k = 0; k < labels_.size[2]; ++k)
       for (int j = 0; j < labels_.size[1]; ++j) {
-        const int jj = box_.first[1] - margin_[1] + j, kk = box_.first[2] - margin_[2] + k;
+        const int jj = first[1] + j, kk = first[2] + k;
         if (jj < 0 || kk < 0 || jj >= dims[1] || kk >= dims[2]) continue;
-        labels.copy_row(from, jj, kk, to - from, labels_.row(j, k) + (from - box_.first[0] + margin_[0]));
+        labels.copy_row(from, jj, kk, to - from, labels_.row(j, k) + (from - first[0]));
       }
   }
+  /// @return the labels of a row, from `first_label()` on
+  const LabelId* label_row(int j, int k) const {
+    return labels_.row(j - turned_[1][0] + margin_[1], k - turned_[2][0] + margin_[2]);
+  }
+  int first_label() const { return turned_[0][0] - margin_[0]; }
 
   static VoxelLook look_of_one(const Part& part) {
     const Rgb& c = part.colour;
@@ -406,8 +501,8 @@ class Encoding::Tile {
 
   /// What find_normals() has to know of voxels whose look stays: whether anything is there.
   void take_unchanged() {
-    for (int k = 0; k < box_.size[2]; ++k)
-      for (int j = 0; j < box_.size[1]; ++j) {
+    for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
+      for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
         const bool is_in = is_changed(1, j) && is_changed(2, k);
         const BlockRows::Row row = encoding_.rows_[0].row(box_.first[1] + j, box_.first[2] + k);
         for (int b = 0; b < box_.size[0]; b += kBlock) {
@@ -427,18 +522,18 @@ class Encoding::Tile {
       for (int j = changed_[1][0]; j < changed_[1][1]; ++j) {
         // the label that fills all nine voxels across a place of the row
         const LabelId* rows[9];
-        for (int r = 0; r < 9; ++r)
-          rows[r] = labels_.row(j + margin_[1] + r % 3 - 1, k + margin_[2] + r / 3 - 1) + margin_[0];
+        for (int r = 0; r < 9; ++r) rows[r] = label_row(j + r % 3 - 1, k + r / 3 - 1);
+        const int first = first_label();
         for (int i = along[0] - 1; i <= along[1]; ++i) {
-          std::uint32_t label = rows[0][i];
-          for (int r = 1; r < 9; ++r) label = rows[r][i] == label ? label : kSeveral;
+          std::uint32_t label = rows[0][i - first];
+          for (int r = 1; r < 9; ++r) label = rows[r][i - first] == label ? label : kSeveral;
           column[static_cast<std::size_t>(i + 1)] = label;
         }
         VoxelLook* look = looks_.data() + offset(0, j, k);
         for (int i = along[0]; i < along[1]; ++i) {
           const std::uint32_t* c = column.data() + i;
           const bool one = c[0] == c[1] && c[1] == c[2] && c[1] != kSeveral;
-          look[i] = one ? look_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i);
+          look[i] = one ? look_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i - first);
         }
       }
   }
@@ -509,32 +604,35 @@ class Encoding::Tile {
   }
 
   void find_normals() {
-    const std::array<int, 3>& size = box_.size;
-    Box<float> opacity(labels_.size);
-    for (std::size_t n = 0; n < labels_.values.size(); ++n)
-      opacity.values[n] = part(labels_.values[n]).opacity;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const int reach = static_cast<int>(encoding_.kernels_[a].size()) - 1;
-      // one voxel more than the tile has, on either side
-      opacity = smoothed(opacity, static_cast<int>(a), encoding_.kernels_[a], margin_[a] - reach - 1);
-    }
+    // one voxel more than is asked for, on either side
+    const Box<float> opacity = smoothed(labels_, opacities_, encoding_.kernels_);
+    const Eigen::Matrix3d to_patient = encoding_.to_patient_ / 2;
     const double least = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
-    for (int k = 0; k < size[2]; ++k)
-      for (int j = 0; j < size[1]; ++j) {
-        const float *here = opacity.row(j + 1, k + 1) + 1, *back = opacity.row(j, k + 1) + 1,
-                    *front = opacity.row(j + 2, k + 1) + 1, *below = opacity.row(j + 1, k) + 1,
-                    *above = opacity.row(j + 1, k + 2) + 1;
+    for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
+      for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
+        const auto smoothed_row = [&](int jj, int kk) {
+          return opacity.row(jj - turned_[1][0] + 1, kk - turned_[2][0] + 1);
+        };
+        const float *here = smoothed_row(j, k), *back = smoothed_row(j - 1, k),
+                    *front = smoothed_row(j + 1, k), *below = smoothed_row(j, k - 1),
+                    *above = smoothed_row(j, k + 1);
         const std::size_t row = offset(0, j, k);
-        for (int i = 0; i < size[0]; ++i) {
+        for (int i = turned_[0][0]; i < turned_[0][1]; ++i) {
           const std::size_t n = row + static_cast<std::size_t>(i);
-          const double facing = sidedness(here[i]);
+          const int at = i - turned_[0][0] + 1;
+          const double facing = sidedness(here[at]);
           if (facing == 0 || looks_[n].extinction == 0) continue;
           const Eigen::Vector3d gradient =
-              encoding_.to_patient_ *
-              Eigen::Vector3d(here[i + 1] - here[i - 1], front[i] - back[i], above[i] - below[i]) / 2;
+              to_patient *
+              Eigen::Vector3d(here[at + 1] - here[at - 1], front[at] - back[at], above[at] - below[at]);
+          const std::size_t turned = normal_place(1, i, j, k);
           const Eigen::Vector3d normal =
               gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
-          for (std::size_t a = 0; a < 3; ++a) normals_[a][n] = rounded(normal[static_cast<Eigen::Index>(a)]);
+          for (std::size_t a = 0; a < 3; ++a) {
+            const std::int8_t component = rounded(normal[static_cast<Eigen::Index>(a)]);
+            normals_[0][a][n] = component;
+            normals_[1][a][turned] = component;
+          }
         }
       }
   }
@@ -550,26 +648,61 @@ class Encoding::Tile {
       block.colour[a][place] =
           look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
   }
-  /// None where nothing is seen.
-  void fill_normals(VoxelBlock& block, int count, std::size_t first_voxel, std::size_t step) const {
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::int8_t* from = normals_[a].data() + first_voxel;
-      if (step == 1) {
-        std::memcpy(block.normal[a], from, static_cast<std::size_t>(count));
-        continue;
-      }
-      for (int n = 0; n < count; ++n) block.normal[a][n] = from[static_cast<std::size_t>(n) * step];
+  /// A block's normals, where these may differ: a component is eight bytes.
+  struct NormalWords {
+    std::uint64_t differing;  ///< bytes
+    std::array<std::uint64_t, 3> made;
+
+    static std::uint64_t word(const std::int8_t* bytes) {
+      std::uint64_t word;
+      static_assert(sizeof word == kBlock);
+      std::memcpy(&word, bytes, sizeof word);
+      return word;
     }
+    bool are_of(const VoxelBlock& block) const {
+      std::uint64_t others = 0;
+      for (std::size_t a = 0; a < 3; ++a) others |= word(block.normal[a]) ^ made[a];
+      return (others & differing) == 0;
+    }
+    void put_into(VoxelBlock& block) const {
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::uint64_t mixed = (word(block.normal[a]) & ~differing) | (made[a] & differing);
+        std::memcpy(block.normal[a], &mixed, sizeof mixed);
+      }
+    }
+  };
+  /// @param along       the block's axis
+  /// @param at          its first voxel
+  /// @param first, end  its voxels whose normals may differ
+  NormalWords normal_words(std::size_t along, const std::array<int, 3>& at, int first, int end) const {
+    std::array<std::uint8_t, kBlock> differing{};
+    for (int n = first; n < end; ++n) differing[static_cast<std::size_t>(n)] = 0xff;
+    NormalWords words{};
+    std::memcpy(&words.differing, differing.data(), sizeof words.differing);
+    const std::size_t place =
+        normal_place(along, at[0] - box_.first[0], at[1] - box_.first[1], at[2] - box_.first[2]);
+    for (std::size_t a = 0; a < 3; ++a) words.made[a] = NormalWords::word(normals_[along][a].data() + place);
+    return words;
+  }
+  /// @param along  0: i fastest, 1: j fastest
+  std::size_t normal_place(std::size_t along, int i, int j, int k) const {
+    const int fast = along == 0 ? i : j, slow = along == 0 ? j : i;
+    return static_cast<std::size_t>(fast) +
+           static_cast<std::size_t>(box_.size[along]) *
+               (static_cast<std::size_t>(slow) +
+                static_cast<std::size_t>(box_.size[1 - along]) * static_cast<std::size_t>(k));
   }
 
   const Encoding& encoding_;
   VoxelBox box_;
-  std::array<std::array<int, 2>, 3> changed_;  ///< first and end, from the box's first voxel
+  Region changed_, turned_;
   std::array<int, 3> margin_;
   Box<LabelId> labels_;
-  std::vector<Part> parts_;  ///< by label
+  std::vector<Part> parts_;       ///< by label
+  std::vector<float> opacities_;  ///< by label, and of those beyond
   std::vector<VoxelLook> looks_;
-  std::array<std::vector<std::int8_t>, 3> normals_;  ///< by component
+  /// Of voxels in the order of both kinds of rows, by component; none where nothing is seen.
+  std::array<std::array<std::vector<std::int8_t>, 3>, 2> normals_;
 };
 
 // ---- the whole --------------------------------------------------------------------------------------------
@@ -598,12 +731,16 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
   // a voxel looks as the 27 around it say; that nothing of labels is where only the scan is seen is not kept
-  VoxelBox changed;
+  VoxelBox changed, turned;
   const bool is_all = is_new_ || scan_.scan != nullptr;
   for (std::size_t a = 0; a < 3; ++a) {
-    changed.first[a] = is_all ? from[a] : std::max(0, box.first[a] - 1);
-    changed.size[a] =
-        (is_all ? to[a] : std::min(grid_.dims[a], box.first[a] + box.size[a] + 1)) - changed.first[a];
+    const auto widen = [&](VoxelBox& wide, int by) {
+      wide.first[a] = is_all ? from[a] : std::max(0, box.first[a] - by);
+      const int end = is_all ? to[a] : std::min(grid_.dims[a], box.first[a] + box.size[a] + by);
+      wide.size[a] = end - wide.first[a];
+    };
+    widen(changed, 1);
+    widen(turned, margin[a]);
   }
   // what is too small to be a tile for each worker is cut in thinner ones
   int thickness = kTileSide;
@@ -635,7 +772,8 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.size[a] = std::min(side, to[a] - part.first[a]);
     }
     std::vector<Made> made;
-    Tile(*this, labels, part, changed)
+    made.reserve(kUsualBlocks);
+    Tile(*this, labels, part, changed, turned)
         .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
           // at first all are empty
           const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
@@ -655,8 +793,17 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     return true;
   });
   if (!whole) return Progress::interrupted();
-  for (const std::vector<Made>& made : later) put_all(made);
-  leaps_.find(rows_[0], changed);
+  const auto put_later = [&](int rows) {
+    for (const std::vector<Made>& made : later)
+      for (const Made& m : made)
+        if (m.rows == rows) rows_[static_cast<std::size_t>(rows)].put(m.i, m.j, m.k, m.block);
+  };
+  for_each_index(2, std::min(workers, 2), [&](int, int rows) {
+    put_later(rows);
+    // leaps look at rows along i
+    if (rows == 0) leaps_.find(rows_[0], changed);
+    return true;
+  });
   is_new_ = false;
   return {};
 }
