@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """tools/check_docs must see what is wrong with a page, and nothing else."""
 
+import importlib.machinery
+import importlib.util
 import pathlib
 import subprocess
 import sys
@@ -9,7 +11,15 @@ import textwrap
 import unittest
 
 TOOL = pathlib.Path(__file__).resolve().parents[2] / "tools" / "check_docs"
+sys.dont_write_bytecode = True
 WORDS = "one two three four five six seven eight nine ten "
+
+
+def load_tool():
+    loader = importlib.machinery.SourceFileLoader("check_docs", str(TOOL))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
+    loader.exec_module(module)
+    return module
 
 
 def run(files, *options):
@@ -60,7 +70,7 @@ class Links(unittest.TestCase):
                 self.assertEqual([fault.partition(": links: ")[2] for fault in found], [what])
 
     def test_all_pages_are_asked(self):
-        for name in ("README.md", "CHANGELOG.md", "docs/decisions/0001-x.md", "docs/deep/er/page.md", "web/README.md"):
+        for name in ("README.md", "CHANGELOG.md", "docs/decisions/x.md", "docs/deep/er/page.md", "web/README.md"):
             with self.subTest(name):
                 self.assertEqual(run({name: "text\n\n[a](gone)\n"}), (1, [f"{name}:3: links: there is no gone"]))
         self.assertEqual(run({})[0], 1)
@@ -109,22 +119,66 @@ class Prose(unittest.TestCase):
         others = {"docs__help__glossary_md": glossary}
         self.assertEqual(faults("A God\nobject here.\n", **others), ["1: glossary: 'god object': proxy"])
         self.assertEqual(faults("A ghostly `ghost` and a ghost-writer.\n", **others), [])
+        # that of this tree is read
+        self.assertIn("no-go region", [instead for _, _, instead in load_tool().Manual(TOOL.parent.parent).not_used])
         # its own table may name what is not used, its text may not
         self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
         self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)
 
     def test_who_is_asked(self):
-        old = {name: "It is no longer so.\n" for name in ("CHANGELOG.md", "docs/decisions/0001-x.md", "bench/README.md")}
+        old = {name: "It is no longer so.\n" for name in ("CHANGELOG.md", "docs/decisions/x.md", "bench/README.md")}
         self.assertEqual(run(old)[0], 0)
         for name in ("README.md", "docs/page.md", "docs/deep/er/page.md"):
             self.assertEqual(run({name: "It is no longer so.\n"})[0], 1)
             self.assertEqual(run({name: "It is no longer so.\n"}, "--links")[0], 0)
+
+    def test_fix_breaks_wide_lines_alone(self):
+        text = ("# Page\n\n" + "word " * 15 + "`a span of code that stays whole` " + "- no item of a list, [a link](" + "x" * 50 + ") "
+                + "word " * 15 + "\n\n- an item " + "word " * 30 + "\n\nshort\nlines stay\n\n| " + "cell " * 30 + "|\n\n    "
+                + "code " * 30 + "\n")
+        with tempfile.TemporaryDirectory() as folder:
+            page = pathlib.Path(folder) / "README.md"
+            page.write_text(text, encoding="utf-8")
+            subprocess.run([sys.executable, TOOL, "--fix", folder], check=True)
+            fixed = page.read_text(encoding="utf-8")
+        self.assertEqual(fixed.split(), text.split())
+        self.assertEqual(fixed.splitlines()[-6:], text.splitlines()[-6:])
+        self.assertIn("`a span of code that stays whole`", fixed)
+        self.assertNotIn("\n- no item", fixed)
+        self.assertIn("\n  word", fixed)
+        self.assertNotIn("width", self.kinds(fixed.replace("x" * 50, "page.md")))
 
     def test_report(self):
         code, lines = run({"docs/page.md": "It is no longer so. It is now so.\n[a](gone)\n", "README.md": "Fine.\n"}, "--report")
         self.assertEqual(code, 0)
         self.assertEqual([line.split() for line in lines[1:]], [["0", "0", "0", "0", "0", "README.md"],
                                                                 ["1", "0", "0", "2", "0", "docs/page.md"]])
+
+
+class Decisions(unittest.TestCase):
+    FIRST = {"docs/decisions/0001-first.md": "# 1. First\n\nText.\n",
+             "docs/decisions/0002-second.md": "# 2. Second\n\n*Amends [1](0001-first.md).*\n"}
+    HEAD = "# Decisions\n\n| number | decision | status | amended by |\n|---|---|---|---|\n"
+    ROWS = ["| 1 | [First](0001-first.md) | accepted | [2](0002-second.md) |\n", "| 2 | [Second](0002-second.md) | accepted | |\n"]
+
+    def faults(self, *rows, **pages):
+        files = {**self.FIRST, **{f"docs/decisions/{name[1:].replace('_', '-')}.md": text for name, text in pages.items()},
+                 "docs/decisions/README.md": self.HEAD + "".join(rows)}
+        return [line.partition("decisions: ")[2] for line in run(files, "--links")[1] if "decisions: " in line]
+
+    def test_a_whole_index(self):
+        self.assertEqual(self.faults(*self.ROWS), [])
+
+    def test_what_lacks(self):
+        one, two = self.ROWS
+        self.assertEqual(self.faults(one), ["decision 2 has no row"])
+        self.assertEqual(self.faults(one, two, two.replace("2 |", "3 |", 1)), ["there is no decision 3"])
+        self.assertEqual(self.faults(one.replace("[First]", "[Worst]"), two), ["title of decision 1 is [First](0001-first.md)"])
+        self.assertEqual(self.faults(one.replace("[2](0002-second.md)", ""), two), ["amended by of decision 1 is [2](0002-second.md)"])
+        self.assertEqual(self.faults(one.replace("accepted", "perhaps"), two), ["status of decision 1 is one of accepted, superseded"])
+        self.assertCountEqual(self.faults(one, two, _0004_fourth="# 4. Fourth\n"), ["there is no decision 3", "decision 4 has no row"])
+        self.assertEqual(self.faults(one, two.replace("Second", "second"), _0002_second="# 3. Second\n")[0], "is not headed '2. …'")
+        self.assertEqual(run(self.FIRST, "--links")[1], ["docs/decisions/README.md:1: decisions: there is no index"])
 
 
 if __name__ == "__main__":
