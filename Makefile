@@ -1,4 +1,4 @@
-# palpate: `make demo` shows it, `make test` proves it. See docs/development.md.
+# palpate: `make demo` shows it, `make test` proves it. See docs/contributing/development.md.
 SHELL := /bin/bash
 export FUZZ_SECONDS ?= 20
 # of `make test`: some of checks release asan builds fuzz

@@ -369,7 +369,7 @@ void add_cohort(CLI::App& app, Run& run) {
       "again\n"
       "goes on where it was ended: a case that is done is not done anew unless its files, its row or the "
       "program\n"
-      "have changed. docs/cohort.md.");
+      "have changed. docs/guide/cohort.md.");
   verb->callback([&app, options, &run] {
     // they are options of the program that the cases' processes get as well
     for (const char* name : {"--memory", "--mesh-space", "--mesh-unit"})

@@ -81,7 +81,7 @@ void add_devices(CLI::App& app, Run& run) {
       "Example:\n"
       "  palpate devices\n\n"
       "Nothing is moved and nothing pushes. What a device lacks on this machine, and what to do about it,\n"
-      "is told by palpate doctor; what each device needs, by docs/devices.md.");
+      "is told by palpate doctor; what each device needs, by docs/reference/devices.md.");
   verb->callback([json, about, &run] {
     run = [json, about](Console& console) {
       const auto known = known_devices(*about);

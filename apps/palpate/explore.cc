@@ -167,7 +167,7 @@ void note_scheduling(const ExploreStatus& status, bool asked, Console& console) 
   console.note("watchdog: " + scheduling.watchdog);
   console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
   if (asked && !(scheduling.realtime && scheduling.memory_locked))
-    console.note("  ticks may come late; docs/explore.md says how to grant what was refused");
+    console.note("  ticks may come late; docs/guide/explore.md says how to grant what was refused");
 }
 
 // the most serious reason why the force is not what the tissue gives
@@ -553,22 +553,23 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore knee-phantom --device pointer\n"
       "  palpate explore knee-phantom --device pointer --task hold-steady --learner L042\n"
       "  palpate explore scene.toml --device simulated --device pointer\n\n"
-      "A page shows it in any browser, at the address that is told when the loop runs (docs/viewer.md).\n"
+      "A page shows it in any browser, at the address that is told when the loop runs\n"
+      "(docs/guide/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"
       "second (median/99th percentile/largest), the force and its limit, and the structure touched.\n"
       "Keys: space is the emergency stop and never anything else; r brings the force back, where the tip\n"
       "touches nothing (a pointer's: Rearm in the page); p pauses and goes on; m feels by the next force\n"
-      "method (docs/methods.md). Of a burr b switches the motor, u puts back what was cut last and d does\n"
-      "it again (docs/burr.md). t begins a run of a task and ends it (docs/training.md); by a simulated hand "
-      "it\n"
-      "begins with the session. While a device that pushes is stopped, six digits are shown by which it can\n"
+      "method (docs/concepts/methods.md). Of a burr b switches the motor, u puts back what was cut last and\n"
+      "d does it again (docs/guide/burr.md). t begins a run of a task and ends it\n"
+      "(docs/tutorials/training.md); by a simulated hand it begins with the session. While a device that "
+      "pushes is stopped, six digits are shown by which it can\n"
       "be armed from the page, once. While a device may push, a viewer's wish to change something is shown\n"
       "instead of the line: y agrees, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
       "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
       "program at once. Ctrl-Z does nothing: a device would hold its last force meanwhile.\n"
       "A disk that fills ends the recording, not the session; the exit code is then 4.\n"
-      "docs/explore.md: real-time privileges, and how to read the figures.\n\n" +
+      "docs/guide/explore.md: real-time privileges, and how to read the figures.\n\n" +
       held_defined() + " The exit code is\nthen 3, unless the user ended the session.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return explore_target(*options, console); }; });

@@ -215,7 +215,8 @@ void add_export(CLI::App& app, Run& run) {
       "  palpate export labels.nii.gz STUDY -o labels.dcm\n\n"
       "A voxel of a felt structure is gone where its centre was swept. Prints how much of each structure "
       "that\n"
-      "is, to 1/64 of a voxel. docs/burr.md says what a burr does, docs/export.md what is written.");
+      "is, to 1/64 of a voxel. docs/guide/burr.md says what a burr does, docs/guide/export.md what is "
+      "written.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_export(*options, console); }; });
 }

@@ -111,7 +111,7 @@ void add_forces(CLI::App& app, Run& run) {
       "Examples:\n"
       "  palpate forces knee-phantom -o forces.svg\n"
       "  palpate forces knee-phantom --method gaussian-sphere --plane sagittal --at 20,-2,0 -o gap.svg\n\n"
-      "docs/methods.md shows one picture a method.");
+      "docs/concepts/methods.md shows one picture a method.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return draw_forces(*options, console); }; });
 }

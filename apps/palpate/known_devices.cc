@@ -66,7 +66,7 @@ constexpr double kMostHeld_kg = 1;
 void add_device_options(CLI::App& verb, DeviceOptions& options) {
   verb.add_option("--library", options.libraries,
                   "NAME=FILE: the file of a device's maker's library; default: looked for in the system's "
-                  "folders (docs/devices.md)")
+                  "folders (docs/reference/devices.md)")
       ->allow_extra_args(false);
   verb.add_option("--held-mass", options.held_masses,
                   "NAME=KG: what is held at a device's end where that is not the maker's own, carried by the "

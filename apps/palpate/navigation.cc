@@ -357,7 +357,7 @@ void add_register(CLI::App& app, Run& run) {
       "  palpate register scan.mrk.json tracked.csv --target 12,-40,8\n"
       "  palpate register scan.fcsv tracked.csv --surface scene.toml --structure femur --touched traced.csv "
       "-o registration.json\n\n"
-      "docs/navigation.md says what the figures mean. Not for clinical use.");
+      "docs/guide/navigation.md says what the figures mean. Not for clinical use.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return register_verb(*options, console); }; });
 }

@@ -24,11 +24,12 @@ constexpr const char* kPrepareExamples =
     "  palpate prepare knee.seg.nrrd -o field.nrrd --sigma 1.5\n"
     "  palpate prepare ct.nii.gz --threshold 150 400 -o bone.nrrd --bits 8\n"
     "  palpate prepare labels.nrrd -o field.nrrd --engine fourier --compare\n"
-    "  palpate prepare scene.toml -o field.nrrd             the field that the scene is felt by\n"
+    "  palpate prepare scene.toml -o field.nrrd             the field of the scene's direct methods\n"
     "\n"
     "A label map is smoothed with every label at full weight. A scene file or a data set brings its own\n"
     "tissues, sigma, engine and bits. The field is written in the file's own geometry: 0 is free space,\n"
-    "255 or 65535 the inside of the stiffest tissue.";
+    "255 or 65535 the inside of the stiffest tissue. The proxy, the default method, reads no field, but\n"
+    "surfaces of the labels themselves.";
 
 struct PrepareOptions {
   std::string what, output;
@@ -212,7 +213,7 @@ int run_prepare(const PrepareOptions& options, Console& console) {
 void add_prepare(CLI::App& app, Run& run) {
   auto options = std::make_shared<PrepareOptions>();
   CLI::App* verb =
-      app.add_subcommand("prepare", "Turn labels or a scan into the field that forces come from");
+      app.add_subcommand("prepare", "Turn labels or a scan into the field that the direct methods read");
   verb->footer(kPrepareExamples);
   verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
   add_volume_option(*verb, options->volume);

@@ -309,7 +309,7 @@ void add_render(CLI::App& app, Run& run) {
       "  palpate render scene.toml --scan 0.6 --window=-100,400 -o with-scan.png\n"
       "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n"
       "  palpate render run.h5 --time 3.2 -o moment.png\n\n"
-      "Colours and opacities are the scene's (docs/render.md).");
+      "Colours and opacities are the scene's (docs/guide/render.md).");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return render(*options, console); }; });
 }

@@ -122,7 +122,7 @@ void add_replay(CLI::App& app, Run& run) {
       "  palpate replay run.h5 --view\n"
       "  palpate replay run.h5 --view --task hold-steady\n\n"
       "Exit code 0: every tick's state hash is the recorded one. 3: the first tick that differs is named.\n"
-      "docs/viewer.md: what the page shows of a recording.");
+      "docs/guide/viewer.md: what the page shows of a recording.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return replay_recording(*options, console); }; });
 }

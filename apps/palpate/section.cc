@@ -153,7 +153,7 @@ void add_section(CLI::App& app, Run& run) {
       "  palpate section STUDY -o three.dcm                   for a PACS\n"
       "  palpate section knee-phantom --plane coronal --at 20,0,0 --size 100 --outline -o coronal.png\n"
       "  palpate section scene.toml --at=-12,40,8 --direction=0.3,1,-0.2 --window=-160,240 -o oblique.png\n\n"
-      "Pictures hang radiologically: the patient's left on the right (docs/section.md).");
+      "Pictures hang radiologically: the patient's left on the right (docs/guide/section.md).");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return draw_section(*options, console); }; });
 }

@@ -144,7 +144,8 @@ void add_simulate(CLI::App& app, Run& run) {
       "  palpate simulate knee-phantom --method smooth-sphere -o smooth.h5\n\n"
       "The simulated hand and device run on a virtual clock: the same scene, script and seed give the same "
       "run\n"
-      "bit for bit. docs/script.md documents scripts, docs/recording.md what a recording holds.\n\n" +
+      "bit for bit. docs/guide/script.md documents scripts, docs/reference/recording.md what a recording "
+      "holds.\n\n" +
       held_defined() + " The exit code is then 3.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return simulate_target(*options, console); }; });

@@ -1,4 +1,4 @@
-"""Takes docs/cohort.md's picture of a cohort's page in headless Chromium: sorted by the thinnest place of a structure, two
+"""Takes docs/guide/cohort.md's picture of a cohort's page in headless Chromium: sorted by the thinnest place of a structure, two
 cases compared.
 
 usage: cohort.py INDEX.html PICTURE.png

@@ -1,4 +1,4 @@
-"""Takes docs/report.md's picture of a report whose tissue yields, in headless Chromium: the scan in the first contact's
+"""Takes docs/guide/report.md's picture of a report whose tissue yields, in headless Chromium: the scan in the first contact's
 sections, below it the same with its strain.
 
 usage: report-strain.py REPORT.html PICTURE.png

@@ -1,4 +1,4 @@
-"""Takes docs/viewer.md's and docs/training.md's pictures of a running viewer page in headless Chromium.
+"""Takes docs/guide/viewer.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
 
 usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does or in a scene with a no-go region, or of palpate replay --view
 """

@@ -11,7 +11,7 @@
 namespace palpate::test {
 
 /// Kills a child process wherever it is but in the middle of a write: there Linux would stop at the border
-/// between two pages (docs/recording.md, limits). Returns when it is gone.
+/// between two pages (docs/reference/recording.md, limits). Returns when it is gone.
 inline void kill_between_writes(pid_t child) {
   // to stand still it first comes to the end of its system call
   int status = 0;

@@ -20,7 +20,7 @@ using testing::ProxyRun;
 
 constexpr double kModulus = 0.0125;  // 10 kPa, nu 0.45
 
-// the depth that a force makes, as docs/tissue.md writes it, and dd/dF
+// the depth that a force makes, as docs/concepts/tissue.md writes it, and dd/dF
 double depth_mm(const YieldingTissue& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
   const double first_N = tissue.finite_N;

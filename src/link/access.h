@@ -12,7 +12,7 @@
 #include "link/scene_json.h"
 #include "palpate/base/result.h"
 
-/// Who may see and who may change (docs/viewer-protocol.md, "Who may").
+/// Who may see and who may change (docs/reference/viewer-protocol.md, "Who may").
 namespace palpate::link {
 
 /// The tokens of a file. Kept as digests: they are compared in the same time whatever was shown.

@@ -95,7 +95,8 @@ class Fields {
   }
   void refuse(std::string_view key, std::string what) {
     if (!refusal_)
-      refusal_ = Error{ErrorKind::kUsage, std::move(what), std::string(key), "see docs/viewer-protocol.md"};
+      refusal_ = Error{ErrorKind::kUsage, std::move(what), std::string(key),
+                       "see docs/reference/viewer-protocol.md"};
   }
   const std::optional<Error>& refusal() const { return refusal_; }
 

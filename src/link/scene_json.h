@@ -8,7 +8,7 @@
 #include "palpate/base/result.h"
 #include "palpate/link/viewer_server.h"
 
-/// The texts that the server sends (docs/viewer-protocol.md).
+/// The texts that the server sends (docs/reference/viewer-protocol.md).
 namespace palpate::link {
 
 /// What a viewer may do.

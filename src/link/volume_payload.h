@@ -7,7 +7,8 @@
 
 #include "palpate/volume/bricks.h"
 
-/// Voxels as viewers get them: docs/viewer-protocol.md, "HTTP". Little-endian, i fastest, then j, then k.
+/// Voxels as viewers get them: docs/reference/viewer-protocol.md, "HTTP". Little-endian, i fastest, then j,
+/// then k.
 namespace palpate::link {
 
 /// How a scan's values become whole numbers of 16 bits: value = offset + scale * voxel. Exact where the scan

@@ -26,7 +26,8 @@ struct PictureKey {
   std::optional<ClipPlane> clip;  ///< what lies on that side of it is taken away
   bool gzip = false;
 };
-/// From a query as docs/viewer-protocol.md has it, `view=...&looks=...&cut=...`; nothing where it is none.
+/// From a query as docs/reference/viewer-protocol.md has it, `view=...&looks=...&cut=...`; nothing where it
+/// is none.
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures);
 
 /// Pictures of a session's volume, made one after another by a thread of the lowest priority, whose helpers

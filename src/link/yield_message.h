@@ -11,8 +11,9 @@
 
 namespace palpate::link {
 
-/// How tissue has yielded around a device's tool as viewers get it, in the layout of docs/viewer-protocol.md:
-/// of the grid's nodes the smallest box around those that moved, in whole steps.
+/// How tissue has yielded around a device's tool as viewers get it, in the layout of
+/// docs/reference/viewer-protocol.md: of the grid's nodes the smallest box around those that moved, in whole
+/// steps.
 class YieldMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96;

@@ -10,10 +10,10 @@
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/preparation/preparation.h"
 
-/// What takes seconds to prepare, taken from the cache where it was prepared before (docs/cache.md). Each is
-/// the function of palpate/preparation/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h with the
-/// same parameters, bit for bit, and has its errors. Results are found by everything that the function reads,
-/// names never: it reads none.
+/// What takes seconds to prepare, taken from the cache where it was prepared before (docs/guide/cache.md).
+/// Each is the function of palpate/preparation/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h
+/// with the same parameters, bit for bit, and has its errors. Results are found by everything that the
+/// function reads, names never: it reads none.
 namespace palpate {
 
 /// Raised by whoever changes what any of these functions gives for the same parameters: what was prepared

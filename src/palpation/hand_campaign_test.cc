@@ -1,6 +1,6 @@
 // Generated patients, each with something odd, palpated by the script that suits each: every step holds or
 // fails by name, and the tip is never deeper than its force explains. PALPATE_TEST_PATIENTS=all takes all of
-// them and prints the table of docs/script.md; otherwise two coarse ones stand for them.
+// them and prints the table of docs/guide/script.md; otherwise two coarse ones stand for them.
 #include <gtest/gtest.h>
 
 #include <algorithm>

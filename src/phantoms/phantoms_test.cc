@@ -52,11 +52,11 @@ std::size_t differing(const Phantom& a, const Phantom& b) {
 }
 
 TEST(Phantoms, TheDocumentationListsEveryKey) {
-  std::ifstream file(PALPATE_SOURCE_DIR "/docs/phantom.md");
+  std::ifstream file(PALPATE_SOURCE_DIR "/docs/reference/phantom.md");
   std::stringstream text;
   text << file.rdbuf();
   EXPECT_NE(text.str().find(phantom_keys()), std::string::npos)
-      << "docs/phantom.md holds what `palpate data keys` prints";
+      << "docs/reference/phantom.md holds what `palpate data keys` prints";
 }
 
 // ---- the knee -----------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ TEST(Phantoms, KneesOfAllSeedsAreKnees) {
     const auto mL = [&](const char* structure) { return found.at(structure).volume_mm3 / 1000; };
     const double cartilage = mL("femoral_cartilage") + mL("medial_tibial_cartilage") +
                              mL("lateral_tibial_cartilage") + mL("patellar_cartilage");
-    // of 27 healthy men (docs/phantom.md), and what a small or a thin-layered knee has less
+    // of 27 healthy men (docs/reference/phantom.md), and what a small or a thin-layered knee has less
     EXPECT_GE(cartilage, 13);
     EXPECT_LE(cartilage, 31.4);
     least_mL = std::min(least_mL, mL("femur"));

@@ -1,4 +1,4 @@
-"""Opens recordings with h5py and holds them against docs/recording.md.
+"""Opens recordings with h5py and holds them against docs/reference/recording.md.
 
 usage: open_in_h5py_test.py RECORDING_EXAMPLE RECORDING_MD
 """

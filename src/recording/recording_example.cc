@@ -2,7 +2,7 @@
 // recording_example killed FILE     the same, killed before its end
 // recording_example same A B        exit code 0 when both hold the same header and ticks
 //
-// For open_in_h5py_test.py, and to have a file to try the examples of docs/recording.md on.
+// For open_in_h5py_test.py, and to have a file to try the examples of docs/reference/recording.md on.
 #include <unistd.h>
 
 #include <csignal>

@@ -15,7 +15,7 @@ namespace {
 // "PaRc" in the file's header, by which its kind is known
 constexpr std::int64_t kApplication = 0x50615263, kFormat = 1;
 
-// docs/records.md shows it
+// docs/guide/records.md shows it
 constexpr const char* kSchema = R"(
 CREATE TABLE learners(id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE);
 CREATE TABLE runs(id INTEGER PRIMARY KEY, learner INTEGER NOT NULL REFERENCES learners(id), task TEXT NOT NULL,

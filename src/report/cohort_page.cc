@@ -108,7 +108,7 @@ std::string cohort_html(const CohortPage& page) {
       "</tbody></table></div>\n<p class=\"hint\">palpate " + escape(page.program) +
       ". Parts are counted by voxels that share a face; gaps are places where a point may slip through; the "
       "thinnest place is that of a structure's middle, where it does not end "
-      "(docs/cohort.md).</p></section>\n"
+      "(docs/guide/cohort.md).</p></section>\n"
       "</main>\n";
   html.append("<script>").append(page_asset("cohort.js").text);
   return html + "</script>\n</body>\n</html>\n";

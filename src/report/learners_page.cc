@@ -258,7 +258,7 @@ std::string learners_html(const LearnersPage& page) {
   if (page.tasks.empty()) html += "<p class=\"empty\">There is no such run.</p>\n";
   for (std::size_t n = 0; n < page.tasks.size(); ++n) html += learned_task_html(page.tasks[n], n);
   return html + "<p class=\"hint\">palpate " + escape(page.program) +
-         ". A band is worth what its basis is: see palpate task show, and docs/tasks.md. Learners are "
+         ". A band is worth what its basis is: see palpate task show, and docs/guide/tasks.md. Learners are "
          "pseudonyms.</p>\n</main>\n</body>\n</html>\n";
 }
 

@@ -32,30 +32,30 @@ void check_section(const std::string& file, const std::string& name, const std::
 }
 
 TEST(Docs, SceneListsEveryKey) {
-  check_section("scene.md", "keys", scene_keys());
+  check_section("guide/scene.md", "keys", scene_keys());
 }
 TEST(Docs, SceneListsEveryPreset) {
-  check_section("scene.md", "presets", tissue_preset_table());
+  check_section("guide/scene.md", "presets", tissue_preset_table());
 }
 TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
-  check_section("scene.md", "elastic", elastic_preset_table());
+  check_section("guide/scene.md", "elastic", elastic_preset_table());
 }
 TEST(Docs, SceneListsHowPresetsRelax) {
-  check_section("scene.md", "relaxation", relaxation_preset_table());
+  check_section("guide/scene.md", "relaxation", relaxation_preset_table());
 }
 TEST(Docs, ScriptListsEveryKey) {
-  check_section("script.md", "keys", script_keys());
+  check_section("guide/script.md", "keys", script_keys());
 }
 
 TEST(Docs, TasksListEveryKey) {
-  check_section("tasks.md", "keys", task_keys());
+  check_section("guide/tasks.md", "keys", task_keys());
 }
 TEST(Docs, TasksListEveryMetric) {
-  check_section("tasks.md", "metrics", metric_table());
+  check_section("guide/tasks.md", "metrics", metric_table());
 }
 
 TEST(Docs, RehearsalListsEveryKey) {
-  check_section("rehearsal.md", "keys", plan_keys());
+  check_section("guide/rehearsal.md", "keys", plan_keys());
 }
 
 /// The fenced TOML blocks of a document.
@@ -71,37 +71,37 @@ std::vector<std::string> examples(const std::string& file) {
 }
 
 TEST(Docs, ExamplesOfScenesParse) {
-  const auto blocks = examples("scene.md");
+  const auto blocks = examples("guide/scene.md");
   EXPECT_GE(blocks.size(), 2u);
   for (const std::string& block : blocks) {
-    const auto scene = parse_scene(block, "scene.md");
+    const auto scene = parse_scene(block, "guide/scene.md");
     EXPECT_TRUE(scene.ok()) << scene.error().message() << "\n" << block;
   }
 }
 
 TEST(Docs, ExamplesOfTasksParse) {
-  const auto blocks = examples("tasks.md");
+  const auto blocks = examples("guide/tasks.md");
   EXPECT_GE(blocks.size(), 1u);
   for (const std::string& block : blocks) {
-    const auto task = parse_task(block, "tasks.md");
+    const auto task = parse_task(block, "guide/tasks.md");
     EXPECT_TRUE(task.ok()) << task.error().message() << "\n" << block;
   }
 }
 
 TEST(Docs, ExamplesOfPlansParse) {
-  const auto blocks = examples("rehearsal.md");
+  const auto blocks = examples("guide/rehearsal.md");
   EXPECT_GE(blocks.size(), 1u);
   for (const std::string& block : blocks) {
-    const auto plan = parse_plan(block, "rehearsal.md");
+    const auto plan = parse_plan(block, "guide/rehearsal.md");
     EXPECT_TRUE(plan.ok()) << plan.error().message() << "\n" << block;
   }
 }
 
 TEST(Docs, ExamplesOfScriptsParse) {
-  const auto blocks = examples("script.md");
+  const auto blocks = examples("guide/script.md");
   EXPECT_GE(blocks.size(), 1u);
   for (const std::string& block : blocks) {
-    const auto script = parse_script(block, "script.md");
+    const auto script = parse_script(block, "guide/script.md");
     EXPECT_TRUE(script.ok()) << script.error().message() << "\n" << block;
   }
 }

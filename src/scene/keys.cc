@@ -350,45 +350,46 @@ SceneKeys declared_keys() {
                         .default_text = "16",
                         .unit = "bit",
                         .meaning = "Storage of the field: 8, as published, or 16."}}},
-      .force =
-          {"[force]",
-           "The method by which the force comes from the voxels, docs/methods.md. A script, the command line "
-           "and a key can change it later.",
-           {{.name = "method",
-             .type = kChoice,
-             .default_text = "\"proxy\"",
-             .choices = method_names(),
-             .meaning = "The proxy is held out by every structure's own surface. Of the others the first two "
-                        "read the field; the spheres read the labels themselves as they are, the last a "
-                        "magnitude and a normal kept with every voxel."},
-            {.name = "sphere_sigma",
-             .type = kNumber,
-             .default_text = "1",
-             .unit = "voxels",
-             .min = GaussianSphere::kMinSigmaVoxels,
-             .max = GaussianSphere::kMaxSigmaVoxels,
-             .meaning = "Of the Gaussian sphere. The smooth sphere has the preparation's sigma."},
-            {.name = "normals",
-             .type = kChoice,
-             .default_text = "\"bytes\"",
-             .choices = {"bytes", "octahedral16", "octahedral24"},
-             .meaning = "How stored normals are kept: a byte for each component as published, or folded "
-                        "onto an octahedron in 16 or 24 bits."},
-            {.name = "coupling_damping",
-             .type = kNumber,
-             .default_text = "0",
-             .unit = "N·s/mm",
-             .min = 0,
-             .max = 0.02,
-             .meaning =
-                 "Of the proxy: a damper beside the spring between it and the tip. It lets a hand hold "
-                 "stiffer walls."}}},
+      .force = {"[force]",
+                "The method by which the force comes from the voxels, docs/concepts/methods.md. A script, "
+                "the command line "
+                "and a key can change it later.",
+                {{.name = "method",
+                  .type = kChoice,
+                  .default_text = "\"proxy\"",
+                  .choices = method_names(),
+                  .meaning =
+                      "The proxy is held out by every structure's own surface. Of the others the first two "
+                      "read the field; the spheres read the labels themselves as they are, the last a "
+                      "magnitude and a normal kept with every voxel."},
+                 {.name = "sphere_sigma",
+                  .type = kNumber,
+                  .default_text = "1",
+                  .unit = "voxels",
+                  .min = GaussianSphere::kMinSigmaVoxels,
+                  .max = GaussianSphere::kMaxSigmaVoxels,
+                  .meaning = "Of the Gaussian sphere. The smooth sphere has the preparation's sigma."},
+                 {.name = "normals",
+                  .type = kChoice,
+                  .default_text = "\"bytes\"",
+                  .choices = {"bytes", "octahedral16", "octahedral24"},
+                  .meaning = "How stored normals are kept: a byte for each component as published, or folded "
+                             "onto an octahedron in 16 or 24 bits."},
+                 {.name = "coupling_damping",
+                  .type = kNumber,
+                  .default_text = "0",
+                  .unit = "N·s/mm",
+                  .min = 0,
+                  .max = 0.02,
+                  .meaning =
+                      "Of the proxy: a damper beside the spring between it and the tip. It lets a hand hold "
+                      "stiffer walls."}}},
       .yielding =
           {"[yielding]",
            "Whether soft tissue gives way. By layers each structure holds the tool out by its `stiffness`, "
            "and nothing moves; an elastic body dents, spreads sideways, and is harder over what is hard "
            "below: its `youngs_modulus` says how hard, and `stiffness` does for what does not yield "
-           "([tissue.md](tissue.md)).",
+           "([tissue.md](../concepts/tissue.md)).",
            {{.name = "law",
              .type = kChoice,
              .default_text = "\"layers\"",
@@ -810,7 +811,7 @@ const ScriptKeys& script_key_tables() {
            {{.name = "method",
              .type = kChoice,
              .choices = method_names(),
-             .meaning = "One of docs/methods.md."}}},
+             .meaning = "One of docs/concepts/methods.md."}}},
           {"leave",
            "Withdraws along the way of the approach. Needs an approach before.",
            {{.name = "leave", .type = kFlag, .meaning = "`true`."},
@@ -843,7 +844,7 @@ const ScriptKeys& script_key_tables() {
            {{.name = "law",
              .type = kChoice,
              .choices = names_of(kTissueLaws),
-             .meaning = "As `law` of the scene's `[yielding]` (docs/tissue.md)."}}},
+             .meaning = "As `law` of the scene's `[yielding]` (docs/concepts/tissue.md)."}}},
           {"scope",
            "Lets the scope of a second hand look at something from here on, wherever the first hand is: its "
            "camera goes straight there, through whatever is there, turns, and then goes and turns with it. A "
@@ -884,7 +885,7 @@ const ScriptKeys& script_key_tables() {
              .max = 90,
              .meaning =
                  "Between the scope's shaft, which leans superior, and where it looks. As the task has "
-                 "it (docs/tasks.md)."},
+                 "it (docs/guide/tasks.md)."},
             {.name = "back",
              .type = kNumber,
              .default_text = "8",

@@ -6,7 +6,7 @@
 #include <vector>
 
 /// The keys of a scene and of a script, declared once: the parser checks against these tables, and the
-/// tables of docs/scene.md and docs/script.md are printed from them.
+/// tables of docs/guide/scene.md and docs/guide/script.md are printed from them.
 namespace palpate {
 
 enum class KeyType {

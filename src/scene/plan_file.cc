@@ -234,7 +234,8 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   for (const auto& [key, kind] : {std::pair("tissue", "a scene"), std::pair("step", "a script or a task")})
     if (const TomlValue* value = document->find(key))
       return Error{ErrorKind::kBadInput, "this is " + std::string(kind) + ", not a plan",
-                   source + ":" + std::to_string(value->line), "docs/rehearsal.md says what a plan has"};
+                   source + ":" + std::to_string(value->line),
+                   "docs/guide/rehearsal.md says what a plan has"};
 
   Problems problems(source);
   PlanFile plan;

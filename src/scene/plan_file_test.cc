@@ -196,7 +196,7 @@ TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
   EXPECT_THAT(refused_plan(changed_plan("distance = 2.5", "distance = -1")),
               HasSubstr("outside 0 ... 100 mm"));
   EXPECT_THAT(refused_plan("title = \"a\"\n[[tissue]]\n"),
-              AllOf(StartsWith("plan.toml:2: this is a scene"), HasSubstr("docs/rehearsal.md")));
+              AllOf(StartsWith("plan.toml:2: this is a scene"), HasSubstr("docs/guide/rehearsal.md")));
   EXPECT_THAT(refused_plan(" {\"markups\": []}"), HasSubstr("palpate plan from-markups"));
   EXPECT_THAT(refused_plan("title = "), StartsWith("plan.toml:1"));
   std::string many = "title = \"a\"\n";

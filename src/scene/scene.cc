@@ -267,7 +267,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   BurrSettings burr;
   burr.shaver = is_shaver;
   constexpr double kSecondsPerMinute = 60;
-  // 5.5 mm at 2000 to 2500 1/min cut tendon and meniscus best (docs/burr.md)
+  // 5.5 mm at 2000 to 2500 1/min cut tendon and meniscus best (docs/guide/burr.md)
   constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;
   const std::string kind = is_shaver ? "shaver" : "burr";
   for (const char* key : {"points", "radius", "capsule"})
@@ -348,7 +348,7 @@ ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpe
 // A shaver takes what has a modulus or says what cutting it takes; the rest, as bone, is kept from it.
 // Protection is of a structure, whatever comes to it: where another tool is a burr the scene has to say.
 void suit_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene, Problems& problems) {
-  // of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm (docs/burr.md)
+  // of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm (docs/guide/burr.md)
   constexpr double kSoft_mJ_per_mm3 = 5;
   const auto any = [&](bool is_shaver) {
     return std::any_of(tools.begin(), tools.end(),

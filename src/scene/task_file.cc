@@ -289,7 +289,7 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source,
   if (document->find("tissue") && !document->find("metric"))
     return Error{ErrorKind::kBadInput, "this is a scene, not a task",
                  source + ":" + std::to_string(document->find("tissue")->line),
-                 "docs/tasks.md says what a task has"};
+                 "docs/guide/tasks.md says what a task has"};
 
   Problems problems(source);
   TaskFile task;

@@ -66,7 +66,8 @@ TaskKeys declared_task_keys() {
             {.name = "plan",
              .type = kText,
              .meaning =
-                 "A plan (docs/rehearsal.md), whose regions are to be taken off: a file beside the task, or "
+                 "A plan (docs/guide/rehearsal.md), whose regions are to be taken off: a file beside the "
+                 "task, or "
                  "the name of one that palpate brings along. The scene's tool is a burr or shaver then."},
             {.name = "drawn",
              .type = kTables,
@@ -201,21 +202,22 @@ TaskKeys declared_task_keys() {
                   .unit = "mm",
                   .max = 30,
                   .meaning = "From its tip back along the shaft to the camera."}}},
-      .drawn = {"[[drawn]]",
-                "A parameter of the data set that the seed draws evenly; `seed` itself is always told.",
-                {{.name = "key", .type = kText, .meaning = "As in docs/phantom.md. Has to be there."},
-                 {.name = "range",
-                  .type = kInterval,
-                  .min = -1e6,
-                  .max = 1e6,
-                  .meaning = "Has to be there, or `words`."},
-                 {.name = "step",
-                  .type = kNumber,
-                  .default_text = "0.5",
-                  .min = 0.001,
-                  .max = 1e6,
-                  .meaning = "From value to value, from the range's beginning."},
-                 {.name = "words", .type = kNames, .meaning = "One of these in place of a number."}}}};
+      .drawn = {
+          "[[drawn]]",
+          "A parameter of the data set that the seed draws evenly; `seed` itself is always told.",
+          {{.name = "key", .type = kText, .meaning = "As in docs/reference/phantom.md. Has to be there."},
+           {.name = "range",
+            .type = kInterval,
+            .min = -1e6,
+            .max = 1e6,
+            .meaning = "Has to be there, or `words`."},
+           {.name = "step",
+            .type = kNumber,
+            .default_text = "0.5",
+            .min = 0.001,
+            .max = 1e6,
+            .meaning = "From value to value, from the range's beginning."},
+           {.name = "words", .type = kNames, .meaning = "One of these in place of a number."}}}};
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ TEST(Feel, NamesAreOfOneSettingEach) {
 }
 
 TEST(Feel, DocsListEverySettingAndNoOther) {
-  std::ifstream docs(PALPATE_SOURCE_DIR "/docs/feel.md");
+  std::ifstream docs(PALPATE_SOURCE_DIR "/docs/reference/feel.md");
   ASSERT_TRUE(docs);
   std::set<std::string> listed;
   for (std::string line; std::getline(docs, line);) {

@@ -110,7 +110,7 @@ Result<TaskPlan> look_up_task_plan(const TaskFile& task, const Model& model, con
   if (!model.cuts())
     return Error{ErrorKind::kBadInput,
                  "something is to be taken off, and no tool of the scene takes anything", task.source,
-                 "give the scene a burr or shaver as its [tool], docs/scene.md"};
+                 "give the scene a burr or shaver as its [tool], docs/guide/scene.md"};
   auto plan = look_up_plan(*task.plan, model);
   if (!plan) return plan.error();
   const auto planned = planned_volumes(*plan, model, progress);

@@ -1,6 +1,6 @@
 #include "tissue/elastic_kernel.h"
 
-// The stiffness of a cube by the Walsh transform of its eight corners (docs/tissue.md).
+// The stiffness of a cube by the Walsh transform of its eight corners (docs/concepts/tissue.md).
 //
 //     w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c) = -1 for each bit of m whose
 //                                                    coordinate is the lower one in c, multiplied

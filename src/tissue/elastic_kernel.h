@@ -6,7 +6,7 @@
 
 namespace palpate::internal::elastic {
 
-/// Stiffness of a cell's four hourglass modes, as a part of `mu`: docs/tissue.md.
+/// Stiffness of a cell's four hourglass modes, as a part of `mu`: docs/concepts/tissue.md.
 inline constexpr float kHourglass = 0.25f;
 
 /// What the operator needs of a grid. Moduli are times h / 16.

@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 /// The energy of cells along a row, twice and over their volume, from the displacements of their nodes: of
-/// the strain in the middle and of the modes that the middle does not see (docs/tissue.md).
+/// the strain in the middle and of the modes that the middle does not see (docs/concepts/tissue.md).
 class RowEnergy {
  public:
   RowEnergy(const ElasticGrid& grid, const ElasticValues& u, int j, int k)

@@ -1267,8 +1267,9 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
     report.notes.push_back("has " + std::to_string(beyond) + (beyond == kMostRows ? " or more" : "") +
                            " further elements, which are not listed");
   if (files == 0)
-    return bad_input(file.string(), "holds no DICOM file that can be read",
-                     "what other formats carry besides voxels, palpate passes over: docs/formats.md");
+    return bad_input(
+        file.string(), "holds no DICOM file that can be read",
+        "what other formats carry besides voxels, palpate passes over: docs/reference/formats.md");
   return report;
 } catch (const std::bad_alloc&) {
   return bad_input(file.string(), "does not fit into the memory",

@@ -114,7 +114,7 @@ class Terminal:
 
 
 class Viewer:
-    """A viewer that is a program: the WebSocket of docs/viewer-protocol.md, and what is served beside it."""
+    """A viewer that is a program: the WebSocket of docs/reference/viewer-protocol.md, and what is served beside it."""
 
     def __init__(self, address):
         self.address = address
@@ -703,7 +703,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual(done.returncode, cli.OK, done.stderr)
         self.assertRegex(done.stderr, r"(?m)^scheduler: SCHED_OTHER \(SCHED_FIFO refused: .*rtprio.*CAP_SYS_NICE")
         self.assertRegex(done.stderr, r"(?m)^memory: not locked \(mlockall refused: .*memlock")
-        self.assertIn("docs/explore.md", done.stderr)
+        self.assertIn("docs/guide/explore.md", done.stderr)
         self.assertRegex(done.stdout, r"(?m)^\d+ ticks, ")
         # who asks for nothing is refused nothing
         done = self.succeed(*self.explore("--seconds", "0.1", "--no-realtime"))

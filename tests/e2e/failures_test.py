@@ -319,7 +319,7 @@ class Failures(cli.PalpateTest):
         else:
             time.sleep(delay_s)
         if number == signal.SIGKILL:
-            # between two writes: of a killed one Linux keeps a part (docs/recording.md)
+            # between two writes: of a killed one Linux keeps a part (docs/reference/recording.md)
             process.send_signal(signal.SIGSTOP)
             os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
         process.send_signal(number)

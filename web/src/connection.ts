@@ -16,7 +16,7 @@ export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer"
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
-/** palpate's close codes, docs/viewer-protocol.md. */
+/** palpate's close codes, docs/reference/viewer-protocol.md. */
 const TOKEN_REFUSED = 4401, OTHER_PROTOCOL = 4406;
 /** As a browser closes what ended without a word. */
 const GONE = 1006;

@@ -1,5 +1,5 @@
 // A stand-in for `palpate explore` that serves the built page, a made-up left knee and a tip that moves, by
-// docs/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
+// docs/reference/viewer-protocol.md. For work on the page and for its tests where there is no palpate.
 //
 //   npm run build && npm run mock -- [--port 8480] [--input script|pointer|device] [--token-file FILE] [--page dist]
 //                                    [--scan knee|ramp|sphere] [--protocol 3] [--refuse STATUS] [--repeat 1] [--hold no]

@@ -8,7 +8,7 @@ import type { HeldTool, NoGo, Scene } from "../src/scene.js";
 import { Session } from "../src/session.js";
 import { WireError, WireVersion, type Pose } from "../src/wire.js";
 
-/** Written by the table of docs/viewer-protocol.md. */
+/** Written by the table of docs/reference/viewer-protocol.md. */
 function written(devices: Near[]): DataView {
   const view = new DataView(new ArrayBuffer(24 + 76 * devices.length));
   "PLPN".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));

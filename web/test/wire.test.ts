@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { decodePose, Flag, WireError } from "../src/wire.js";
 
-/** Every field another value, written by the table of docs/viewer-protocol.md. */
+/** Every field another value, written by the table of docs/reference/viewer-protocol.md. */
 function written(devices: number): DataView {
   const bytes = 96 + 296 * devices;
   const view = new DataView(new ArrayBuffer(bytes));

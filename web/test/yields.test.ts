@@ -6,7 +6,7 @@ import { decodeYield, isYield, Yields } from "../src/yields.js";
 
 const turned = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]] as Vec3[]).map((v) => rotate(aboutAxis([1, 2, 3], 0.7), v));
 
-/** Written by the table of docs/viewer-protocol.md. @param moved  of a node, mm */
+/** Written by the table of docs/reference/viewer-protocol.md. @param moved  of a node, mm */
 function written(moved: (i: number, j: number, k: number) => Vec3, { dims = [12, 10, 9] as Vec3, lo = [1, 2, 1] as Vec3, size = [4, 3, 5] as Vec3, first = [-10, 5, 7.5] as Vec3, device = 0, step = 0.001, axes = turned } = {}): DataView {
   const bytes = 96 + 6 * size[0] * size[1] * size[2];
   const view = new DataView(new ArrayBuffer(bytes));

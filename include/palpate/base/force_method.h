@@ -8,8 +8,8 @@
 #include <span>
 #include <string_view>
 
-/// The names of the ways from voxels to a force. docs/methods.md has their equations, force_field.h what they
-/// do.
+/// The names of the ways from voxels to a force. docs/concepts/methods.md has their equations, force_field.h
+/// what they do.
 namespace palpate {
 
 /// The numbers stand in recordings.

@@ -9,7 +9,8 @@
 
 /// What was prepared before, kept in a folder so that a scene starts fast the second time. Nothing that is
 /// kept holds a name: of a file, a patient or a structure. One answer for the whole process, given before
-/// anything is read; until then nothing is kept. docs/cache.md says what is kept and by what it is found.
+/// anything is read; until then nothing is kept. docs/guide/cache.md says what is kept and by what it is
+/// found.
 namespace palpate {
 
 /// Bytes that all that is kept may take, where nothing else is said.

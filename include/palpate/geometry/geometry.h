@@ -9,7 +9,7 @@
 /// Points, vectors and transforms that carry their frame in their type, so that mixing two frames
 /// does not compile. Lengths are millimetres except in Voxel, which counts voxels. Column vectors;
 /// X_AB maps coordinates in B to coordinates in A, and composition visibly cancels:
-/// X_AC = X_AB * X_BC. See docs/conventions.md.
+/// X_AC = X_AB * X_BC. See docs/concepts/conventions.md.
 namespace palpate {
 
 struct Voxel {};    ///< continuous index; voxel centres at whole numbers, as in ITK

@@ -3,8 +3,8 @@
 #include <cstddef>
 
 /// What decides how contact feels besides the scene and the parameters: the same in every run of one version
-/// of palpate. Recordings tell all of it (docs/feel.md); lengths are mm in the patient where nothing else is
-/// said.
+/// of palpate. Recordings tell all of it (docs/reference/feel.md); lengths are mm in the patient where
+/// nothing else is said.
 namespace palpate {
 
 /// Whether `visit` of a kind of settings names all of its members.
@@ -142,7 +142,7 @@ struct TouchFeel {
   }
 };
 
-/// The passivity controller (docs/servo.md, "Passivity"). Steps are those of the device's encoder.
+/// The passivity controller (docs/concepts/servo.md, "Passivity"). Steps are those of the device's encoder.
 struct PassivityFeel {
   /// A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is
   /// rest.

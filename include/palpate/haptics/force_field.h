@@ -9,7 +9,7 @@
 #include "palpate/sampling/voxel_methods.h"
 
 /// The force methods behind one interface: whatever they read, each gives a value and a gradient at a point,
-/// and F = F_full * value * n with n = -gradient / |gradient|. docs/methods.md has their equations.
+/// and F = F_full * value * n with n = -gradient / |gradient|. docs/concepts/methods.md has their equations.
 namespace palpate {
 
 /// What a scene says of the methods' own settings.

@@ -33,7 +33,8 @@ enum class Protection : std::uint8_t {
 /// How soft tissue gives way to a tool.
 enum class TissueLaw : std::uint8_t {
   kLayers,   ///< each structure holds the tool out by its own stiffness, and nothing moves
-  kElastic,  ///< what has ElasticConstants is an elastic body that yields and spreads (docs/tissue.md)
+  kElastic,  ///< what has ElasticConstants is an elastic body that yields and spreads
+             ///< (docs/concepts/tissue.md)
   /// The same body as a neo-Hookean one where that has a solution, else as a linear one.
   kNeoHookean,
   /// Forces of the layers, and what has ElasticConstants is seen to move as a chain mail does
@@ -229,8 +230,8 @@ std::string cutter_name(const Model& model);
 
 /// One method for a model whose field, labels, levels, tissues and settings are there. Every method pushes
 /// with the stiffest tissue's stiffness at that tissue's flat surface; how far the force climbs from there
-/// follows from the method's own width (docs/methods.md). Errors: kBadInput where a sphere's width does not
-/// suit the voxels.
+/// follows from the method's own width (docs/concepts/methods.md). Errors: kBadInput where a sphere's width
+/// does not suit the voxels.
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
 
 /// Whether make_force_field would make it, as far as that is known before anything is made. Errors: its own.

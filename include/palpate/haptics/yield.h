@@ -12,7 +12,7 @@
 
 /// Soft tissue under the tool: how much of its depth gives way, and which force that leaves. What is solved
 /// 64 times a second beside the servo (palpate/tissue/yielding.h) is told as a few numbers, from which
-/// every tick makes its own force (docs/tissue.md, "In the tick").
+/// every tick makes its own force (docs/concepts/tissue.md, "In the tick").
 namespace palpate {
 
 /// E* = E / (1 - nu2), N/mm2: how a body resists what is pressed into it (Hertz 1882).
@@ -108,7 +108,7 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 /// sphere's own contact by Hertz. It grows no faster with the depth than `most_N_per_mm`: from where it
 /// would, it goes on straight. The energy is that of this law; where W and C change along the surface, F2 / 2
 /// grad W - F3 / 3 grad C (from F1 on its integral likewise) is the force aside that keeps it
-/// (docs/tissue.md). Bounded work, the same bits on every build.
+/// (docs/concepts/tissue.md). Bounded work, the same bits on every build.
 /// @param depth_mm   of the sphere in the surface at rest; not above 0: no force
 /// @param radius_mm  smaller ones count as YieldFeel::least_radius_mm
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,

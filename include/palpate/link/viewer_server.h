@@ -19,8 +19,8 @@
 #include "palpate/volume/volume.h"
 
 /// What viewers on this machine or another see of a session and ask of it: HTTP and WebSocket, as
-/// docs/viewer-protocol.md says. The server knows neither the servo nor the model: a ViewerHost tells it what
-/// there is and does what is asked.
+/// docs/reference/viewer-protocol.md says. The server knows neither the servo nor the model: a ViewerHost
+/// tells it what there is and does what is asked.
 namespace palpate {
 
 /// The port of a viewer's page where none is asked for.

@@ -13,8 +13,8 @@
 /// Generated stand-ins for patients, made of primitives (palpate/phantoms/primitives.h): a knee, a hollow
 /// shell, a skull, a gland before a jaw, and three to be palpated through what yields: a block and a dome
 /// with nodules, and an abdominal wall. Each has parameters. A phantom is told by a name with its
-/// parameters, "knee-phantom:lesion=6,side=right", wherever the name of a data set stands. docs/phantom.md
-/// draws them and documents every key.
+/// parameters, "knee-phantom:lesion=6,side=right", wherever the name of a data set stands.
+/// docs/reference/phantom.md draws them and documents every key.
 namespace palpate {
 
 /// A generated volume: labels, and what a scanner would show of it, on one grid with the patient's axes.
@@ -23,7 +23,7 @@ struct Phantom {
   Volume<float> scan;  ///< with partial volume and seeded noise; MR in arbitrary units, CT in HU
 };
 
-/// What every phantom can be told. Ranges are those of the keys in docs/phantom.md.
+/// What every phantom can be told. Ranges are those of the keys in docs/reference/phantom.md.
 struct PhantomSettings {
   Eigen::Vector3d spacing_mm{0.6, 0.6, 0.6};
   /// Of natural variation and of the segmentation's noise; 0 is the mean shape.

@@ -17,8 +17,9 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 
-/// A run on disk: HDF5 that opens in h5py and MATLAB, every input of every tick in it. docs/recording.md
-/// documents the datasets. Holds no path, no header text and nothing else that could name a patient.
+/// A run on disk: HDF5 that opens in h5py and MATLAB, every input of every tick in it.
+/// docs/reference/recording.md documents the datasets. Holds no path, no header text and nothing else that
+/// could name a patient.
 namespace palpate {
 
 template <class T>

@@ -11,7 +11,7 @@
 #include "palpate/base/result.h"
 
 /// What learners did: runs and their scores in one SQLite file. A learner is a pseudonym; who it is, no file
-/// of palpate's says. docs/records.md draws the tables.
+/// of palpate's says. docs/guide/records.md draws the tables.
 namespace palpate {
 
 struct RunMetric {

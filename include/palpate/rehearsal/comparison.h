@@ -12,8 +12,8 @@
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/structure_distance.h"
 
-/// What was done, from a recording's ticks, beside what was planned. docs/rehearsal.md says what each figure
-/// is. Places are the patient's, LPS, mm; times count from the recording's first tick.
+/// What was done, from a recording's ticks, beside what was planned. docs/guide/rehearsal.md says what each
+/// figure is. Places are the patient's, LPS, mm; times count from the recording's first tick.
 ///
 /// **The tip** is that of one device's tool: where the hand held it, of a burr or shaver where its head was
 /// held (the middle of the ball at its tip), which is where it cuts. The tool's *head* is the ball at its

@@ -77,7 +77,7 @@ struct Scratch;
 }  // namespace internal::volume_picture
 
 /// Draws the structures of a label volume by shear-warp (Lacroute & Levoy 1994) from any side, parallel or in
-/// perspective. What a picture shows is said in docs/render.md, how it is made and how far it is off in
+/// perspective. What a picture shows is said in docs/guide/render.md, how it is made and how far it is off in
 /// docs/decisions/0045-shear-warp.md. For one thread at a time; the work itself is done by several. The same
 /// bits on every SIMD target and with any number of threads.
 class VolumeRenderer {

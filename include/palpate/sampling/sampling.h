@@ -48,7 +48,7 @@ struct SamplingMap {
 }  // namespace internal
 
 /// A prepared intensity field: 0 in free space, 1 deep inside the stiffest tissue. Stored as unsigned
-/// fractions of full scale in 8 bits (as published) or 16 (finer direction, see docs/methods.md).
+/// fractions of full scale in 8 bits (as published) or 16 (finer direction, see docs/concepts/methods.md).
 /// Outside the volume the field is 0, reached linearly over one voxel: free space, no jump.
 class Field {
  public:
@@ -169,7 +169,7 @@ double sample_value(const Field& field, const Point<Patient>& x);
 double sample_value(const SignedField& field, const Point<Patient>& x);
 
 /// The founding method's sample: seven trilinear interpolations, at x and at +-1 voxel along each
-/// axis of the grid, and central differences (MERL c. 1997; docs/methods.md "trilinear").
+/// axis of the grid, and central differences (MERL c. 1997; docs/concepts/methods.md "trilinear").
 FieldSample sample_central_differences(const Field& field, const Point<Patient>& x);
 FieldSample sample_central_differences(const SignedField& field, const Point<Patient>& x);
 

@@ -5,10 +5,10 @@
 #include "palpate/tissue/feel.h"
 
 /// What decides how it feels besides the scene and the parameters, all of it: the same in every run of one
-/// version of palpate, and told in every recording. docs/feel.md lists it.
+/// version of palpate, and told in every recording. docs/reference/feel.md lists it.
 namespace palpate {
 
-/// The last stage before a device (docs/servo.md).
+/// The last stage before a device (docs/concepts/servo.md).
 struct OutputFeel {
   /// A change of model, method or parameters is spread over this time.
   double blend_s = 0.1;
@@ -57,7 +57,7 @@ struct OutputFeel {
   }
 };
 
-/// A turning object (docs/servo.md, "A turning object").
+/// A turning object (docs/concepts/servo.md, "A turning object").
 struct TurningFeel {
   /// From a command to where it leads.
   double interval_s = 0.1;

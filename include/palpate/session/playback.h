@@ -17,7 +17,8 @@
 ///                  a thread reads the one that is wanted, then the next on the way
 ///
 /// Where soft tissue yields another thread solves it anew at the place that is shown, from the ticks that it
-/// was solved from (docs/tissue.md, "Looked at again"): the place stands at once, the dent when it is solved.
+/// was solved from (docs/concepts/tissue.md, "Looked at again"): the place stands at once, the dent when it
+/// is solved.
 namespace palpate {
 
 struct Model;

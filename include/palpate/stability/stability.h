@@ -4,7 +4,7 @@
 #include "palpate/device/bounds.h"
 #include "palpate/device/simulated_device.h"
 
-/// How stiff a wall may be felt, found with the simulated hand and device. See docs/verify.md, suite
+/// How stiff a wall may be felt, found with the simulated hand and device. See docs/results/verify.md, suite
 /// `stability`.
 namespace palpate {
 

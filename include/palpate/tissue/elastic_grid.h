@@ -13,7 +13,8 @@
 #include "palpate/haptics/elastic_constants.h"
 #include "palpate/volume/bricks.h"
 
-/// Soft tissue as cubes that yield: what they are made of, what holds them. docs/tissue.md has the equations.
+/// Soft tissue as cubes that yield: what they are made of, what holds them. docs/concepts/tissue.md has the
+/// equations.
 namespace palpate {
 
 enum class Matter : std::uint8_t {

@@ -5,7 +5,7 @@
 namespace palpate {
 
 /// What decides how a burr cuts and feels besides the scene, the same in every run of one version of palpate:
-/// recordings tell it (docs/feel.md). docs/decisions/0029 has the choices; mm in the patient.
+/// recordings tell it (docs/reference/feel.md). docs/decisions/0029 has the choices; mm in the patient.
 struct CuttingFeel {
   /// It looks for material so far before its surface. Half of that deep, an edge begins to count, so that
   /// beside a pocket, where its surface comes out of the material, little counts that it does not touch.

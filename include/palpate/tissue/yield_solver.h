@@ -65,7 +65,7 @@ class YieldSolver {
 
   /// Goes on as a solver that has given so many frames and has these boxes, for who wants a frame without all
   /// those before it. What is solved next is solved as in boxes that have just been laid; so a frame or two
-  /// later it is what it would have been (docs/tissue.md, "Looked at again").
+  /// later it is what it would have been (docs/concepts/tissue.md, "Looked at again").
   /// @param boxes  of the devices from 0 on; nothing: none
   void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 

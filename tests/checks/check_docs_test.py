@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""tools/check_docs must see what is wrong with a page, and nothing else."""
+
+import importlib.machinery
+import importlib.util
+import pathlib
+import subprocess
+import sys
+import tempfile
+import textwrap
+import unittest
+
+TOOL = pathlib.Path(__file__).resolve().parents[2] / "tools" / "check_docs"
+sys.dont_write_bytecode = True
+WORDS = "one two three four five six seven eight nine ten "
+
+
+def load_tool():
+    loader = importlib.machinery.SourceFileLoader("check_docs", str(TOOL))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
+    loader.exec_module(module)
+    return module
+
+
+def run(files, *options):
+    """Exit code, and the lines that the tool prints of a tree of such files."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        for name, text in files.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text, encoding="utf-8")
+        done = subprocess.run([sys.executable, TOOL, *options, root], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              check=False)
+    return done.returncode, done.stdout.splitlines()
+
+
+def faults(text, **others):
+    """The faults of docs/guide/page.md, beside other files."""
+    files = {"docs/guide/page.md": text, "docs/guide/other.md": "# Other page\n\n## A `key`, twice\n\n## A `key`, twice\n",
+             "docs/a.png": "", "src/room/thing.cc": "", "src/room/thing_test.cc": "TEST(Suite, Passes) {\n}\n"}
+    files.update({name.replace("__", "/").replace("_md", ".md"): value for name, value in others.items()})
+    code, lines = run(files)
+    lines = [line for line in lines if line.startswith("docs/guide/page.md:")]
+    return [line.removeprefix("docs/guide/page.md:") for line in lines]
+
+
+def wrapped(text):
+    """Narrow enough."""
+    return "\n".join(textwrap.wrap(text, 100)) + "\n"
+
+
+class Links(unittest.TestCase):
+    def test_what_is_there(self):
+        self.assertEqual(faults("# Page\n[a](other.md) [b](other.md#a-key-twice) [c](other.md#a-key-twice-1) [d](#page)\n"
+                                "[wrapped over\ntwo lines](other.md) ![text](../a.png) <https://example.org> [e](https://example.org/x)\n"
+                                "`src/room/thing.cc` `src/ROOM/NAME_test.cc` `thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
+                                "    room_test --gtest_filter='Suite.P*'   [f](gone.md)\n\n```sh\n[g](gone.md)\n```\n"), [])
+
+    def test_what_is_not(self):
+        for text, what in (("[a](gone.md)", "there is no gone.md"), ("[a](../../../etc)", "there is no ../../../etc"),
+                           ("[a\nb](other.md#gone)", "nothing is headed #gone in other.md"), ("[a](#gone)", "nothing is headed #gone in this page"),
+                           ("![text](gone.png)", "there is no gone.png"), ("![](../a.png)", "the picture ../a.png has no text in place of it"),
+                           ("[![ ](../a.png)](other.md)", "the picture ../a.png has no text in place of it"),
+                           ("<img src=\"../a.png\">", "write pictures and links as [text](path)"),
+                           ("`src/room/gone.cc`", "there is no src/room/gone.cc"), ("`gone.cc`", "there is no source gone.cc"),
+                           ("`palpate/room/gone.h`", "there is no palpate/room/gone.h"), ("\n    tools/gone --all", "there is no tools/gone"),
+                           ("```sh\ntools/gone\n```", "there is no tools/gone"), ("`--gtest_filter=Suite.F*`", "no test is Suite.F*")):
+            with self.subTest(text):
+                found = faults(text + "\n")
+                self.assertEqual([fault.partition(": links: ")[2] for fault in found], [what])
+
+    def test_all_pages_are_asked(self):
+        for name in ("README.md", "CHANGELOG.md", "docs/decisions/x.md", "docs/deep/er/page.md", "web/README.md"):
+            with self.subTest(name):
+                self.assertEqual(run({name: "text\n\n[a](gone)\n"}), (1, [f"{name}:3: links: there is no gone"]))
+        self.assertEqual(run({})[0], 1)
+
+
+class Prose(unittest.TestCase):
+    def kinds(self, text, **others):
+        return [fault.split(": ")[1] for fault in faults(text, **others)]
+
+    def test_width(self):
+        wide = "word " * 25 + "\n"
+        self.assertEqual(faults("a word.\n" + wide)[0], "2: width: 125 columns, 120 at most")
+        for text in ("| " + wide.strip().replace(" ", " | ") + " |\n", "```\n" + wide + "```\n", "text\n\n    " + wide,
+                     f"a [link]({'x' * 100}) with words here\n".replace("x" * 100, "../" * 30 + "guide/other.md"),
+                     "x" * 130 + "\n"):
+            self.assertNotIn("width", self.kinds(text), text)
+
+    def test_sentences(self):
+        self.assertEqual(faults("Fine.\n\n" + wrapped(WORDS * 3 + "a b c d e. " + "Fine. " * 9)), [])
+        self.assertEqual(len(faults(wrapped(WORDS * 3 + "a b c d e f."))), 1)
+        # as items and cells, too, and wherever the line breaks
+        for text in (wrapped("- " + WORDS * 4), "| a | " + WORDS * 4 + "|\n|---|---|\n", wrapped("> " + WORDS * 4), "# Page\n" + (WORDS * 4).replace(" ", "\n")):
+            self.assertEqual(self.kinds(text), ["sentence"], text)
+        # a full stop ends a sentence, within an abbreviation or a figure it does not
+        self.assertEqual(faults(wrapped((WORDS * 2 + "end. ").capitalize() * 9)), [])
+        self.assertEqual(self.kinds(wrapped(WORDS * 2 + "e.g. " + WORDS + "0.5 " + WORDS)), ["sentence"])
+        # code is one word, a link its text
+        self.assertEqual(faults(wrapped("Say `" + WORDS * 5 + "` or [link](../guide/other.md) there.")), [])
+
+    def test_one_long_sentence_of_ten(self):
+        long_one = wrapped(("word " * 26).strip().capitalize() + ".")
+        self.assertEqual(self.kinds(long_one), [])
+        self.assertEqual(self.kinds(long_one * 2 + "A short one.\n" * 17), ["sentence"])
+        self.assertEqual(self.kinds(long_one * 2 + "A short one.\n" * 18), [])
+        # labels are not sentences among which long ones may hide
+        self.assertEqual(self.kinds(long_one * 2 + "\n| a | b |\n|---|---|\n" + "| 1 | 2 |\n" * 20), ["sentence"])
+
+    def test_histories(self):
+        for text in ("It is no longer so.", "It is now so.", "It used to be so.", "Formerly it was so."):
+            self.assertEqual(self.kinds(text), ["history"], text)
+        for text in ("It is used to measure.", "What is known.", "`now`", "```\nnow\n```"):
+            self.assertEqual(self.kinds(text), [], text)
+
+    def test_glossary(self):
+        glossary = "# Glossary\n\n| not | but |\n|---|---|\n| god object, ghost | *proxy* |\n"
+        others = {"docs__help__glossary_md": glossary}
+        self.assertEqual(faults("A God\nobject here.\n", **others), ["1: glossary: 'god object': proxy"])
+        self.assertEqual(faults("A ghostly `ghost` and a ghost-writer.\n", **others), [])
+        # that of this tree is read
+        self.assertIn("no-go region", [instead for _, _, instead in load_tool().Manual(TOOL.parent.parent).not_used])
+        # its own table may name what is not used, its text may not
+        self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
+        self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)
+
+    def test_who_is_asked(self):
+        old = {name: "It is no longer so.\n" for name in ("CHANGELOG.md", "docs/decisions/x.md", "bench/README.md")}
+        self.assertEqual(run(old)[0], 0)
+        for name in ("README.md", "docs/page.md", "docs/deep/er/page.md"):
+            self.assertEqual(run({name: "It is no longer so.\n"})[0], 1)
+            self.assertEqual(run({name: "It is no longer so.\n"}, "--links")[0], 0)
+
+    def test_fix_breaks_wide_lines_alone(self):
+        text = ("# Page\n\n" + "word " * 15 + "`a span of code that stays whole` " + "- no item of a list, [a link](" + "x" * 50 + ") "
+                + "word " * 15 + "\n\n- an item " + "word " * 30 + "\n\nshort\nlines stay\n\n| " + "cell " * 30 + "|\n\n    "
+                + "code " * 30 + "\n")
+        with tempfile.TemporaryDirectory() as folder:
+            page = pathlib.Path(folder) / "README.md"
+            page.write_text(text, encoding="utf-8")
+            subprocess.run([sys.executable, TOOL, "--fix", folder], check=True)
+            fixed = page.read_text(encoding="utf-8")
+        self.assertEqual(fixed.split(), text.split())
+        self.assertEqual(fixed.splitlines()[-6:], text.splitlines()[-6:])
+        self.assertIn("`a span of code that stays whole`", fixed)
+        self.assertNotIn("\n- no item", fixed)
+        self.assertIn("\n  word", fixed)
+        self.assertNotIn("width", self.kinds(fixed.replace("x" * 50, "page.md")))
+
+    def test_report(self):
+        code, lines = run({"docs/page.md": "It is no longer so. It is now so.\n[a](gone)\n", "README.md": "Fine.\n"}, "--report")
+        self.assertEqual(code, 0)
+        self.assertEqual([line.split() for line in lines[1:]], [["0", "0", "0", "0", "0", "README.md"],
+                                                                ["1", "0", "0", "2", "0", "docs/page.md"]])
+
+
+class Decisions(unittest.TestCase):
+    FIRST = {"docs/decisions/0001-first.md": "# 1. First\n\nText.\n",
+             "docs/decisions/0002-second.md": "# 2. Second\n\n*Amends [1](0001-first.md).*\n"}
+    HEAD = "# Decisions\n\n| number | decision | status | amended by |\n|---|---|---|---|\n"
+    ROWS = ["| 1 | [First](0001-first.md) | accepted | [2](0002-second.md) |\n", "| 2 | [Second](0002-second.md) | accepted | |\n"]
+
+    def faults(self, *rows, **pages):
+        files = {**self.FIRST, **{f"docs/decisions/{name[1:].replace('_', '-')}.md": text for name, text in pages.items()},
+                 "docs/decisions/README.md": self.HEAD + "".join(rows)}
+        return [line.partition("decisions: ")[2] for line in run(files, "--links")[1] if "decisions: " in line]
+
+    def test_a_whole_index(self):
+        self.assertEqual(self.faults(*self.ROWS), [])
+
+    def test_what_lacks(self):
+        one, two = self.ROWS
+        self.assertEqual(self.faults(one), ["decision 2 has no row"])
+        self.assertEqual(self.faults(one, two, two.replace("2 |", "3 |", 1)), ["there is no decision 3"])
+        self.assertEqual(self.faults(one.replace("[First]", "[Worst]"), two), ["title of decision 1 is [First](0001-first.md)"])
+        self.assertEqual(self.faults(one.replace("[2](0002-second.md)", ""), two), ["amended by of decision 1 is [2](0002-second.md)"])
+        self.assertEqual(self.faults(one.replace("accepted", "perhaps"), two), ["status of decision 1 is one of accepted, superseded"])
+        self.assertCountEqual(self.faults(one, two, _0004_fourth="# 4. Fourth\n"), ["there is no decision 3", "decision 4 has no row"])
+        self.assertEqual(self.faults(one, two.replace("Second", "second"), _0002_second="# 3. Second\n")[0], "is not headed '2. …'")
+        self.assertEqual(run(self.FIRST, "--links")[1], ["docs/decisions/README.md:1: decisions: there is no index"])
+
+
+if __name__ == "__main__":
+    unittest.main()
