@@ -229,7 +229,7 @@ bool PictureStore::prepare(const PictureKey& key) {
   for (std::size_t n = 0; n < key.colours.size(); ++n)
     looks[label_of_[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
-  const auto labels = host_.labels();
+  const auto labels = host_.seen_labels();
   if (renderer_ && are_equal(looks, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
     if (changed.voxel_count() > 0) renderer_->change(*labels, changed);

@@ -41,7 +41,8 @@ class PictureStore {
   /// So many wishes wait; of more the oldest is not granted.
   static constexpr std::size_t kMostWaiting = 16;
 
-  /// @param host  is asked for its labels before each picture: what a burr took meanwhile is gone. Outlives
+  /// @param host  is asked for its labels before each picture: what a burr took meanwhile is gone, and tissue
+  ///              is where it has yielded to. Outlives
   ///              the store
   explicit PictureStore(const ViewerHost& host);
   /// Ends after the picture that is being made; nobody is told of any.

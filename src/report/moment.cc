@@ -62,54 +62,15 @@ class RecentTips {
   std::deque<Seen> seen_;
 };
 
-/// Less than this nobody sees.
-constexpr double kMoved_mm = 0.01;
-/// Voxels along a side of a box that is looked at as a whole.
-constexpr int kBoxSide = 8;
-
-/// The model with its labels where their tissue went: each voxel's is looked up where it lay at rest.
+/// The model with its labels where their tissue went.
 std::shared_ptr<const Model> where_tissue_went(const Model& model, const YieldedTissue& yielded) {
   const Bricks<LabelId>& labels = *model.labels;
-  const GridGeometry& grid = labels.geometry();
-  const auto X_PatientVoxel = grid.X_PatientVoxel();
-  const auto X_VoxelPatient = X_PatientVoxel.inverse();
   const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
-  Volume<LabelId> there(grid);
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j) labels.copy_row(0, j, k, grid.dims[0], &there.at(0, j, k));
-  const auto boxes = [&](std::size_t axis) { return (grid.dims[axis] + kBoxSide - 1) / kBoxSide; };
-  for (int c = 0; c < boxes(2); ++c)
-    for (int b = 0; b < boxes(1); ++b)
-      for (int a = 0; a < boxes(0); ++a) {
-        // fields are smooth: its corners, sides' and its own middle tell whether anything of a box moves
-        bool moves = false;
-        for (int n = 0; n < 27 && !moves; ++n) {
-          const double half = 0.5 * kBoxSide;
-          moves = moved(X_PatientVoxel * Point<Voxel>(kBoxSide * a + half * (n % 3),
-                                                      kBoxSide * b + half * (n / 3 % 3),
-                                                      kBoxSide * c + half * (n / 9)))
-                      .norm() > kMoved_mm;
-        }
-        if (!moves) continue;
-        for (int k = kBoxSide * c; k < std::min(grid.dims[2], kBoxSide * (c + 1)); ++k)
-          for (int j = kBoxSide * b; j < std::min(grid.dims[1], kBoxSide * (b + 1)); ++j)
-            for (int i = kBoxSide * a; i < std::min(grid.dims[0], kBoxSide * (a + 1)); ++i) {
-              const Eigen::Vector3d from =
-                  (X_VoxelPatient * place_at_rest(X_PatientVoxel * Point<Voxel>(i, j, k), moved)).eigen();
-              std::array<int, 3> nearest{};
-              bool is_in = true;
-              for (std::size_t axis = 0; axis < 3; ++axis) {
-                const double rounded = std::round(from[static_cast<Eigen::Index>(axis)]);
-                is_in = is_in && rounded >= 0 && rounded < grid.dims[axis];
-                nearest[axis] = is_in ? static_cast<int>(rounded) : 0;
-              }
-              there.at(i, j, k) = is_in ? labels.at(nearest[0], nearest[1], nearest[2]) : LabelId{0};
-            }
-      }
+  const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
   auto seen = std::make_shared<Model>(model);
   seen->surfaces.clear();
   seen->label_of_surface.clear();
-  seen->labels = label_bricks(there);
+  if (patch.box.voxel_count() > 0) seen->labels = std::make_shared<Bricks<LabelId>>(labels.with(patch));
   return seen;
 }
 

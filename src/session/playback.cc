@@ -23,6 +23,7 @@
 #include "session/played_task.h"
 #include "session/played_yields.h"
 #include "session/recording_line.h"
+#include "session/seen_labels.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
 #include "session/yield_index.h"
@@ -231,6 +232,7 @@ class Playback final : public ViewerHost {
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
     return yields_ != nullptr ? yields_->yielded(device) : nullptr;
   }
+  std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
   ViewedHealth health() const override {
     ViewedHealth health;
     health.rate_hz = header_.rate_hz;
@@ -332,6 +334,7 @@ class Playback final : public ViewerHost {
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
   const Edits edits_;
+  mutable SeenLabels seen_labels_;
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;

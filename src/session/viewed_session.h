@@ -30,6 +30,7 @@
 #include "session/cut_list.h"
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
+#include "session/seen_labels.h"
 #include "session/tissue_thread.h"
 #include "session/training.h"
 
@@ -101,6 +102,7 @@ class ViewedSession final : public ViewerHost {
                                   std::size_t most) const override;
   std::shared_ptr<const Bricks<LabelId>> labels() const override;
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override;
+  std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
   /// Of a stroke, whose last sweeps are still to be cut, a moment later.
@@ -213,6 +215,7 @@ class ViewedSession final : public ViewerHost {
   const std::array<bool, kForceMethods.size()> choosable_;
   mutable std::once_flag scene_made_;
   mutable ViewedScene scene_;
+  mutable SeenLabels seen_labels_;
 
   EventLog told_;
   ArmingCode arming_code_;

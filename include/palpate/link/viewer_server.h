@@ -273,6 +273,9 @@ class ViewerHost {
   virtual std::shared_ptr<const Bricks<LabelId>> labels() const { return scene().labels; }
   /// How tissue has yielded around a device's tool; null: it has not.
   virtual std::shared_ptr<const ViewedYield> yielded(std::size_t /*device*/) const { return nullptr; }
+  /// labels() where tissue that has yielded is seen, for pictures. Takes its time, as labels() may; the same
+  /// object as long as nothing has changed.
+  virtual std::shared_ptr<const Bricks<LabelId>> seen_labels() const { return labels(); }
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;

@@ -12,6 +12,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 #include "palpate/haptics/haptics.h"
+#include "palpate/volume/bricks.h"
 
 /// Pictures of a model: oblique sections, and a force method's arrows over one.
 namespace palpate {
@@ -77,6 +78,13 @@ using TissueMoved = std::function<Vector<Patient>(const Point<Patient>& at_rest)
 Point<Patient> place_at_rest(const Point<Patient>& seen, const TissueMoved& moved);
 inline constexpr double kAtRestNear_mm = 0.002;
 inline constexpr int kMostAtRestSteps = 16;
+/// Labels as they are seen where tissue has gone: of each voxel the label of the voxel nearest to where it
+/// lay at rest, background where that is outside the grid.
+/// @param within  voxels of the grid; beyond them nothing moves
+/// @returns new labels for the least box of 8 x 8 x 8 voxels' boxes in which something moves by a tenth of a
+/// voxel; of size 0 where nothing does
+PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueMoved& moved,
+                              const VoxelBox& within);
 
 struct SectionStyle {
   double window_low = 0, window_high = 0;  ///< of the scan; equal: scan_window()

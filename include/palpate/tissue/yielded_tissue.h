@@ -5,6 +5,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/moved_nodes.h"
 
 namespace palpate {
 
@@ -41,24 +42,19 @@ class YieldedTissue {
    public:
     /// @param unit_mm  of the grid's nodes under 1 N, or of a chain mail with 1 for the force
     Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N);
-    void add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
+    const MovedNodes& moved() const { return moved_; }
     /// du / dx in the patient. @returns whether it is known
     bool add_slope(const Point<Patient>& at_rest, Eigen::Matrix3d& to) const;
 
    private:
-    std::size_t node(int i, int j, int k) const {
-      return (static_cast<std::size_t>(k) * (box_.cells[1] + 1) + j) * (box_.cells[0] + 1) + i;
-    }
     std::size_t cell(int i, int j, int k) const {
-      return (static_cast<std::size_t>(k) * box_.cells[1] + j) * box_.cells[0] + i;
+      return (static_cast<std::size_t>(k) * moved_.box().cells[1] + j) * moved_.box().cells[0] + i;
     }
-    void continue_into_what_is_empty(const ElasticGrid& grid);
     void find_slopes(const ElasticGrid& grid);
 
-    ElasticBox box_;
-    std::vector<Eigen::Vector3f> moved_mm_;  ///< of nodes, along the box's axes
-    std::vector<Eigen::Matrix3f> slope_;     ///< in the middle of cells, along the box's axes
-    std::vector<bool> is_tissue_;            ///< of cells
+    MovedNodes moved_;
+    std::vector<Eigen::Matrix3f> slope_;  ///< in the middle of cells, along the box's axes
+    std::vector<bool> is_tissue_;         ///< of cells
   };
   std::vector<Part> parts_;
 };
