@@ -17,6 +17,7 @@
 #include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/link/viewer_server.h"
+#include "palpate/tracker/tracker_driver.h"
 #include "palpation.h"
 #include "recorded_runs.h"
 #include "scored.h"
@@ -39,6 +40,7 @@ struct ExploreArguments {
   std::vector<std::string> devices;
   DeviceOptions about_devices;
   DeviceRegistry known;
+  std::shared_ptr<const Navigation> navigation;
   bool may_move = false, repeat = false, no_realtime = false, no_supervisor = false;
   bool no_viewer = false;
   ServingOptions serving;
@@ -53,6 +55,9 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
     return Error{ErrorKind::kUsage, "the pointer is a viewer's, and --no-viewer lets none look on",
                  "--device", "leave out --no-viewer"};
+  if (options.navigation && std::ranges::find(options.devices, kTracker) == options.devices.end())
+    return Error{ErrorKind::kUsage, "nothing is felt with the tracked tool", "--registration",
+                 "give --device tracker"};
   if (options.devices.front() != kSimulatedHand && (options.script || options.repeat))
     return Error{ErrorKind::kUsage, "a person follows no script", options.script ? "--script" : "--repeat",
                  "leave it out, or let the simulated hand feel first: --device simulated"};
@@ -77,7 +82,8 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
   if (options.script) inputs.push_back(*options.script);
   if (options.plan) inputs.push_back(*options.plan);
   const ViewerServerOptions& viewers = options.serving.viewers;
-  for (const auto& input : {viewers.token_file, viewers.tls_certificate, viewers.tls_key})
+  for (const auto& input : {viewers.token_file, viewers.tls_certificate, viewers.tls_key,
+                            options.about_devices.stream.tip, options.about_devices.registration})
     if (!input.empty()) inputs.push_back(input);
   for (const auto& output : {options.recording, options.supervisor_log}) {
     if (!output) continue;
@@ -204,6 +210,17 @@ std::string cure_of(const ExploreStatus& status) {
   return ": r rearms" + (status.arming_code.empty() ? "" : ", page: " + status.arming_code);
 }
 
+// how wrong a tracked tip's place may be, and what was left over at the points
+std::string tip_error_text(const ViewedNavigation& navigation) {
+  char text[80];
+  if (navigation.tip)
+    std::snprintf(text, sizeof text, " TRE %.1f (95%%: %.1f) FRE %.1f mm%s", navigation.tip->rms_mm,
+                  navigation.tip->most_mm, navigation.fre_mm, navigation.tip->is_far ? " FAR" : "");
+  else
+    std::snprintf(text, sizeof text, " TRE not known, FRE %.1f mm", navigation.fre_mm);
+  return text;
+}
+
 // What is usual, the structure in what is left, and on the right what is not usual, the most serious first.
 // Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how
 // to go on.
@@ -219,6 +236,8 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
   const std::size_t for_structure = status.stop ? 1 : kLeastForStructure;
   std::string unusual = state_of(status.flags, status.rearmed_in_page) + cure_of(status);
+  // shown all the time, and before it whatever stops
+  if (status.navigation) unusual += tip_error_text(*status.navigation);
   const auto add = [&](const std::string& part) {
     const std::size_t beside = columns_of(force) + for_structure + columns_of(unusual);
     if (beside + columns_of(part) <= columns) unusual += part;
@@ -243,14 +262,17 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 
 // notes at the first call, then the live line; a recording that ends is told once, and so is each method that
 // could not be made ready
-// @param said  gets what is known before it begins, sentence by sentence
+// @param said     gets what is known before it begins, sentence by sentence
+// @param tracked  becomes how wrong a tracked tip's place was foretold to be last
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
                                                      const std::string& address, std::string& said,
+                                                     std::optional<ViewedNavigation>& tracked,
                                                      Console& console) {
-  return [&console, &address, &said, asked = !options.no_realtime, first = true, told = false,
+  return [&console, &address, &said, &tracked, asked = !options.no_realtime, first = true, told = false,
           told_method = std::string(), told_trouble = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, asked, console);
+    tracked = s.navigation;
     if (first)
       for (const std::string& known : {s.coarser_tissue, s.careful_bounds}) {
         if (!known.empty()) console.warn()(known);
@@ -355,6 +377,17 @@ void print(const ExploreResult& result, bool pointer) {
   std::printf("run hash %016llx\n", u(result.summary.run_hash));
 }
 
+// at the tip's last place
+void print_tip_error(const ViewedNavigation& navigation) {
+  if (navigation.tip)
+    std::printf("tracked tip wrong by %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
+                navigation.tip->rms_mm, navigation.tip->most_mm,
+                navigation.tip->is_far ? "; far outside the points that were touched" : "");
+  else
+    std::printf("tracked tip wrong by what is not known (TRE)\n");
+  std::printf("left over at the points %.3f mm (FRE)\n", navigation.fre_mm);
+}
+
 // a script that repeats meets the same trouble again and again
 void warn_of_trouble(std::vector<std::string> trouble, const std::string& said, Console& console) {
   constexpr std::size_t kMost = 10;
@@ -418,7 +451,10 @@ void print_runs(const std::vector<FinishedRun>& runs, const TrainingOptions& tra
 
 int explore_target(ExploreArguments options, Console& console) {
   if (options.devices.empty()) options.devices = {kSimulatedHand};
-  auto known = known_devices(options.about_devices);
+  auto navigation = navigation_of(options.about_devices);
+  if (!navigation) return console.fail(navigation.error());
+  options.navigation = *std::move(navigation);
+  auto known = known_devices(options.about_devices, options.navigation);
   if (!known) return console.fail(known.error());
   options.known = *std::move(known);
   const auto claimed = check(options);
@@ -454,23 +490,26 @@ int explore_target(ExploreArguments options, Console& console) {
   std::signal(SIGHUP, SIG_IGN);
   std::optional<Keys> keys(std::in_place);
   std::string address, said;
+  std::optional<ViewedNavigation> tracked;
   FaultLines faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.training = *training;
   session.plan = plan;
+  session.navigation = options.navigation;
   const auto held = kept_held_hands();
   if (!held) return console.fail(held.error());
   session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, said, console));
+                              status_for(options, address, said, tracked, console));
   keys.reset();
   console.live("");
   if (!result) return console.fail(result.error());
   if (result->stopped_by_user) console.note("stopped");
   warn_of_trouble(result->trouble, said, console);
   print(*result, pointer);
+  if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);
   if (result->recording_failure) return console.fail(*result->recording_failure);
   if (result->device_lost)
@@ -495,6 +534,10 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
           "most; default: simulated")
       ->allow_extra_args(false);
   add_device_options(*verb, options.about_devices);
+  add_stream_options(*verb, options.about_devices.stream);
+  add_tip_option(*verb, options.about_devices.stream);
+  verb->add_option("--registration", options.about_devices.registration,
+                   "Of a tracked tool: where the patient lies, as palpate register -o has written it");
   verb->add_flag("--may-move", options.may_move,
                  "An arm may move by itself when it is initialised: nobody is within its reach");
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
@@ -552,7 +595,9 @@ void add_explore(CLI::App& app, Run& run) {
       "  palpate explore scene.toml --script press.toml --repeat\n"
       "  palpate explore knee-phantom --device pointer\n"
       "  palpate explore knee-phantom --device pointer --task hold-steady --learner L042\n"
-      "  palpate explore scene.toml --device simulated --device pointer\n\n"
+      "  palpate explore scene.toml --device simulated --device pointer\n"
+      "  palpate explore scene.toml --device tracker --tracker localhost:18944 --transform StylusToTracker\n"
+      "    --reference ReferenceToTracker --tip tip.json --registration registration.json\n\n"
       "A page shows it in any browser, at the address that is told when the loop runs\n"
       "(docs/guide/viewer.md).\n"
       "On a terminal a line shows, ten times a second: the time, ticks a second, lateness of the last\n"

@@ -5,11 +5,15 @@
 #include <map>
 #include <optional>
 
+#include "palpate/base/file.h"
+#include "palpate/base/printable.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/force_dimension/force_dimension_driver.h"
 #include "palpate/haply/haply_driver.h"
+#include "palpate/navigation/result_files.h"
 #include "palpate/openhaptics/openhaptics_driver.h"
 #include "palpate/spacemouse/spacemouse_driver.h"
+#include "palpate/tracker/tracker_driver.h"
 
 namespace palpate::app {
 namespace {
@@ -60,8 +64,36 @@ class Named {
 };
 
 constexpr double kMostHeld_kg = 1;
+constexpr std::size_t kMostResult_bytes = std::size_t{1} << 24;
+
+// where the tracker is; nothing where nobody said
+Result<TrackerAddress> tracker_of(const DeviceOptions& options) {
+  if (options.tracker.empty()) return TrackerAddress{};
+  const auto address = parse_tracker_address(options.tracker);
+  if (address) return *address;
+  return Error{ErrorKind::kUsage, "'" + printable_name(options.tracker) + "' is no address", "--tracker",
+               "HOST:PORT, as 192.168.0.7:18944"};
+}
 
 }  // namespace
+
+void add_stream_options(CLI::App& verb, StreamOptions& options) {
+  verb.add_option("--transform", options.transform,
+                  "The transform of the tool's markers, of a tracker's stream or a recorded sequence: e.g. "
+                  "StylusToTracker");
+  verb.add_option("--reference", options.reference,
+                  "Of a stream: that of markers on the patient, who may move then, e.g. ReferenceToTracker");
+}
+
+void add_tip_option(CLI::App& verb, StreamOptions& options) {
+  verb.add_option("--tip", options.tip, "The tool's tip, as palpate pivot -o has written it");
+}
+
+Result<ToolTip> read_tip(const std::filesystem::path& file) {
+  const auto text = read_file(file, kMostResult_bytes);
+  if (!text) return text.error();
+  return parse_tip(*text, file.string());
+}
 
 void add_device_options(CLI::App& verb, DeviceOptions& options) {
   verb.add_option("--library", options.libraries,
@@ -76,9 +108,41 @@ void add_device_options(CLI::App& verb, DeviceOptions& options) {
                   "touch=NAME: the name by which the maker's setup knows the device; as often as there are; "
                   "default: the default one")
       ->allow_extra_args(false);
+  verb.add_option("--tracker", options.tracker,
+                  "HOST:PORT of a tracker's server (OpenIGTLink; of PLUS: port 18944)");
 }
 
-Result<DeviceRegistry> known_devices(const DeviceOptions& options) {
+Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& options) {
+  const StreamOptions& stream = options.stream;
+  if (options.tracker.empty() && stream.transform.empty() && stream.reference.empty() && stream.tip.empty() &&
+      options.registration.empty())
+    return std::shared_ptr<const Navigation>();
+  const std::pair<const char*, bool> needed[] = {{"--tracker", !options.tracker.empty()},
+                                                 {"--transform", !stream.transform.empty()},
+                                                 {"--tip", !stream.tip.empty()},
+                                                 {"--registration", !options.registration.empty()}};
+  for (const auto& [option, is_given] : needed)
+    if (!is_given)
+      return Error{ErrorKind::kUsage, "is missing, without which there is no tracked tool", option,
+                   "give --tracker, --transform, --tip and --registration (docs/navigation.md)"};
+  auto tip = read_tip(stream.tip);
+  if (!tip) return tip.error();
+  const auto text = read_file(options.registration, kMostResult_bytes);
+  if (!text) return text.error();
+  auto patient = parse_registration(*text, options.registration.string());
+  if (!patient) return patient.error();
+  if (!patient->reference.empty() && patient->reference != stream.reference)
+    return Error{ErrorKind::kBadInput,
+                 "was made in the coordinates of " + printable_name(patient->reference) + ", and not of " +
+                     (stream.reference.empty() ? "the tracker" : printable_name(stream.reference)),
+                 options.registration.string(),
+                 "give --reference " + printable_name(patient->reference) + ", or register anew"};
+  return std::shared_ptr<const Navigation>(
+      std::make_shared<Navigation>(Navigation{*std::move(tip), *std::move(patient)}));
+}
+
+Result<DeviceRegistry> known_devices(const DeviceOptions& options,
+                                     const std::shared_ptr<const Navigation>& navigation) {
   const std::vector<std::string> by_library{"force-dimension", "touch"};
   const auto libraries = Named::parse("--library", options.libraries, by_library);
   if (!libraries) return libraries.error();
@@ -103,11 +167,17 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options) {
     return Error{ErrorKind::kUsage, std::to_string(openhaptics.names.size()) + " devices", "--device-config",
                  "a session has " + std::to_string(kMaxDevices) + " at most"};
 
+  const auto address = tracker_of(options);
+  if (!address) return address.error();
+  TrackedToolSettings tracked{{*address, options.stream.transform, options.stream.reference}, {}};
+  if (navigation) tracked.navigation = *navigation;
+
   DeviceRegistry registry;
   registry.add(haply_maker());
   registry.add(force_dimension_maker(force_dimension));
   registry.add(openhaptics_maker(openhaptics));
   registry.add(spacemouse_maker());
+  registry.add(tracker_maker(tracked));
   return registry;
 }
 

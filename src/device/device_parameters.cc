@@ -43,8 +43,9 @@ std::string careful_bound_told(const DeviceInfo& info) {
 
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
   DeviceParameters parameters;
-  parameters.force_gain = settings.force_gain;
-  parameters.scale = settings.scale;
+  // a place in the patient is not scaled
+  parameters.force_gain = info.in_patient ? 1 : settings.force_gain;
+  parameters.scale = info.in_patient ? 1 : settings.scale;
   parameters.limits = limits_of(info);
   parameters.most_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
   if (!info.simulated) parameters.most_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;

@@ -113,7 +113,7 @@ TEST(PointerDriver, APoseHoldsForATenthOfASecondAndThenGrowsOld) {
     const Seen& at = seen[n];
     // truthful: as old as the last word, less what that holds
     const double after_s = static_cast<double>(at.at_ns - moved_ns) * 1e-9;
-    const double expected_s = n < 300 ? std::max(0.0, after_s - PointerDriver::kHeld_s) : 0;
+    const double expected_s = n < 300 ? std::max(0.0, after_s - LedPose::kHeld_s) : 0;
     EXPECT_NEAR(at.age_s, expected_s, 1e-9) << n;
     (expected_s > 0 ? old : fresh) += 1;
     // and the tip rests
@@ -166,7 +166,7 @@ TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
   for (std::size_t n = 1; n < seen.size(); ++n) {
     const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
     const double step_mm = (seen[n].tip - seen[n - 1].tip).norm();
-    EXPECT_LE(step_mm, PointerDriver::kMostSpeed_mm_s * (dt_s + 1e-3)) << n;
+    EXPECT_LE(step_mm, LedPose::kMostSpeed_mm_s * (dt_s + 1e-3)) << n;
   }
   EXPECT_EQ(seen.back().tip.x(), 300);
 }
@@ -199,6 +199,26 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
 TEST(PointerDriver, APlaceThatIsNoNumberIsABug) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   EXPECT_DEATH(driver.move(Point<Device>(0, std::nan(""), 0)), "finite");
+}
+
+// half of the way the tool is half turned, by the shorter way round
+TEST(LedPose, TurnsEvenly) {
+  LedPose told{Point<Device>()};
+  const auto about_z = [](double rad) {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(rad, Eigen::Vector3d::UnitZ()));
+  };
+  DeviceSample sample;
+  told.tell({0, 0, 0}, about_z(0.2), 100 * kMs_ns);
+  told.fill(sample, 100 * kMs_ns);
+  Eigen::Quaterniond far = about_z(0.4);
+  far.coeffs() *= -1;  // the same rotation
+  told.tell({10, 0, 0}, far, 120 * kMs_ns);
+  told.fill(sample, 120 * kMs_ns);
+  told.fill(sample, 130 * kMs_ns);
+  EXPECT_NEAR(sample.tip.x(), 5, 1e-9);
+  EXPECT_NEAR(sample.R_DeviceTool.angularDistance(about_z(0.3)), 0, 1e-7);
+  told.fill(sample, 140 * kMs_ns);
+  EXPECT_NEAR(sample.R_DeviceTool.angularDistance(about_z(0.4)), 0, 1e-7);
 }
 
 }  // namespace

@@ -21,6 +21,15 @@ std::uint32_t button_mask(int button) {
   return button >= 0 && button < 32 ? 1u << button : 0;
 }
 
+// what no mapping changes
+void copy_unmapped(const DeviceSample& sample, std::int64_t now_ns, DeviceState& state) {
+  state.gripper_rad = sample.gripper_rad;
+  state.buttons = sample.buttons;
+  if (sample.fault) state.status |= kDeviceFault;
+  // in doubles: the difference of a driver's wildest numbers overflows no integer
+  state.age_s = (static_cast<double>(now_ns) - static_cast<double>(sample.taken_ns)) * 1e-9;
+}
+
 }  // namespace
 
 WorkspaceMapping::WorkspaceMapping(const DeviceInfo& info, const WorkspaceSettings& settings)
@@ -52,11 +61,7 @@ DeviceState WorkspaceMapping::to_world(const DeviceSample& sample, std::int64_t 
   state.R_WorldTool = R_WorldDevice_.quaternion() * sample.R_DeviceTool;
   state.velocity_mm_s = R_WorldDevice_ * sample.velocity_mm_s * scale_;
   state.angular_velocity_rad_s = R_WorldDevice_ * sample.angular_velocity_rad_s;
-  state.gripper_rad = sample.gripper_rad;
-  state.buttons = sample.buttons;
-  if (sample.fault) state.status |= kDeviceFault;
-  // in doubles: the difference of a driver's wildest numbers overflows no integer
-  state.age_s = (static_cast<double>(now_ns) - static_cast<double>(sample.taken_ns)) * 1e-9;
+  copy_unmapped(sample, now_ns, state);
   return state;
 }
 
@@ -67,6 +72,17 @@ DeviceCommand WorkspaceMapping::to_device(const Wrench& wrench) const {
 
 Point<Device> WorkspaceMapping::to_device(const Point<World>& tip) const {
   return middle_ + R_WorldDevice_.inverse() * (tip - home_) / scale_;
+}
+
+DeviceState state_in_patient(const DeviceSample& sample, const Transform<World, Patient>& X_WorldPatient,
+                             std::int64_t now_ns) {
+  DeviceState state;
+  state.tip = X_WorldPatient * Point<Patient>(sample.tip.eigen());
+  state.R_WorldTool = Eigen::Quaterniond(X_WorldPatient.linear()) * sample.R_DeviceTool;
+  state.velocity_mm_s = X_WorldPatient * Vector<Patient>(sample.velocity_mm_s.eigen());
+  state.angular_velocity_rad_s = X_WorldPatient * Vector<Patient>(sample.angular_velocity_rad_s.eigen());
+  copy_unmapped(sample, now_ns, state);
+  return state;
 }
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 
+#include "palpate/device/device_parameters.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/workspace.h"
@@ -328,6 +329,32 @@ TEST(Workspace, AgeIsTheTimeSinceThePoseWasTrue) {
     EXPECT_EQ(std::signbit(age_s), wild > 0);
     EXPECT_GT(std::abs(age_s), 9e9);
   }
+}
+
+TEST(Workspace, APlaceInThePatientLiesWhereThePatientIs) {
+  const Transform<World, Patient> X(
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(),
+      Eigen::Vector3d(5, -6, 7));
+  DeviceSample sample = at(Point<Device>(10, 20, 30));
+  sample.R_DeviceTool = Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX());
+  sample.velocity_mm_s = {1, 0, 0};
+  sample.fault = true;
+  sample.taken_ns = 1'000'000;
+  const DeviceState state = state_in_patient(sample, X, 3'000'000);
+  EXPECT_LT((state.tip - X * Point<Patient>(10, 20, 30)).norm(), 1e-12);
+  const Eigen::Matrix3d turned = X.linear() * sample.R_DeviceTool.toRotationMatrix();
+  EXPECT_LT((state.R_WorldTool.toRotationMatrix() - turned).norm(), 1e-12);
+  EXPECT_LT((state.velocity_mm_s - X * Vector<Patient>(1, 0, 0)).norm(), 1e-12);
+  EXPECT_EQ(state.status, kDeviceFault);
+  EXPECT_NEAR(state.age_s, 2e-3, 1e-12);
+  // and its work is not scaled, whatever the scene says
+  DeviceInfo info;
+  info.in_patient = true;
+  WorkspaceSettings settings;
+  settings.scale = 4;
+  settings.force_gain = 0.5;
+  EXPECT_EQ(device_parameters(info, settings).scale, 1);
+  EXPECT_EQ(device_parameters(info, settings).force_gain, 1);
 }
 
 }  // namespace

@@ -18,6 +18,8 @@ namespace {
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
 // what is seen of tissue is smooth at that rate, and a message of it may be as long as a hundred poses
 constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
+// figures that are read change no faster
+constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
 // a force that is to be held within a band is led by it
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
@@ -342,8 +344,21 @@ void Hub::look_at_training(Clock::time_point now) {
   for (const auto& viewer : viewers_) viewer->show_training();
 }
 
+void Hub::look_at_navigation(Clock::time_point now) {
+  next_navigation_ = now + kNavigationPeriod;
+  const auto navigation = host_.navigation();
+  if (!navigation) return;
+  std::string text = navigation_json(*navigation);
+  if (told_navigation_ && text == *told_navigation_) return;
+  told_navigation_ = std::make_shared<const std::string>(std::move(text));
+  for (const auto& viewer : viewers_) viewer->show_navigation();
+}
+
 void Hub::show_pose() {
   const Clock::time_point now = Clock::now();
+  if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(),
+                                             [](const auto& viewer) { return viewer->wants_navigation(); }))
+    look_at_navigation(now);
   if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
                                            [](const auto& viewer) { return viewer->wants_training(); }))
     look_at_training(now);

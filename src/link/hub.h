@@ -100,6 +100,8 @@ class Hub {
   void look_at_training(Clock::time_point now);
   /// What was told of it last; empty: the session has no tasks.
   const std::string& told_training() const { return training_; }
+  /// How wrong a tracked tip's place may be, as it was looked at last; null: the session has none.
+  const std::shared_ptr<const std::string>& told_navigation() const { return told_navigation_; }
   /// Of the last run, null while there is none.
   const std::shared_ptr<const std::string>& told_debriefing() const { return debriefing_; }
 
@@ -116,6 +118,7 @@ class Hub {
   void show_pose();
   void look_at_yields(Clock::time_point now);
   void look_at_plan();
+  void look_at_navigation(Clock::time_point now);
   void wait_for_sweep();
   void sweep();
 
@@ -151,6 +154,8 @@ class Hub {
   Clock::time_point next_yields_{};
   std::shared_ptr<const ViewedPlan> plan_;
   std::shared_ptr<const std::string> told_plan_;
+  std::shared_ptr<const std::string> told_navigation_;
+  Clock::time_point next_navigation_{};
   std::string training_;
   std::shared_ptr<const ViewedDebriefing> debriefed_;
   std::shared_ptr<const std::string> debriefing_;

@@ -213,6 +213,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.task = fields.flag("task").value_or(false);
   hello.plan = fields.flag("plan").value_or(false);
   hello.near = fields.flag("near").value_or(false);
+  hello.navigation = fields.flag("navigation").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
   return hello;

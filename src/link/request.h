@@ -21,10 +21,11 @@ struct Hello {
   int protocol = 0;
   std::string token;  ///< empty: none
   double poses_hz = 60;
-  bool yielded = false;  ///< it wants to be told how tissue has yielded
-  bool task = false;     ///< it wants to be told how far a run of a task is
-  bool plan = false;     ///< it wants to be told of the plan that is rehearsed
-  bool near = false;     ///< it wants to be told what is near the tools and what keeps them away
+  bool yielded = false;     ///< it wants to be told how tissue has yielded
+  bool task = false;        ///< it wants to be told how far a run of a task is
+  bool plan = false;        ///< it wants to be told of the plan that is rehearsed
+  bool near = false;        ///< it wants to be told what is near the tools and what keeps them away
+  bool navigation = false;  ///< it wants to be told how wrong a tracked tip's place may be
 };
 struct StopRequest {};
 struct PointerRequest {

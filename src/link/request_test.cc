@@ -43,9 +43,11 @@ TEST(Request, EveryMessageOfTheDocument) {
 
   EXPECT_FALSE(hello->task);
   EXPECT_FALSE(hello->near);
+  EXPECT_FALSE(hello->navigation);
   EXPECT_FALSE(hello->plan);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->plan);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->near);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "navigation": true})")->navigation);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->task);
 
   const auto begin = parsed<TaskRequest>(R"({"type": "task", "id": 8, "begin": "hold-steady"})");

@@ -250,6 +250,18 @@ std::string state_json(const ViewedState& state, int viewers, std::uint32_t hold
   return text_of(json);
 }
 
+std::string navigation_json(const ViewedNavigation& navigation) {
+  const auto shown_mm = [](double mm) { return std::round(100 * mm) / 100; };
+  Json json = {{"type", "navigation"},
+               {"device", navigation.device},
+               {"seen", navigation.is_seen},
+               {"fre_mm", shown_mm(navigation.fre_mm)}};
+  json["tre_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->rms_mm)) : Json();
+  json["tre_95_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->most_mm)) : Json();
+  json["far"] = navigation.tip && navigation.tip->is_far;
+  return text_of(json);
+}
+
 std::string welcome_json(Role role) {
   return text_of({{"type", "welcome"}, {"role", name_of(role)}, {"protocol", kProtocol}});
 }

@@ -33,6 +33,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
 /// @param reader  the number of the viewer that gets it, from 1; 0 for none of them
 std::string state_json(const ViewedState& state, int viewers, std::uint32_t holder, std::uint32_t reader);
 
+/// To 0.01 mm.
+std::string navigation_json(const ViewedNavigation& navigation);
 std::string welcome_json(Role role);
 /// @param first  number of the first of them, from 0
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);

@@ -159,5 +159,16 @@ TEST(SceneJson, StateAndAnswers) {
   EXPECT_EQ(hash_text(0x0f3a000000000001), "0f3a000000000001");
 }
 
+TEST(NavigationJson, AsTheDocumentHasIt) {
+  ViewedNavigation told{1, true, 0.3049, ViewedNavigation::Error{0.8049, 1.4151, true}};
+  EXPECT_EQ(Json::parse(navigation_json(told)),
+            Json::parse(R"({"type": "navigation", "device": 1, "seen": true,
+    "fre_mm": 0.3, "tre_mm": 0.8, "tre_95_mm": 1.42, "far": true})"));
+  told.tip.reset();
+  EXPECT_EQ(Json::parse(navigation_json(told)),
+            Json::parse(R"({"type": "navigation", "device": 1, "seen": true,
+    "fre_mm": 0.3, "tre_mm": null, "tre_95_mm": null, "far": false})"));
+}
+
 }  // namespace
 }  // namespace palpate::link

@@ -135,6 +135,14 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     yields_.at(device) = std::move(yield);
   }
+  std::optional<ViewedNavigation> navigation() const override {
+    const std::lock_guard lock(mutex_);
+    return navigation_;
+  }
+  void navigate(const ViewedNavigation& navigation) {
+    const std::lock_guard lock(mutex_);
+    navigation_ = navigation;
+  }
   /// What ticks say of what is near and what keeps away.
   void bring_near(const DeviceTick& near) {
     const std::lock_guard lock(mutex_);
@@ -330,6 +338,7 @@ class FakeHost : public ViewerHost {
   ViewedState state_;
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
   DeviceTick near_;
+  std::optional<ViewedNavigation> navigation_;
   std::shared_ptr<const ViewedPlan> plan_;
   ViewedTraining training_;
   std::shared_ptr<const ViewedDebriefing> debriefing_;

@@ -150,6 +150,7 @@ void Viewer::greet(const Hello& hello) {
   wants_training_ = hello.task;
   wants_near_ = hello.near;
   wants_plan_ = hello.plan;
+  wants_navigation_ = hello.navigation;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
   say(welcome_json(role_));
@@ -183,6 +184,10 @@ void Viewer::show_plan() {
   if (welcomed_ && wants_plan_) write_next();
 }
 
+void Viewer::show_navigation() {
+  if (welcomed_ && wants_navigation_) write_next();
+}
+
 bool Viewer::is_due(Clock::time_point now) const {
   // half a turn early is nearer than half a turn late
   constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMostPoses_hz));
@@ -212,6 +217,9 @@ void Viewer::write_next() {
     text_out_ = hub_.state_for(*this);
     write(net::buffer(text_out_), false);
   } else if (next_plan()) {
+    write(net::buffer(text_out_), false);
+  } else if (!(pose_due_ && pose_is_next_) && next_navigation()) {
+    pose_is_next_ = true;
     write(net::buffer(text_out_), false);
   } else if (!(pose_due_ && pose_is_next_) && next_training()) {
     pose_is_next_ = true;
@@ -246,6 +254,14 @@ bool Viewer::next_plan() {
   plan_had_ = hub_.told_plan();
   if (!plan_had_) return false;
   text_out_ = *plan_had_;
+  return true;
+}
+
+// in turns with poses
+bool Viewer::next_navigation() {
+  if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.told_navigation()) return false;
+  navigation_had_ = hub_.told_navigation();
+  text_out_ = *navigation_had_;
   return true;
 }
 

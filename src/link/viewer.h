@@ -43,6 +43,7 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 ///     near_        the latest of what is near, likewise; it goes out before the pose with which it came
 ///     training_due_, debriefing_due_  how far a run of a task is, and the last one's figures, likewise
 ///     plan_had_    which text it has of the plan; the hub has the newest
+///     navigation_had_  which text it has of how wrong a tracked tip's place may be, likewise
 ///     yields_had_  which message it has of the tissue around each device; the hub has the newest
 ///
 /// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
@@ -66,6 +67,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void show_yields();
   /// There is something new of a run of a task.
   void show_training();
+  /// There is something new of how wrong a tracked tip's place may be.
+  void show_navigation();
   /// The plan is another one.
   void show_plan();
   /// An answer.
@@ -81,6 +84,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool is_ending() const { return ending_; }
   bool wants_yields() const { return wants_yields_ && !ending_; }
   bool wants_training() const { return wants_training_ && !ending_; }
+  bool wants_navigation() const { return wants_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   Role role() const { return role_; }
   /// Of the sweeps that it has had only so many are still there.
@@ -101,6 +105,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_yield();
   bool next_training();
   bool next_plan();
+  bool next_navigation();
   void rest_from_yields();
   /// @param bytes  stay as they are until it is done
   void write(net::const_buffer bytes, bool binary);
@@ -134,6 +139,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::shared_ptr<const std::string> yield_out_;
   bool wants_plan_ = false;
   std::shared_ptr<const std::string> plan_had_;
+  bool wants_navigation_ = false;
+  std::shared_ptr<const std::string> navigation_had_;
   bool wants_training_ = false, training_due_ = false;
   std::shared_ptr<const std::string> debriefing_had_;
   std::uint64_t sequence_ = 0;

@@ -618,5 +618,23 @@ TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
   EXPECT_EQ(silent.front()->close_code(), 1013) << "the first of them";
 }
 
+// to who asks, when it is another, and to one that comes later
+TEST(Viewer, HowWrongATrackedTipMayBeIsToldToWhoAsks) {
+  TestServer test;
+  TestViewer viewer(test.port()), other(test.port());
+  viewer.greet({{"navigation", true}});
+  other.greet();
+  test.host.navigate({0, true, 0.3, ViewedNavigation::Error{0.8, 1.4, false}});
+  EXPECT_EQ(viewer.text("navigation")["tre_mm"], 0.8);
+  test.host.navigate({0, true, 0.3, ViewedNavigation::Error{0.9, 1.5, false}});
+  EXPECT_EQ(viewer.text("navigation")["tre_mm"], 0.9);
+  TestViewer late(test.port());
+  late.greet({{"navigation", true}});
+  EXPECT_EQ(late.text("navigation")["tre_95_mm"], 1.5);
+  other.send({{"type", "stop"}, {"id", 1}});
+  for (Json next = other.text(); next["type"] != "done"; next = other.text())
+    EXPECT_NE(next["type"], "navigation") << "one that did not ask";
+}
+
 }  // namespace
 }  // namespace palpate::link

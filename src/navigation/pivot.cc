@@ -67,7 +67,18 @@ double turn_of(const Solution& solution) {
   return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
 }
 
+std::vector<std::size_t> places_of(std::span<const Pose> poses) {
+  std::vector<std::size_t> all(poses.size());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
 }  // namespace
+
+double turned_deg(std::span<const Pose> poses) {
+  const auto everything = poses.empty() ? std::nullopt : solve(poses, places_of(poses));
+  return everything ? turn_of(*everything) : 0;
+}
 
 Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const PivotOptions& options) {
   const auto refuse = [](std::string what, std::string remedy) {
@@ -89,9 +100,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
                     "leave it out, or look at the order of its numbers");
   }
 
-  std::vector<std::size_t> all(poses.size());
-  std::iota(all.begin(), all.end(), 0);
-  const auto everything = solve(poses, all);
+  const auto everything = solve(poses, places_of(poses));
   if (!everything || turn_of(*everything) < options.least_turn_deg)
     return refuse("the tool hardly turned: by " + degrees(everything ? turn_of(*everything) : 0) +
                       " where it turned least, " + degrees(options.least_turn_deg) + " are needed",

@@ -115,18 +115,25 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
     const auto moved = moved_by(pair.in_scan.eigen() - scan_middle);
     information += 3 / (pair.fle_mm * pair.fle_mm) * moved.transpose() * moved;
   }
-  out.covariance = information.inverse();
+  out.unit_error = {out.centroid, information.inverse()};
   const Eigen::Vector3d along = variances(axes).reverse();
   for (int k = 0; k < 3; ++k) out.spread_mm[k] = std::sqrt(along.sum() - along[k]);
   return out;
 }
 
-ErrorSpread target_error(const PointRegistration& registration, const Point<Patient>& target,
-                         double fle_scale) {
-  const auto moved = moved_by((target - registration.centroid).eigen());
+RigidError rigid_error(const PointRegistration& registration, double fle_scale) {
+  return {registration.unit_error.about, fle_scale * fle_scale * registration.unit_error.covariance};
+}
+
+ErrorSpread error_at(const RigidError& error, const Point<Patient>& target) {
+  const auto moved = moved_by((target - error.about).eigen());
+  return spread_of(moved * error.covariance * moved.transpose());
+}
+
+ErrorSpread spread_of(const Eigen::Matrix3d& covariance_mm2) {
   ErrorSpread out;
-  out.covariance_mm2 = fle_scale * fle_scale * moved * registration.covariance * moved.transpose();
-  const double mean = out.covariance_mm2.trace(), variance = 2 * out.covariance_mm2.squaredNorm();
+  out.covariance_mm2 = covariance_mm2;
+  const double mean = covariance_mm2.trace(), variance = 2 * covariance_mm2.squaredNorm();
   out.rms_mm = std::sqrt(mean);
   if (mean > 0) {
     // a gamma distribution is a chi squared one of another scale

@@ -94,8 +94,8 @@ TEST(RegisterPoints, NothingNearbyLeavesLess) {
 TEST(TargetError, OfTheCube) {
   const auto found = register_points(pairs_of(cube_corners(), {}));
   ASSERT_TRUE(found);
-  EXPECT_NEAR(std::pow(target_error(*found, {}, 1).rms_mm, 2), 0.1250, 1e-9);
-  EXPECT_NEAR(std::pow(target_error(*found, {100, 0, 0}, 1).rms_mm, 2), 0.2917, 5e-5);
+  EXPECT_NEAR(std::pow(error_at(rigid_error(*found, 1), {}).rms_mm, 2), 0.1250, 1e-9);
+  EXPECT_NEAR(std::pow(error_at(rigid_error(*found, 1), {100, 0, 0}).rms_mm, 2), 0.2917, 5e-5);
 }
 
 // of any points: Fitzpatrick's equation, written out
@@ -119,7 +119,7 @@ TEST(TargetError, IsFitzpatricksEquation) {
       const Eigen::Vector3d axis = axes.eigenvectors().col(k), away = target.eigen() - middle;
       sum += (away - axis.dot(away) * axis).squaredNorm() / (shape.trace() - axes.eigenvalues()[k]);
     }
-    EXPECT_NEAR(target_error(*found, target, 1).rms_mm,
+    EXPECT_NEAR(error_at(rigid_error(*found, 1), target).rms_mm,
                 std::sqrt((1 + sum / 3) / static_cast<double>(scan.size())), 1e-9);
   }
 }
@@ -139,7 +139,7 @@ TEST(TargetError, IsWhatComesOut) {
       for (std::size_t n = 0; n < pairs.size(); ++n) pairs[n].fle_mm = 0.5 + 0.5 * static_cast<double>(n);
     const auto exact = register_points(pairs);
     ASSERT_TRUE(exact);
-    const ErrorSpread foretold = target_error(*exact, target, 0.5);
+    const ErrorSpread foretold = error_at(rigid_error(*exact, 0.5), target);
     constexpr int kRuns = 20000;
     double squares = 0, below = 0, scales = 0, within = 0, fre = 0, both = 0, tre = 0, fre_fre = 0,
            tre_tre = 0;

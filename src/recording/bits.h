@@ -3,7 +3,7 @@
 #include <string>
 
 /// What the bits of a recording mean, as its columns describe them: "1 clamped, 2 not finite, ...". One list
-/// of names, in bits.cc; docs/reference/recording.md is held against it.
+/// of names, in bits.cc; docs/reference/flags.md is held against it.
 namespace palpate::internal {
 
 /// DeviceTick::flags

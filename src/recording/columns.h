@@ -5,8 +5,8 @@
 #include <string>
 
 /// The one table of what a recording stores for every tick and every event. The writer, the reader and the
-/// check of docs/reference/recording.md all walk it; a new column is one new line here and one in the
-/// document.
+/// check of docs/reference/recording-layout.md all walk it; a new column is one new line here and one
+/// there.
 namespace palpate::internal {
 
 /// How a value lies in memory and, identically, in the file: little-endian.

@@ -32,19 +32,19 @@ void check_section(const std::string& file, const std::string& name, const std::
 }
 
 TEST(Docs, SceneListsEveryKey) {
-  check_section("guide/scene.md", "keys", scene_keys());
+  check_section("reference/scene-keys.md", "keys", scene_keys());
 }
 TEST(Docs, SceneListsEveryPreset) {
-  check_section("guide/scene.md", "presets", tissue_preset_table());
+  check_section("reference/presets.md", "presets", tissue_preset_table());
 }
 TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
-  check_section("guide/scene.md", "elastic", elastic_preset_table());
+  check_section("reference/presets.md", "elastic", elastic_preset_table());
 }
 TEST(Docs, SceneListsHowPresetsRelax) {
-  check_section("guide/scene.md", "relaxation", relaxation_preset_table());
+  check_section("reference/presets.md", "relaxation", relaxation_preset_table());
 }
 TEST(Docs, ScriptListsEveryKey) {
-  check_section("guide/script.md", "keys", script_keys());
+  check_section("reference/script-keys.md", "keys", script_keys());
 }
 
 TEST(Docs, TasksListEveryKey) {

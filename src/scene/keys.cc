@@ -69,6 +69,25 @@ int edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// A paragraph in lines as wide as a page of the manual may be, 120 columns.
+std::string in_lines(std::string_view text) {
+  constexpr std::size_t kWidth = 120;
+  std::string lines;
+  std::size_t column = 0;
+  while (!text.empty()) {
+    const std::string_view word = text.substr(0, text.find(' '));
+    text.remove_prefix(std::min(word.size() + 1, text.size()));
+    if (column > 0) {
+      const bool fits = column + 1 + word.size() <= kWidth;
+      lines += fits ? ' ' : '\n';
+      column = fits ? column + 1 : 0;
+    }
+    lines += word;
+    column += word.size();
+  }
+  return lines;
+}
+
 std::vector<std::string_view> method_names() {
   std::vector<std::string_view> names;
   for (const ForceMethodInfo& info : kForceMethods) names.push_back(info.name);
@@ -78,7 +97,7 @@ std::vector<std::string_view> method_names() {
 }  // namespace
 
 std::string table_markdown(const TableSpec& table) {
-  std::string text = concat({"### ", table.heading, "\n\n", table.about, "\n\n"});
+  std::string text = concat({"### ", table.heading, "\n\n", in_lines(table.about), "\n\n"});
   text += "| key | value | default | unit | range | meaning |\n|---|---|---|---|---|---|\n";
   for (const KeySpec& key : table.keys) {
     text += concat({"| `", key.name, "` | ", value_cell(key), " | ", default_cell(key), " | ", key.unit,
@@ -109,7 +128,7 @@ SceneKeys declared_keys() {
              .choices = names_of(kSides),
              .meaning =
                  "Side of the body, shown in the report; `\"both\"` for a head or a torso. Without it a "
-                 "leg's side follows from its fibula, see below."},
+                 "leg's side follows from its fibula ([scene.md](../guide/scene.md#which-side))."},
             {.name = "modality",
              .type = kChoice,
              .default_text = "\"unknown\"",
@@ -178,7 +197,7 @@ SceneKeys declared_keys() {
              .choices = {"bone", "cartilage", "meniscus", "disc", "ligament", "muscle", "fat", "skin",
                          "vessel", "nerve", "liver", "kidney", "spleen", "lung", "heart", "brain", "gland",
                          "lymph node", "tumour"},
-             .meaning = "Starting values, see the presets."},
+             .meaning = "Starting values ([presets.md](presets.md))."},
             {.name = "labels",
              .type = kLabels,
              .min = 1,
@@ -207,7 +226,8 @@ SceneKeys declared_keys() {
              .min = kStiffnessRange_N_per_mm.min,
              .max = kStiffnessRange_N_per_mm.max,
              .meaning = "Force for each mm of depth. Of inward ramps from the surface on; of a union "
-                        "Gaussian at the surface, where it rises most steeply: see below."},
+                        "Gaussian at the surface, where it rises most steeply "
+                        "([scene.md](../guide/scene.md#what-stiffness-means))."},
             {.name = "friction",
              .type = kNumber,
              .default_text = "0.1",
@@ -386,9 +406,9 @@ SceneKeys declared_keys() {
                       "stiffer walls."}}},
       .yielding =
           {"[yielding]",
-           "Whether soft tissue gives way. By layers each structure holds the tool out by its `stiffness`, "
-           "and nothing moves; an elastic body dents, spreads sideways, and is harder over what is hard "
-           "below: its `youngs_modulus` says how hard, and `stiffness` does for what does not yield "
+           "Whether soft tissue gives way. By layers nothing moves, and each structure holds the tool out by "
+           "its `stiffness`. An elastic body dents, spreads sideways, and is harder over what is hard below. "
+           "Its `youngs_modulus` says how hard; `stiffness` does for what does not yield "
            "([tissue.md](../concepts/tissue.md)).",
            {{.name = "law",
              .type = kChoice,
@@ -443,7 +463,8 @@ SceneKeys declared_keys() {
              .choices = {"probe", "burr", "shaver"},
              .meaning =
                  "A burr takes away what it touches while its motor runs, a shaver what of that is soft "
-                 "([burr.md](burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and are felt "
+                 "([burr.md](../guide/burr.md#a-shaver)). They have no `points`, `radius` and `capsule`, and "
+                 "are felt "
                  "by the proxy "
                  "alone."},
             {.name = "shape",
@@ -836,11 +857,10 @@ const ScriptKeys& script_key_tables() {
                  "`undo`: takes back the last stroke. `redo`: does again the one that was undone last."}}},
           {"law",
            "Lets soft tissue go by another law from here on, wherever the hand is. Between `elastic` and "
-           "`neo-hookean`, and between `layers` and `chainmail`, that is at once; from one of these pairs "
-           "to the other surfaces are made anew, for which the hand waits; then until stiffer tissue has "
-           "pushed it "
-           "out as far as it presses. With a tool that cuts a scene "
-           "cannot change between the pairs, and tissue that does not move at the start cannot begin to.",
+           "`neo-hookean`, and between `layers` and `chainmail`, that is at once. From one of these pairs to "
+           "the other surfaces are made anew, for which the hand waits, and then until stiffer tissue has "
+           "pushed it out as far as it presses. With a tool that cuts a scene cannot change between the "
+           "pairs, and tissue that does not move at the start cannot begin to.",
            {{.name = "law",
              .type = kChoice,
              .choices = names_of(kTissueLaws),

@@ -6,7 +6,7 @@
 #include <vector>
 
 /// The keys of a scene and of a script, declared once: the parser checks against these tables, and the
-/// tables of docs/guide/scene.md and docs/guide/script.md are printed from them.
+/// tables of docs/reference/scene-keys.md and docs/reference/script-keys.md are printed from them.
 namespace palpate {
 
 enum class KeyType {

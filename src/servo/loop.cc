@@ -41,6 +41,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
       ticks_here_(driver.devices()[driver.clock_owner()].drive != DeviceInfo::Drive::kCallback),
       period_ns_(std::llround(1e9 / rate_of(driver, settings))),
       now_(now),
+      X_WorldPatient_(model->X_WorldPatient),
       model_(std::move(model)),
       latest_{parameters},
       pacer_(settings.rate_hz, settings.spin_s, stop_),
@@ -50,6 +51,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
     mappings_.emplace_back(devices[d], workspace);
+    is_in_patient_[d] = devices[d].in_patient;
     // what a hand holds is known to whoever starts the loop, the rest to the device
     DeviceParameters& own = latest_.parameters.device[d];
     const DeviceParameters told = own;
@@ -256,8 +258,11 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   // after a stall nothing is sent at first, also where the watchdog stood still with everything else
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
   const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;
+  // as the object was turned in the last tick, by which this one's can only have moved a little
+  const Transform<World, Patient> X_WorldPatient = turned_object(X_WorldPatient_, state_.rotation_felt);
   for (std::size_t d = 0; d < samples.size(); ++d) {
-    states_[d] = mappings_[d].to_world(samples[d], now_ns);
+    states_[d] = is_in_patient_[d] ? state_in_patient(samples[d], X_WorldPatient, now_ns)
+                                   : mappings_[d].to_world(samples[d], now_ns);
     states_[d].status |= halted;
   }
 }

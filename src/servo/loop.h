@@ -82,6 +82,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   const bool ticks_here_;  // a driver that calls back ticks in its vendor's thread
   const std::int64_t period_ns_;
   const TimeSource now_;
+  const Transform<World, Patient> X_WorldPatient_;  // of every version of the model
 
   // written by callers
   ModelSlot model_;
@@ -98,6 +99,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   Posted posted_;          // by callers
   Parameters parameters_;  // of this tick
   std::vector<WorkspaceMapping> mappings_;
+  std::array<bool, kMaxDevices> is_in_patient_{};  // DeviceInfo::in_patient
   SessionState state_;
   std::array<DeviceState, kMaxDevices> states_;
   std::array<Wrench, kMaxDevices> wrenches_;

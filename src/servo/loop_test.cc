@@ -656,6 +656,32 @@ TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
   EXPECT_EQ(loop.snapshot().device[0].limit_N, 0.5);
 }
 
+// whatever the workspace is, and also where the object is turned
+TEST(Loop, ATipInThePatientStaysThere) {
+  test_time_ns = 1'000'000;
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  driver.info.in_patient = true;
+  WorkspaceSettings far;
+  far.scale = 3;
+  far.yaw_deg = 30;
+  far.home = Point<World>(70, 0, 0);
+  Loop loop(ball(), driver, {}, {far}, {}, test_clock);
+  const auto off_mm = [&] {
+    tick_after(loop, 1'000'000);
+    const auto tip = loop.snapshot().device[0].tip_patient_mm;
+    return std::hypot(tip[0] - kBoneRadius_mm, tip[1], tip[2]);
+  };
+  EXPECT_LT(off_mm(), 1e-9);
+  loop.change([](Parameters& parameters) {
+    parameters.rotation_target = Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 3).normalized());
+  });
+  double most_mm = 0;
+  for (int n = 0; n < 3000; ++n) most_mm = std::max(most_mm, off_mm());
+  EXPECT_LT(most_mm, 0.1) << "a tick behind while it turns";
+  EXPECT_LT(off_mm(), 1e-9);
+  EXPECT_LT(std::abs(loop.snapshot().rotation_felt_wxyz[0] - std::cos(0.25)), 1e-6) << "it has turned";
+}
+
 TEST(Loop, RefusesWhatCannotRun) {
   Resting resting;
   const auto refused = [&](const LoopSettings& settings) {

@@ -117,6 +117,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   if (session.asks_here) status.arming_code = session.viewed.arming_code();
   status.question = session.viewed.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
+  status.navigation = session.viewed.navigation();
   if (session.training != nullptr) {
     const ViewedTraining training = session.training->state();
     if (training.phase == ViewedTraining::Phase::kRunning) status.task = training.task;
@@ -243,6 +244,7 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
                     training};
   parts.coarser_tissue = coarser_tissue;
   parts.plan = options.plan;
+  parts.navigation = options.navigation;
   return parts;
 }
 

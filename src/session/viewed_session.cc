@@ -1054,6 +1054,24 @@ Result<void> ViewedSession::task_here() {
   return parts_.training->begin_or_end();
 }
 
+// ---- a tracked tool
+
+std::optional<ViewedNavigation> ViewedSession::navigation() const {
+  const ServoLoop* loop = loop_.load();
+  const auto tracked = std::ranges::find_if(parts_.devices, &DeviceInfo::in_patient);
+  if (parts_.navigation == nullptr || tracked == parts_.devices.end() || loop == nullptr) return {};
+  const auto number = static_cast<std::size_t>(tracked - parts_.devices.begin());
+  const DeviceTick device = loop->snapshot().device[number];
+  ViewedNavigation out{static_cast<int>(number),
+                       (device.flags & (kFlagStale | kFlagDeviceFault)) == 0,
+                       parts_.navigation->patient.fre_mm,
+                       {}};
+  const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
+  if (const auto error = error_of_tip(*parts_.navigation, tip))
+    out.tip = ViewedNavigation::Error{error->rms_mm, error->most_mm, error->is_far};
+  return out;
+}
+
 // ---- the plan
 
 std::shared_ptr<const ViewedPlan> ViewedSession::plan() const {

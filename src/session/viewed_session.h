@@ -66,7 +66,8 @@ struct ViewedParts {
   /// That the model's soft tissue is solved in coarser cells than the scene has because this machine is
   /// slower, in words; empty: it is not.
   std::string coarser_tissue = {};
-  std::shared_ptr<SharedPlan> plan = {};  ///< that is rehearsed; may be null
+  std::shared_ptr<SharedPlan> plan = {};              ///< that is rehearsed; may be null
+  std::shared_ptr<const Navigation> navigation = {};  ///< ExploreOptions::navigation
 };
 
 /// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
@@ -103,6 +104,7 @@ class ViewedSession final : public ViewerHost {
   std::shared_ptr<const Bricks<LabelId>> labels() const override;
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override;
   std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen_labels_.of(*this); }
+  std::optional<ViewedNavigation> navigation() const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
   /// Of a stroke, whose last sweeps are still to be cut, a moment later.

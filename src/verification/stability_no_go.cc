@@ -23,6 +23,23 @@ constexpr double kMostPast_mm = 0.5;
 // of the most that a hand holds (push_out_of)
 constexpr double kOfHeld = 0.9;
 
+// As flat_wall_labels(), and larger: where a slow loop allows little stiffness a hand sinks in by up to a
+// centimetre and more, and beyond the middle of what is kept away from the way out changes sides; nor may one
+// that slides come to its rim.
+LabelMap thick_wall_labels() {
+  GridGeometry grid;
+  grid.dims = {80, 61, 61};
+  grid.spacing_mm = Eigen::Vector3d::Ones();
+  grid.origin = Point<Patient>(-39.5, -30, -30);
+  LabelMap labels;
+  labels.layers.emplace_back(grid);
+  labels.segments = {{1, "wall", {}, 0, 1}};
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0] / 2; ++i) labels.layers[0].at(i, j, k) = 1;
+  return labels;
+}
+
 }  // namespace
 
 const char* name_of(NoGoPlace place) {
@@ -31,7 +48,7 @@ const char* name_of(NoGoPlace place) {
 
 Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
                                                 const Progress& progress) {
-  const LabelMap labels = flat_wall_labels();
+  const LabelMap labels = thick_wall_labels();
   Scene scene;
   scene.title = "what is kept away from";
   TissueSettings bone;
@@ -117,6 +134,13 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
 }
 
 Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
+  // stiffer than anybody holds: what is felt is what the device allows
+  std::vector<std::pair<NoGoPlace, std::shared_ptr<const Model>>> walls;
+  for (const NoGoPlace place : kNoGoPlaces) {
+    const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, progress);
+    if (!model) return model.error();
+    walls.emplace_back(place, *model);
+  }
   // one unit after the other, as tables want them
   std::vector<Figure> past, swings;
   for (const PlantDevice& device : known_plant_devices())
@@ -126,15 +150,12 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
           "against no-go regions: " + device.name + " at " + short_number(rate_hz / 1000) + " kHz", 0);
       const auto held = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
       if (!held) return held.error();
-      for (const NoGoPlace place : kNoGoPlaces) {
-        // stiffer than anybody holds: what is felt is what the device allows
-        const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, progress);
-        if (!model) return model.error();
+      for (const auto& [place, model] : walls) {
         for (const PlantHand& hand : known_plant_hands()) {
           if (progress.stopped()) return Progress::interrupted();
           const double felt = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
           const HeldOff led = lead_against(
-              **model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
+              *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kFelt}, felt);
           const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
                                    "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
           // what the device cannot give holds nobody

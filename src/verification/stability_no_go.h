@@ -14,7 +14,7 @@ namespace palpate {
 /// What is kept away from: behind x = 0, from 0 mm on.
 enum class NoGoPlace : std::uint8_t {
   kPlane,      ///< a plane, where nothing is felt
-  kStructure,  ///< the half of flat_wall(), which is not felt
+  kStructure,  ///< half a volume, 40 mm deep, which is not felt
   kFelt,       ///< the same, which is felt as well, with friction
 };
 /// "plane", "structure", "felt-wall"

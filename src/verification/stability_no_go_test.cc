@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "palpate/servo/servo.h"
+#include "palpate/stability/stability.h"
 #include "verification/stability_dropout.h"
 
 namespace palpate {
@@ -39,6 +40,28 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
           EXPECT_GT(led.force_N, 0.9) << "it is met";
           EXPECT_LE(led.swing_mm, 2e3 * device.encoder_step_m);
         }
+}
+
+// where a hand holds so little that it sinks in by a centimetre, as far as force and stiffness say and no
+// farther, and rests
+TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
+  constexpr double kSlowest_hz = 250;
+  for (const PlantDevice& device : known_plant_devices()) {
+    const auto held = recommended_stiffness_N_per_mm(device, kSlowest_hz, 1 / kSlowest_hz);
+    ASSERT_TRUE(held);
+    for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kFelt})
+      for (const PlantHand& hand : known_plant_hands()) {
+        SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name);
+        const HeldOff led = lead_against(
+            stiff_no_go(place),
+            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *held, 100, 1, place == NoGoPlace::kFelt},
+            0.9 * *held);
+        EXPECT_LT(led.past_mm, 0.5);
+        EXPECT_GT(led.force_N, 0.9) << "it is met";
+        EXPECT_FALSE(led.clamped);
+        EXPECT_LE(led.swing_mm, 2e3 * device.encoder_step_m);
+      }
+  }
 }
 
 TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {

@@ -48,7 +48,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertFalse(report["ready"])
         topics = {line["topic"] for line in report["lines"]}
-        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch", "spacemouse"})
+        self.assertEqual(topics, {"this computer", "haply", "force-dimension", "touch", "spacemouse", "tracker"})
         for line in report["lines"]:
             self.assertTrue(line["found"], line)
             self.assertEqual(bool(line["cure"]), line["finding"] != "fine", line)

@@ -4,6 +4,7 @@ import type { Sweep } from "./cuts.js";
 import { decodeNear, isNear, type Near } from "./near.js";
 import type { Plan } from "./plan.js";
 import type { State } from "./scene.js";
+import type { Tracked } from "./tracked.js";
 import type { Debriefing, TaskRun } from "./training.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
@@ -48,6 +49,8 @@ export interface Listener {
   onNear(near: Near[]): void;
   /** The plan that is rehearsed; on another connection it is told anew. */
   onPlan(plan: Plan): void;
+  /** How wrong a tracked tip's place may be; on another connection it is told anew. */
+  onTracked(tracked: Tracked): void;
   /** How far a run of a task is. */
   onTask(run: TaskRun): void;
   /** One that is over. */
@@ -81,7 +84,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (this.link !== "connecting") this.setLink("connecting");
     socket.onopen = () => {
-      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true, near: true, plan: true };
+      const hello = { type: "hello", protocol: PROTOCOL, poses_hz: 60, yielded: true, task: true, near: true, plan: true, navigation: true };
       socket.send(JSON.stringify(this.token ? { ...hello, token: this.token } : hello));
     };
     socket.onmessage = (event) => this.receive(socket, event.data as string | ArrayBuffer);
@@ -194,6 +197,9 @@ export class Connection {
         break;
       case "plan":
         this.listener.onPlan(message as Plan);
+        break;
+      case "navigation":
+        this.listener.onTracked(message as Tracked);
         break;
       case "task":
         this.listener.onTask(message as TaskRun);

@@ -20,6 +20,7 @@ import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Sce
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
 import { ScopeView } from "./scope_view.js";
 import { LAYOUTS, PAGE_KEY, Session, type KeptPage, type Layout } from "./session.js";
+import { showTracked } from "./tracked.js";
 import { anySlicer } from "./plain_slicer.js";
 import { keep, recall } from "./kept.js";
 import { applyLanguage } from "./language.js";
@@ -113,6 +114,7 @@ class Page {
       onTask: (run) => this.training.tell(run),
       onPlan: (plan) => this.session.plans.tell(plan),
       onNear: (near) => (this.session.near = near),
+      onTracked: showTracked,
       onDebriefing: (debriefing) => this.training.debrief(debriefing),
       onYield: (told) => {
         this.yields.tell(told);
@@ -461,6 +463,7 @@ class Page {
       this.yields.forget();
       this.session.near = [];
       this.session.plans.tell(null);
+      showTracked(null);
       this.planPanel.beginAnew();
       this.areYieldsDue = true;
       this.training.beginAnew();

@@ -30,14 +30,14 @@ function connection() {
   });
   const links: Link[] = [];
   const yields: Yield[] = [];
-  const tasks: number[] = [], nears: number[] = [];
+  const tasks: number[] = [], nears: number[] = [], tracks: number[] = [];
   const told = { otherProtocol: 0, unanswered: 0, problems: 0 };
   const made = new Connection({
-    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onPlan: (plan) => tasks.push(100 + plan.version), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
+    onLink: (link) => links.push(link), onState() {}, onPose() {}, onToken() {}, onAsked() {}, onCut() {}, onYield: (one) => yields.push(one), onNear: (near) => nears.push(near[0]!.noGo), onPlan: (plan) => tasks.push(100 + plan.version), onTracked: (tracked) => tracks.push(tracked.fre_mm), onTask: (run) => tasks.push(run.run), onDebriefing: (one) => tasks.push(-one.run), onProblem: () => void told.problems++,
     onOtherProtocol: () => void told.otherProtocol++, onUnanswered: () => void told.unanswered++,
   }, null);
   made.open();
-  return { made, sockets, timers, sent, links, told, yields, tasks, nears, isAnswered };
+  return { made, sockets, timers, sent, links, told, yields, tasks, nears, tracks, isAnswered };
 }
 const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
@@ -216,4 +216,13 @@ test("what is near is asked for and told, and is no pose", () => {
   view.setUint16(16, 2, true);
   sockets[0]!.onmessage({ data: view.buffer });
   assert.deepEqual([nears.length, told.problems], [1, 1], "of more devices than it has room for");
+});
+
+test("how wrong a tracked tip's place may be is asked for and told", () => {
+  const { sockets, sent, tracks } = connection();
+  sockets[0]!.onopen();
+  assert.equal((sent[0] as { navigation?: boolean }).navigation, true);
+  sockets[0]!.onmessage(WELCOME);
+  sockets[0]!.onmessage({ data: JSON.stringify({ type: "navigation", device: 0, seen: true, fre_mm: 0.3, tre_mm: 0.8, tre_95_mm: 1.4, far: false }) });
+  assert.deepEqual(tracks, [0.3]);
 });

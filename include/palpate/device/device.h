@@ -94,6 +94,9 @@ struct DeviceInfo {
   int buttons = 0;
   bool gripper = false;
   bool moves_by_itself = false;  ///< calibration moves the arm: needs the user's consent
+  /// Its samples are places in the patient (Patient, LPS): a tracked tool's. No workspace maps them, and the
+  /// tip goes along where the object is turned.
+  bool in_patient = false;
   /// The device's axes in the workspace, before the user turns it.
   Rotation<World, Device> R_WorldDevice;
 };

@@ -47,4 +47,10 @@ class WorkspaceMapping {
   std::optional<Point<World>> held_;  // where the tip rests while the clutch is held
 };
 
+/// The state of a device whose samples are places in the patient (DeviceInfo::in_patient).
+/// @param X_WorldPatient  where the patient lies as the object is turned
+/// @param now_ns          as of WorkspaceMapping::to_world
+DeviceState state_in_patient(const DeviceSample& sample, const Transform<World, Patient>& X_WorldPatient,
+                             std::int64_t now_ns);
+
 }  // namespace palpate

@@ -130,6 +130,18 @@ struct ViewedScene {
   bool tells_near() const { return told_reach_mm.has_value() || !no_go.empty(); }
 };
 
+/// How wrong the place may be at which a tracked tool's tip is shown.
+struct ViewedNavigation {
+  int device = 0;       ///< whose tip
+  bool is_seen = true;  ///< else the tip is where it was when the tracker saw it last
+  double fre_mm = 0;    ///< of the registration's points
+  struct Error {
+    double rms_mm = 0, most_mm = 0;  ///< root of the mean square, and what 95 of 100 are below
+    bool is_far = false;             ///< far outside the points that were touched
+  };
+  std::optional<Error> tip;  ///< empty: nothing is known of it
+};
+
 /// How the loop has kept time in the last second, and what it missed since it began.
 struct ViewedHealth {
   double rate_hz = 0;
@@ -276,6 +288,8 @@ class ViewerHost {
   /// labels() where tissue that has yielded is seen, for pictures. Takes its time, as labels() may; the same
   /// object as long as nothing has changed.
   virtual std::shared_ptr<const Bricks<LabelId>> seen_labels() const { return labels(); }
+  /// Of a session with a tracked tool; empty: it has none.
+  virtual std::optional<ViewedNavigation> navigation() const { return {}; }
   /// All of what is asked, or an error that names the value and nothing of it.
   virtual Result<Grant> set(const SettingsRequest& request) = 0;
   virtual Result<Grant> set(const TissueRequest& request) = 0;

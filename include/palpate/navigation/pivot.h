@@ -42,4 +42,8 @@ struct PivotCalibration {
 Result<PivotCalibration> calibrate_pivot(std::span<const Transform<Tracker, TrackedTool>> tracker_from_tool,
                                          const PivotOptions& options = {});
 
+/// How far poses have turned the tool by now, degrees: PivotCalibration::turn_deg, before anything is left
+/// out; 0 where it cannot be told. In proportion to the number of poses.
+double turned_deg(std::span<const Transform<Tracker, TrackedTool>> tracker_from_tool);
+
 }  // namespace palpate

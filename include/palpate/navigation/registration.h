@@ -36,6 +36,13 @@ struct ErrorSpread {
   double most_mm = 0;
 };
 
+/// How wrong a registration may be: of a shift (first three numbers) and a turn about a place (radians, the
+/// others), Patient.
+struct RigidError {
+  Point<Patient> about;
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
 struct PointRegistration {
   Transform<Patient, Tracker> patient_from_tracker;  ///< rigid
   std::vector<double> residuals_mm;                  ///< of each pair, in their order
@@ -48,9 +55,9 @@ struct PointRegistration {
   /// mm: root of their mean square distance from each principal axis through the centroid, the longest axis
   /// first.
   Eigen::Vector3d spread_mm = Eigen::Vector3d::Zero();
-  /// Of a shift (first three) and a turn about the centroid (radians, the others), Patient, for pairs whose
-  /// fle_mm is right; times the square of fle_scale where it is known up to that alone.
-  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  /// About the centroid, for pairs whose fle_mm is right: rigid_error() is that of pairs as wrong as they
+  /// are.
+  RigidError unit_error;
 };
 
 struct RegistrationLimits {
@@ -69,13 +76,17 @@ struct RegistrationLimits {
 Result<PointRegistration> register_points(std::span<const PointPair> pairs,
                                           const RegistrationLimits& limits = {});
 
+/// @param fle_scale  how wrong a pair of fle_mm 1 is, mm: what is known of the tracker, or the registration's
+/// fle_scale
+RigidError rigid_error(const PointRegistration& registration, double fle_scale);
+
 /// What a point of the patient is wrong by, from the registration alone: the tracker's own error comes on
 /// top. To first order, of Fitzpatrick, West and Maurer, "Predicting error in rigid-body point-based
 /// registration", TMI 1998, eq. 46, where all errors are alike: TRE^2(r) = FLE^2 / N (1 + 1/3 sum_k d_k^2 /
 /// f_k^2).
-/// @param fle_scale  how wrong a pair of fle_mm 1 is, mm: what is known of the tracker, or the registration's
-/// fle_scale
-ErrorSpread target_error(const PointRegistration& registration, const Point<Patient>& target,
-                         double fle_scale);
+ErrorSpread error_at(const RigidError& error, const Point<Patient>& target);
+
+/// Of normal errors with this covariance, mm^2.
+ErrorSpread spread_of(const Eigen::Matrix3d& covariance_mm2);
 
 }  // namespace palpate

@@ -20,7 +20,8 @@
 
 /// The scene file and the palpation script, both TOML: what they may hold, and how they are read.
 /// Unknown keys, absent labels and values out of range are errors with their line ("scene.toml:12: ...").
-/// docs/guide/scene.md and docs/guide/script.md document every key with default, unit and range.
+/// docs/reference/scene-keys.md and docs/reference/script-keys.md document every key with default, unit
+/// and range.
 namespace palpate {
 
 inline constexpr std::size_t kMaxTissues = 64;
@@ -188,7 +189,7 @@ std::optional<std::string_view> embedded_scene(std::string_view name);
 /// where they are equal. Either may be null, not both.
 const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* scan);
 /// The widest voxel of the grids behind the field, mm: labels stand in steps of their own grid, the field is
-/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/results/verify.md).
+/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/results/accuracy.md).
 double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
 /// The force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height of a
 /// ramp that a Gaussian leaves of a step and that is as steep as the stiffness at the surface. Without
@@ -250,7 +251,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const std::filesy
 Result<void> write_scene_text(const std::filesystem::path& file, std::string_view text);
 
 /// Every key of a scene file as Markdown tables (key, value, default, unit, range, meaning): the tables of
-/// docs/guide/scene.md, from the declarations that the parser itself checks against.
+/// docs/reference/scene-keys.md, from the declarations that the parser itself checks against.
 std::string scene_keys();
 /// The presets with their values and sources as a Markdown table.
 std::string tissue_preset_table();
@@ -360,7 +361,7 @@ Result<Script> load_script(const std::filesystem::path& file);
 /// data/scripts/, compiled in.
 std::optional<std::string_view> embedded_script(std::string_view name);
 
-/// Every key of a script as Markdown tables: the tables of docs/guide/script.md.
+/// Every key of a script as Markdown tables: the tables of docs/reference/script-keys.md.
 std::string script_keys();
 
 }  // namespace palpate

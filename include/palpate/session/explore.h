@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "palpate/device/registry.h"
+#include "palpate/link/viewer_server.h"
 #include "palpate/loading/loading.h"
+#include "palpate/navigation/navigated_tip.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/session/shared_plan.h"
@@ -57,8 +59,6 @@ std::vector<std::string> device_names(const DeviceRegistry& known);
 /// are; one that comes twice, more than kMaxDevices, a simulated hand that is not the first, none at all.
 Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known);
 
-class ViewerHost;
-
 struct ExploreOptions {
   SimulationOptions run;
   /// What is felt with, in the order of the tick's devices: device_names().
@@ -83,6 +83,8 @@ struct ExploreOptions {
   TrainingOptions training;
   /// A plan that viewers see, and may change; null: none is rehearsed.
   std::shared_ptr<SharedPlan> plan = {};
+  /// Of the device whose samples are places in the patient (DeviceInfo::in_patient); null: there is none.
+  std::shared_ptr<const Navigation> navigation = {};
   /// Shows the session to viewers and takes their requests: called once, before the loop runs and anything is
   /// recorded. What it returns is destroyed when the session ends, before the host. Its error is explore()'s.
   /// Empty: nobody looks on.
@@ -125,11 +127,12 @@ struct ExploreStatus {
   /// That arms a physical device from a page after that stop, once; empty: there is none.
   std::string arming_code;
   bool rearmed_in_page = false;  ///< and not by kRearm: a viewer's pointer moves the tip, and nothing pushes
-  std::optional<ConsentQuestion> question;  ///< to be answered by kAgree or kDecline
-  std::optional<Error> refusal;             ///< of a request since the last status
-  std::string task;                         ///< name of the task of which a run is under way; empty: none is
-  double task_s = 0;                        ///< for how long
-  std::vector<FinishedRun> finished;        ///< runs that are over since the last status
+  std::optional<ConsentQuestion> question;     ///< to be answered by kAgree or kDecline
+  std::optional<Error> refusal;                ///< of a request since the last status
+  std::optional<ViewedNavigation> navigation;  ///< of a tracked tool; empty: there is none
+  std::string task;                   ///< name of the task of which a run is under way; empty: none is
+  double task_s = 0;                  ///< for how long
+  std::vector<FinishedRun> finished;  ///< runs that are over since the last status
 };
 
 struct ExploreResult {

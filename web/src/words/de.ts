@@ -198,6 +198,14 @@ export const de: Words = {
   soundTitle: "Töne, schneller und höher, je näher eine Sperrzone ist, und ohne Pause, wo sie wegdrückt; was am nächsten ist, wird auch gesprochen (N)",
   soundHeld: "Der Browser lässt ihn nach dem ersten Druck auf die Seite hören.",
 
+  // a tracked tool
+  trackedAbout: "Wie falsch der Ort sein kann, an dem die Spitze gezeigt wird (TRE), und was an den Punkten der Registrierung übrig blieb (FRE)",
+  treIs: (rms, most) => `TRE ${rms}, 95 %: ${most}`,
+  treNotKnown: "TRE nicht bekannt",
+  freIs: (mm) => `FRE ${mm}`,
+  farFromPoints: "weit außerhalb der berührten Punkte",
+  toolNotSeen: "das Trackingsystem sieht das Instrument nicht",
+
   // force and loop
   forceAndLoop: "Kraft und Regelung",
   forcePlot: "Kraft, N",

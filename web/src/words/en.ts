@@ -197,6 +197,14 @@ export const en = {
   soundTitle: "Beeps, faster and higher the nearer a no-go region is, and without a break where it pushes; what is nearest is spoken, too (N)",
   soundHeld: "The browser lets it sound after the first press on the page.",
 
+  // a tracked tool
+  trackedAbout: "How wrong the place may be at which the tip is shown (TRE), and what was left over at the points of the registration (FRE)",
+  treIs: (rms: string, most: string) => `TRE ${rms}, 95 %: ${most}`,
+  treNotKnown: "TRE not known",
+  freIs: (mm: string) => `FRE ${mm}`,
+  farFromPoints: "far outside the points that were touched",
+  toolNotSeen: "the tracker does not see the tool",
+
   // force and loop
   forceAndLoop: "Force and loop",
   forcePlot: "Force, N",

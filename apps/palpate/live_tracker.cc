@@ -1,0 +1,181 @@
+#include "live_tracker.h"
+
+#include <Eigen/Geometry>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <deque>
+#include <filesystem>
+#include <mutex>
+#include <numbers>
+#include <thread>
+#include <utility>
+
+#include "keys.h"
+#include "palpate/base/printable.h"
+#include "palpate/navigation/pivot.h"
+
+namespace palpate::app {
+namespace {
+
+using ToolMarkers = Transform<Tracker, TrackedTool>;
+
+constexpr auto kLook = std::chrono::milliseconds(30);
+// poses that wait for whoever looks: some seconds of a fast tracker
+constexpr std::size_t kMostWaiting = 4096;
+// another pose of a pivot calibration turned the tool by so much
+constexpr double kAnotherPose_rad = 1 * std::numbers::pi / 180;
+constexpr std::size_t kEnoughPoses = 200, kFewestPoses = 6;
+constexpr double kEnoughTurn_deg = 15;
+// of a trace, from one place to the next, and how many
+constexpr double kTraceStep_mm = 1;
+constexpr std::size_t kTracePlaces = 100;
+constexpr double kTooNearTold_s = 3;
+
+/// A tracker's stream, whose poses wait here.
+class LivePoses {
+ public:
+  LivePoses(const TrackerSettings& settings, Console& console)
+      : console_(console), stream_(settings, [this](const MarkersPose& pose) { take(pose); }) {}
+
+  Result<void> open() { return stream_.open(3, console_.progress()); }
+  /// Those that came since the last call; says what is wrong where none do.
+  std::deque<MarkersPose> next() {
+    const auto trouble = stream_.trouble();
+    const std::string wrong = trouble ? trouble->message() : "";
+    if (wrong != told_) console_.warn()(wrong.empty() ? "the tool is seen again" : wrong);
+    told_ = wrong;
+    const std::lock_guard lock(mutex_);
+    return std::exchange(waiting_, {});
+  }
+
+ private:
+  void take(const MarkersPose& pose) {
+    const std::lock_guard lock(mutex_);
+    if (waiting_.size() == kMostWaiting) waiting_.pop_front();
+    waiting_.push_back(pose);
+  }
+
+  Console& console_;
+  std::string told_;
+  std::mutex mutex_;
+  std::deque<MarkersPose> waiting_;
+  TrackerStream stream_;  // last: its thread calls take()
+};
+
+double turn_between(const ToolMarkers& a, const ToolMarkers& b) {
+  const Eigen::Matrix3d turn = a.linear().transpose() * b.linear();
+  return Eigen::AngleAxisd(turn).angle();
+}
+
+}  // namespace
+
+std::optional<TrackerAddress> stream_named(const std::string& file_or_address) {
+  std::error_code failed;
+  if (std::filesystem::exists(file_or_address, failed)) return {};
+  return parse_tracker_address(file_or_address);
+}
+
+Result<TrackerSettings> stream_settings(const TrackerAddress& address, const StreamOptions& options) {
+  if (!options.transform.empty()) return TrackerSettings{address, options.transform, options.reference};
+  return Error{ErrorKind::kUsage, "a tracker's stream has many transforms", "--transform",
+               "say which is the tool's, e.g. --transform StylusToTracker; palpate devices --tracker " +
+                   printable_name(address.text()) + " lists them"};
+}
+
+Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, Console& console) {
+  LivePoses live(settings, console);
+  if (auto opened = live.open(); !opened) return opened.error();
+  console.note(
+      "keep the tip in a dimple and turn the tool by 30 degrees and more to all sides; it ends by "
+      "itself, or with Ctrl-C");
+  const Progress progress = console.progress();
+  std::vector<ToolMarkers> poses;
+  while (!progress.stopped()) {
+    for (const MarkersPose& pose : live.next())
+      if (poses.empty() || turn_between(poses.back(), pose.tracker_from_tool) >= kAnotherPose_rad)
+        poses.push_back(pose.tracker_from_tool);
+    const double turn_deg = turned_deg(poses);
+    char text[100];
+    std::snprintf(text, sizeof text, "%zu of %zu poses, turned by %.1f of %.0f degrees where it turned least",
+                  poses.size(), kEnoughPoses, turn_deg, kEnoughTurn_deg);
+    console.live(text);
+    if (poses.size() >= kEnoughPoses && turn_deg >= kEnoughTurn_deg) break;
+    std::this_thread::sleep_for(kLook);
+  }
+  console.live("");
+  if (poses.size() < kFewestPoses) return Progress::interrupted();
+  return poses;
+}
+
+Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const ToolTip& tip,
+                                         std::span<const std::string> names, const std::string& structure,
+                                         Console& console) {
+  LivePoses live(settings, console);
+  if (auto opened = live.open(); !opened) return opened.error();
+  const Progress progress = console.progress();
+  Keys keys;
+  TouchTaker touches;
+  CollectedTouches out;
+  const std::size_t asked = names.size() + (structure.empty() ? 0 : 1);
+  const auto ask = [&] {
+    const std::size_t n = touches.taken().size();
+    if (n < names.size())
+      console.note("touch " + printable_name(names[n]) + " (" + std::to_string(n + 1) + " of " +
+                   std::to_string(names.size()) + ") and hold the tip still for a second" +
+                   (keys.active() ? "; u takes the last one back" : ""));
+    else if (n < asked)
+      console.note("hold the tip still on " + printable_name(structure) +
+                   " for a second, then lead it over all of it that can be reached, without lifting it");
+  };
+  ask();
+  double near_since_s = -1;
+  while (touches.taken().size() < names.size() ||
+         out.traced.size() < (asked > names.size() ? kTracePlaces : 0)) {
+    if (progress.stopped()) return Progress::interrupted();
+    if (keys.next() == 'u' && out.traced.empty() && !touches.taken().empty()) {
+      touches.undo();
+      ask();
+    }
+    for (const MarkersPose& pose : live.next()) {
+      const Point<Tracker> at = pose.tracker_from_tool * tip.at;
+      const double time_s = 1e-9 * static_cast<double>(pose.at_ns);
+      if (touches.taken().size() == asked) {
+        // led over the structure
+        if (out.traced.size() < kTracePlaces && !out.traced.empty() &&
+            (at - out.traced.back()).norm() >= kTraceStep_mm)
+          out.traced.push_back(at);
+        continue;
+      }
+      const TouchTaker::State state = touches.see(at, time_s);
+      if (state != TouchTaker::State::kTooNear) near_since_s = time_s;
+      if (time_s - near_since_s > kTooNearTold_s) {
+        console.warn()("the tip is less than 5 mm from where it touched before: touch another place");
+        near_since_s = INFINITY;
+      }
+      if (state != TouchTaker::State::kTaken) continue;
+      const HeldPlace& place = touches.taken().back();
+      if (touches.taken().size() > names.size()) {
+        out.traced.push_back(place.at);
+        console.note("lead the tip over " + printable_name(structure));
+        continue;
+      }
+      char text[60];
+      std::snprintf(text, sizeof text, ": taken, held within %.2f mm", place.held_mm);
+      console.note(printable_name(names[touches.taken().size() - 1]) + text);
+      ask();
+    }
+    char text[100];
+    std::snprintf(text, sizeof text, "%zu of %zu points, %zu of %zu places",
+                  std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
+                  asked > names.size() ? kTracePlaces : 0);
+    console.live(text);
+    std::this_thread::sleep_for(kLook);
+  }
+  console.live("");
+  out.points.assign(touches.taken().begin(),
+                    touches.taken().begin() + static_cast<std::ptrdiff_t>(names.size()));
+  return out;
+}
+
+}  // namespace palpate::app

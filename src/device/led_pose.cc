@@ -1,0 +1,55 @@
+#include "palpate/device/led_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kHeld_ns = static_cast<std::int64_t>(LedPose::kHeld_s * 1e9);
+// a page that redraws 250 times a second, and one that rests and says so 30 times
+constexpr std::int64_t kLeastInterval_ns = 4'000'000, kMostInterval_ns = 40'000'000;
+
+}  // namespace
+
+void LedPose::tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
+                   std::int64_t at_ns) noexcept {
+  PALPATE_CHECK(tip.all_finite() && R_DeviceTool.coeffs().allFinite());
+  messages_.post({{tip, R_DeviceTool}, at_ns, true});
+}
+
+void LedPose::let_go() noexcept {
+  messages_.post({});
+}
+
+LedPose::Place LedPose::place_at(std::int64_t now_ns) const noexcept {
+  if (now_ns >= to_ns_) return to_;
+  const double part = static_cast<double>(now_ns - from_ns_) / static_cast<double>(to_ns_ - from_ns_);
+  return {from_.tip + (to_.tip - from_.tip) * part, from_.R_DeviceTool.slerp(part, to_.R_DeviceTool)};
+}
+
+// The next way begins where the tip is, and takes as long as the next message is likely to. Nobody knows of
+// one who comes back how he got there: then there is no way, lest a contact is dragged along it.
+void LedPose::take_message(std::int64_t now_ns) noexcept {
+  Message message;
+  if (!messages_.take(message)) return;
+  const bool comes_back = message.held && !(last_.held && message.at_ns - last_.at_ns <= kHeld_ns);
+  from_ = comes_back ? message.place : place_at(now_ns);
+  from_ns_ = now_ns;
+  to_ = message.held ? message.place : from_;
+  const std::int64_t interval_ns =
+      std::clamp(message.at_ns - last_.at_ns, kLeastInterval_ns, kMostInterval_ns);
+  const double way_ns = (to_.tip - from_.tip).norm() / kMostSpeed_mm_s * 1e9;
+  to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(way_ns, 1e18)));
+  last_ = message;
+}
+
+void LedPose::fill(DeviceSample& sample, std::int64_t now_ns) noexcept {
+  take_message(now_ns);
+  const Place place = place_at(now_ns);
+  sample.tip = place.tip;
+  sample.R_DeviceTool = place.R_DeviceTool;
+  sample.taken_ns = last_.held ? std::min(now_ns, last_.at_ns + kHeld_ns) : 0;
+}
+
+}  // namespace palpate

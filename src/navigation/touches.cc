@@ -1,0 +1,52 @@
+#include "palpate/navigation/touches.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+// a tool that was hidden for so long may have been anywhere
+constexpr double kMostGap_s = 0.25;
+
+}  // namespace
+
+TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
+  if (!seen_.empty() && time_s - seen_.back().time_s > kMostGap_s) seen_.clear();
+  seen_.push_back({tip, time_s});
+  // the last one that is older than the hold stays: from there on it was held
+  while (seen_.size() > 1 && time_s - seen_[1].time_s >= settings_.hold_s) seen_.pop_front();
+
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Seen& each : seen_) mean += each.tip.eigen() / static_cast<double>(seen_.size());
+  HeldPlace place{Point<Tracker>(mean), 0, seen_.size()};
+  double most = 0, squares = 0;
+  for (const Seen& each : seen_) {
+    const double away = (each.tip - place.at).norm();
+    most = std::max(most, away);
+    squares += away * away / static_cast<double>(seen_.size());
+  }
+  place.held_mm = std::sqrt(squares);
+  // what has moved begins anew: a touch is never a part of the way to it
+  if (most > settings_.still_mm) {
+    seen_.erase(seen_.begin(), seen_.end() - 1);
+    return State::kMoving;
+  }
+  const auto is_near = [&](const HeldPlace& before) {
+    return (before.at - place.at).norm() < settings_.apart_mm;
+  };
+  if (std::any_of(taken_.begin(), taken_.end(), is_near)) return State::kTooNear;
+  if (time_s - seen_.front().time_s < settings_.hold_s || seen_.size() < settings_.fewest)
+    return State::kHeld;
+  taken_.push_back(place);
+  seen_.clear();
+  return State::kTaken;
+}
+
+void TouchTaker::undo() {
+  if (taken_.empty()) return;
+  taken_.pop_back();
+  seen_.clear();
+}
+
+}  // namespace palpate

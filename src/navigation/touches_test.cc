@@ -1,0 +1,71 @@
+#include "palpate/navigation/touches.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "base/test_seed.h"
+#include "navigation/test_poses.h"
+
+namespace palpate {
+namespace {
+
+using State = TouchTaker::State;
+
+/// A tip that is seen 50 times a second.
+class Touches : public ::testing::Test {
+ protected:
+  // the last state, from a tip that shakes by that much
+  State hold(const Point<Tracker>& at, double seconds, double shake_mm = 0) {
+    State last = State::kMoving;
+    for (int n = 0; n < static_cast<int>(std::lround(50 * seconds)); ++n) {
+      time_s_ += 0.02;
+      last = taker_.see(at + Vector<Tracker>(shake_mm * test::normal(random_)), time_s_);
+      if (last == State::kTaken) return last;
+    }
+    return last;
+  }
+  std::mt19937 random_{test::test_seed()};
+  TouchTaker taker_;
+  double time_s_ = 0;
+};
+
+TEST_F(Touches, AreTakenWhereTheTipIsHeldForASecond) {
+  EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
+  EXPECT_EQ(hold({0, 0, 0}, 0.3), State::kTaken);
+  ASSERT_EQ(taker_.taken().size(), 1u);
+  // as soon as it has left, and not before
+  EXPECT_EQ(hold({0, 0, 0}, 3), State::kTooNear);
+  EXPECT_EQ(hold({4, 0, 0}, 3), State::kTooNear);
+  EXPECT_EQ(hold({6, 0, 0}, 1.3), State::kTaken);
+  // and the way to a place is no part of it
+  for (double x = 6; x < 100; x += 0.4) EXPECT_NE(hold({x, 0, 0}, 0.02), State::kTaken) << x;
+  EXPECT_EQ(hold({100, 0, 0}, 1.3), State::kTaken);
+  EXPECT_NEAR(taker_.taken().back().at.x(), 100, 0.2);
+}
+
+TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
+  SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
+  ASSERT_EQ(hold({10, 20, 30}, 1.3, 0.1), State::kTaken);
+  const HeldPlace& place = taker_.taken().back();
+  EXPECT_LT((place.at - Point<Tracker>(10, 20, 30)).norm(), 0.1);
+  EXPECT_NEAR(place.held_mm, 0.1 * std::sqrt(3), 0.05);
+  EXPECT_NEAR(static_cast<double>(place.poses), 51, 1);
+  // a hand that shakes too much holds nothing still
+  EXPECT_EQ(hold({50, 0, 0}, 5, 1), State::kMoving);
+}
+
+// markers that were hidden for a while may have been anywhere meanwhile
+TEST_F(Touches, ABreakBeginsAnew) {
+  EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
+  time_s_ += 0.5;
+  EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
+  EXPECT_EQ(hold({0, 0, 0}, 0.3), State::kTaken);
+  taker_.undo();
+  EXPECT_TRUE(taker_.taken().empty());
+  EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld) << "the same place may be touched again";
+  taker_.undo();
+}
+
+}  // namespace
+}  // namespace palpate

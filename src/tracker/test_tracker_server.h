@@ -1,0 +1,124 @@
+#pragma once
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/base/check.h"
+#include "tracker/test_messages.h"
+
+namespace palpate::test {
+
+/// A tracker's server on this machine: to whoever connects it sends 200 times a second where its tools are,
+/// until it is told to do something else.
+class TrackerServer {
+ public:
+  struct Tool {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    bool seen = true;
+  };
+
+  TrackerServer() : listening_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = ::htonl(INADDR_LOOPBACK);
+    PALPATE_CHECK(::bind(listening_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0);
+    socklen_t size = sizeof address;
+    PALPATE_CHECK(::getsockname(listening_, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+    port_ = ::ntohs(address.sin_port);
+    PALPATE_CHECK(::listen(listening_, 4) == 0);
+    thread_ = std::thread([this] { serve(); });
+  }
+  ~TrackerServer() {
+    end_ = true;
+    thread_.join();
+    ::close(listening_);
+  }
+  int port() const { return port_; }
+
+  void move(const std::string& name, const Tool& tool) {
+    const std::lock_guard lock(mutex_);
+    tools_[name] = tool;
+  }
+  /// Sent in the place of all tools, as often; nothing: the tools again.
+  void send_instead(const std::optional<MessageBytes>& bytes) {
+    const std::lock_guard lock(mutex_);
+    instead_ = bytes;
+  }
+  /// Whoever is connected is not any more, without a goodbye.
+  void drop() { drops_ = true; }
+  /// What came of the last one that connected.
+  MessageBytes heard() const {
+    const std::lock_guard lock(mutex_);
+    return heard_;
+  }
+  int connections() const { return connections_; }
+
+ private:
+  void serve() {
+    int client = -1;
+    for (std::uint64_t frame = 1; !end_; ++frame) {
+      pollfd waiting{listening_, POLLIN, 0};
+      if (client < 0 && ::poll(&waiting, 1, 5) > 0) {
+        client = ::accept4(listening_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        const std::lock_guard lock(mutex_);
+        heard_.clear();
+        ++connections_;
+      }
+      if (drops_.exchange(false) && client >= 0) {
+        // with a reset, as a machine that dies
+        const linger at_once{1, 0};
+        ::setsockopt(client, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
+        ::close(client);
+        client = -1;
+      }
+      if (client >= 0 && !tell(client, frame)) {
+        ::close(client);
+        client = -1;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    if (client >= 0) ::close(client);
+  }
+  bool tell(int client, std::uint64_t frame) {
+    const std::lock_guard lock(mutex_);
+    std::uint8_t buffer[256];
+    for (ssize_t got; (got = ::recv(client, buffer, sizeof buffer, 0)) > 0;)
+      heard_.insert(heard_.end(), buffer, buffer + got);
+    MessageBytes all;
+    // a frame each hundredth of a second
+    for (const auto& [name, tool] : tools_) {
+      const MessageWords said{{"TransformStatus", tool.seen ? "OK" : "OUT_OF_VIEW"}};
+      const auto one = message_bytes("TRANSFORM", name, matrix_bytes(tool.pose), &said, frame << 26);
+      all.insert(all.end(), one.begin(), one.end());
+    }
+    if (instead_) all = *instead_;
+    return all.empty() ||
+           ::send(client, all.data(), all.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(all.size());
+  }
+
+  const int listening_;
+  int port_ = 0;
+  std::atomic<bool> end_{false}, drops_{false};
+  std::atomic<int> connections_{0};
+  mutable std::mutex mutex_;
+  std::map<std::string, Tool> tools_;
+  std::optional<MessageBytes> instead_;
+  MessageBytes heard_;
+  std::thread thread_;
+};
+
+}  // namespace palpate::test

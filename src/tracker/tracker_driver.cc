@@ -1,0 +1,111 @@
+#include "palpate/tracker/tracker_driver.h"
+
+#include "palpate/base/clock.h"
+#include "palpate/device/led_pose.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kSayWhere = "give its address: --tracker HOST:PORT (of PLUS: port 18944)";
+// until look() gives up
+constexpr double kLook_s = 1;
+
+// from the tip to the markers' origin along z, by the smallest turn
+Rotation<TrackedTool, Device> shaft_of(const Point<TrackedTool>& tip) {
+  const Eigen::Vector3d along = -tip.eigen();
+  if (along.norm() < 1e-6) return {};
+  return Rotation<TrackedTool, Device>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along));
+}
+
+}  // namespace
+
+class TrackerDriver::Core {
+ public:
+  explicit Core(const TrackedToolSettings& settings)
+      : is_known_(!settings.stream.address.host.empty() && !settings.stream.transform.empty()),
+        patient_(settings.navigation.patient.patient_from_tracker),
+        tip_(settings.navigation.tip.at),
+        shaft_(shaft_of(tip_)),
+        stream_(settings.stream, [this](const MarkersPose& pose) { tell(pose); }) {
+    info_.name = kTracker;
+    info_.simulated = true;
+    info_.degrees_of_freedom_in = 6;
+    info_.degrees_of_freedom_out = 0;
+    info_.in_patient = true;
+  }
+
+  std::span<const DeviceInfo> devices() const { return {&info_, 1}; }
+  Result<void> open() {
+    if (is_known_) return stream_.open();
+    return Error{ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
+                 "give --tracker HOST:PORT, --transform, --tip and --registration (docs/navigation.md)"};
+  }
+  std::optional<Error> trouble() const { return stream_.trouble(); }
+
+  void run(ServoFunction& servo, ServoClock& clock) {
+    DeviceSample sample;
+    DeviceCommand none;
+    while (clock.wait()) {
+      told_.fill(sample, monotonic_ns());
+      servo.update({&sample, 1}, {&none, 1});
+    }
+  }
+
+ private:
+  void tell(const MarkersPose& pose) {
+    const Transform<Patient, TrackedTool> in_patient = patient_ * pose.tracker_from_tool;
+    const Eigen::Quaterniond turn(in_patient.linear());
+    told_.tell(Point<Device>((in_patient * tip_).eigen()), (turn * shaft_.quaternion()).normalized(),
+               pose.at_ns);
+  }
+
+  const bool is_known_;
+  const Transform<Patient, Tracker> patient_;
+  const Point<TrackedTool> tip_;
+  const Rotation<TrackedTool, Device> shaft_;  // the tool as it is drawn in that of the markers
+  DeviceInfo info_;
+  LedPose told_{Point<Device>()};
+  TrackerStream stream_;  // last: its thread calls tell()
+};
+
+TrackerDriver::TrackerDriver(const TrackedToolSettings& settings) : core_(std::make_unique<Core>(settings)) {}
+TrackerDriver::~TrackerDriver() = default;
+
+std::span<const DeviceInfo> TrackerDriver::devices() const {
+  return core_->devices();
+}
+
+Result<void> TrackerDriver::open(bool /*may_move*/) {
+  return core_->open();
+}
+
+void TrackerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
+  core_->run(servo, clock);
+}
+
+std::optional<Error> TrackerDriver::trouble() const {
+  return core_->trouble();
+}
+
+DeviceMaker tracker_maker(const TrackedToolSettings& settings) {
+  const auto look = [address = settings.stream.address] {
+    DeviceReport report;
+    if (address.host.empty()) {
+      report.checks.push_back({"a tracker's server", false, "nobody said where it is", kSayWhere});
+      return report;
+    }
+    const std::string what = "server at " + address.text();
+    TrackerStream stream({address, "", ""}, [](const MarkersPose&) {});
+    if (const auto opened = stream.open(kLook_s); !opened) {
+      report.checks.push_back({what, false, opened.error().what, opened.error().remedy});
+      return report;
+    }
+    report.checks.push_back({what, true, "sends transforms", ""});
+    for (const std::string& name : stream.heard()) report.connected.push_back({name, "ready"});
+    return report;
+  };
+  return {kTracker, "a tracked tool in a registered patient, by a tracker's stream (OpenIGTLink): no force",
+          [settings] { return std::make_unique<TrackerDriver>(settings); }, look};
+}
+
+}  // namespace palpate

@@ -1,0 +1,202 @@
+#include "palpate/tracker/tracker_driver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <mutex>
+
+#include "base/test_wait.h"
+#include "device/test_wall.h"
+#include "palpate/base/clock.h"
+#include "palpate/device/led_pose.h"
+#include "tracker/test_tracker_server.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::soon;
+
+constexpr const char* kTool = "StylusToTracker";
+constexpr const char* kReference = "ReferenceToTracker";
+
+Eigen::Isometry3d turned(double rad, const Eigen::Vector3d& axis, const Eigen::Vector3d& at_mm) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = Eigen::AngleAxisd(rad, axis.normalized()).toRotationMatrix();
+  pose.translation() = at_mm;
+  return pose;
+}
+const Eigen::Isometry3d kToolPose = turned(0.7, {1, 2, 3}, {100, -50, 900});
+
+class LastSample final : public ServoFunction {
+ public:
+  void update(std::span<const DeviceSample> samples,
+              std::span<DeviceCommand> /*commands*/) noexcept override {
+    const std::lock_guard lock(mutex_);
+    last_ = samples[0];
+    age_s_ = 1e-9 * static_cast<double>(monotonic_ns() - last_.taken_ns);
+  }
+  DeviceSample last() const {
+    const std::lock_guard lock(mutex_);
+    return last_;
+  }
+  double age_s() const {
+    const std::lock_guard lock(mutex_);
+    return age_s_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  DeviceSample last_;
+  double age_s_ = 0;
+};
+
+class TrackedTip : public ::testing::Test {
+ protected:
+  TrackedTip() {
+    settings_.stream = {{"127.0.0.1", server_.port()}, kTool, ""};
+    settings_.navigation.tip.at = {-17.8, 1.1, -156.9};
+    const Eigen::Isometry3d patient = turned(-0.4, {3, 1, 2}, {10, 20, -700});
+    settings_.navigation.patient.patient_from_tracker = {patient.linear(), patient.translation()};
+    server_.move(kTool, {kToolPose});
+  }
+  ~TrackedTip() override { end(); }
+  void begin() {
+    driver_ = std::make_unique<TrackerDriver>(settings_);
+    const auto opened = driver_->open(false);
+    ASSERT_TRUE(opened.ok()) << opened.error().message();
+    thread_ = std::thread([this] { driver_->run(seen_, clock_); });
+  }
+  void end() {
+    clock_.stop = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  // in the patient, of a tool that is so in the tracker's coordinates
+  Eigen::Vector3d tip_of(const Eigen::Isometry3d& tool) const {
+    const auto& X = settings_.navigation.patient.patient_from_tracker;
+    return X.linear() * (tool * settings_.navigation.tip.at.eigen()) + X.translation();
+  }
+  bool comes_to(const Eigen::Vector3d& tip) {
+    return soon([&] { return (seen_.last().tip.eigen() - tip).norm() < 0.001; });
+  }
+  bool says(const char* words) {
+    return soon([&] {
+      const auto trouble = driver_->trouble();
+      return trouble && trouble->message().find(words) != std::string::npos && !trouble->remedy.empty();
+    });
+  }
+  bool is_well() {
+    return soon([&] { return !driver_->trouble() && seen_.age_s() < 0.01; });
+  }
+  std::string refused() {
+    TrackerDriver driver(settings_);
+    const auto opened = driver.open(false);
+    return opened ? "opened" : opened.error().message();
+  }
+
+  test::TrackerServer server_;
+  TrackedToolSettings settings_;
+  std::unique_ptr<TrackerDriver> driver_;
+  LastSample seen_;
+  testing::UntilStopped clock_;
+  std::thread thread_;
+};
+
+TEST_F(TrackedTip, IsWhereTheStreamTheTipAndTheRegistrationSay) {
+  begin();
+  EXPECT_TRUE(driver_->devices()[0].in_patient);
+  EXPECT_TRUE(driver_->devices()[0].simulated);
+  EXPECT_TRUE(comes_to(tip_of(kToolPose)));
+  const Eigen::Isometry3d elsewhere = turned(1.1, {2, -1, 1}, {120, -40, 950});
+  server_.move(kTool, {elsewhere});
+  EXPECT_TRUE(comes_to(tip_of(elsewhere)));
+  // the shaft goes from the tip to the markers
+  const auto& X = settings_.navigation.patient.patient_from_tracker;
+  const Eigen::Vector3d markers = X.linear() * elsewhere.translation() + X.translation();
+  EXPECT_TRUE(soon([&] {
+    return ((seen_.last().R_DeviceTool * Eigen::Vector3d::UnitZ()) -
+            (markers - tip_of(elsewhere)).normalized())
+               .norm() < 1e-4;
+  }));
+  EXPECT_EQ(server_.heard(), test::MessageBytes(igtl::greeting()));
+}
+
+// and the tip stays in the patient when both are moved together
+TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
+  settings_.stream.reference = kReference;
+  const Eigen::Isometry3d reference = turned(0.3, {0, 1, 0}, {-200, 30, 1000});
+  server_.move(kReference, {reference});
+  server_.move(kTool, {kToolPose});
+  begin();
+  const Eigen::Vector3d tip = tip_of(reference.inverse() * kToolPose);
+  EXPECT_TRUE(comes_to(tip));
+  const Eigen::Isometry3d moved = turned(0.2, {1, 1, 0}, {5, 40, -20});
+  server_.move(kReference, {moved * reference});
+  EXPECT_TRUE(soon([&] { return (seen_.last().tip.eigen() - tip).norm() > 5; }));
+  server_.move(kTool, {moved * kToolPose});
+  EXPECT_TRUE(comes_to(tip));
+  server_.move(kReference, {moved * reference, false});
+  EXPECT_TRUE(says("ReferenceToTracker is not seen"));
+}
+
+TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
+  begin();
+  ASSERT_TRUE(comes_to(tip_of(kToolPose)));
+  server_.move(kTool, {kToolPose, false});
+  EXPECT_TRUE(soon([&] { return seen_.age_s() > 0.05; }));
+  EXPECT_TRUE(says("StylusToTracker is not seen"));
+  EXPECT_LT((seen_.last().tip.eigen() - tip_of(kToolPose)).norm(), 0.001) << "where it was seen last";
+  server_.move(kTool, {kToolPose});
+  EXPECT_TRUE(is_well());
+}
+
+TEST_F(TrackedTip, AConnectionThatIsLostComesBack) {
+  begin();
+  server_.drop();
+  EXPECT_TRUE(soon([&] { return server_.connections() == 2; }));
+  EXPECT_TRUE(is_well());
+  // what is no OpenIGTLink, and what is damaged
+  server_.send_instead(test::MessageBytes(500, 'x'));
+  EXPECT_TRUE(says("no OpenIGTLink"));
+  test::MessageBytes damaged = test::transform_message(kTool, kToolPose);
+  damaged.back() ^= 1;
+  server_.send_instead(damaged);
+  EXPECT_TRUE(says("checksums are wrong"));
+  server_.send_instead({});
+  EXPECT_TRUE(is_well());
+}
+
+TEST_F(TrackedTip, WhatIsMissingIsSaidAtTheBeginning) {
+  settings_.stream.transform = "ProbeToTracker";
+  EXPECT_THAT(refused(), HasSubstr("sends no ProbeToTracker\n  it sends: StylusToTracker"));
+  settings_.stream.transform.clear();
+  EXPECT_THAT(refused(), HasSubstr("nobody said which tracked tool"));
+  settings_.stream.transform = kTool;
+  settings_.stream.address.host.clear();
+  EXPECT_THAT(refused(), HasSubstr("nobody said which tracked tool"));
+  const auto lost = tracker_maker().look();
+  EXPECT_FALSE(lost.checks[0].fine);
+
+  TrackedToolSettings there;
+  there.stream.address = {"127.0.0.1", server_.port()};
+  const DeviceReport report = tracker_maker(there).look();
+  EXPECT_TRUE(report.checks[0].fine);
+  ASSERT_EQ(report.connected.size(), 1u);
+  EXPECT_EQ(report.connected[0].id, kTool);
+}
+
+TEST(TrackerAddress, IsHostAndPort) {
+  const auto address = [](const char* text) {
+    const auto parsed = parse_tracker_address(text);
+    return parsed ? parsed->host + " " + std::to_string(parsed->port) + " " + parsed->text() : "none";
+  };
+  EXPECT_EQ(address("localhost:18944"), "localhost 18944 localhost:18944");
+  EXPECT_EQ(address("[::1]:7"), "::1 7 [::1]:7");
+  for (const char* text :
+       {"localhost", ":18944", "a:", "a:0", "a:65536", "a:1x", "a:123456", "a:b:1", "C:/poses.csv:1", ""})
+    EXPECT_EQ(address(text), "none") << text;
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,332 @@
+#include "palpate/tracker/tracker_stream.h"
+
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "palpate/base/clock.h"
+#include "palpate/base/printable.h"
+#include "tracker/messages.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kLook_ms = 20;
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kRetry_ns = kSecond_ns / 5, kConnecting_ns = 3 * kSecond_ns,
+                       kSilent_ns = 5 * kSecond_ns;
+constexpr std::int64_t kUnseen_ns = static_cast<std::int64_t>(TrackerStream::kUnseen_s * 1e9);
+constexpr std::size_t kMostHeard = 64, kLongestHeard = 128;
+// as much as a device's name in a message holds
+constexpr std::size_t kShortName = 20;
+
+// the frame in which the cameras tell their poses; Tracker is the reference's, where there is one
+struct Cameras {};
+
+/// A connection's file, closed when it goes.
+class Socket {
+ public:
+  explicit Socket(int number = -1) : number_(number) {}
+  Socket(Socket&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Socket& operator=(Socket&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  ~Socket() {
+    if (number_ >= 0) ::close(number_);
+  }
+  int number() const { return number_; }
+
+ private:
+  int number_;
+};
+
+struct FoundAddresses {
+  addrinfo* first = nullptr;
+  ~FoundAddresses() {
+    if (first != nullptr) ::freeaddrinfo(first);
+  }
+};
+
+// a transform's name is what was asked for, or all of that which an old message has room for
+bool is_called(const std::string& name, const std::string& asked) {
+  return name == asked || (asked.size() > kShortName && name == asked.substr(0, kShortName));
+}
+
+}  // namespace
+
+std::string TrackerAddress::text() const {
+  const bool is_v6 = host.find(':') != std::string::npos;
+  return (is_v6 ? "[" + host + "]" : host) + ":" + std::to_string(port);
+}
+
+std::optional<TrackerAddress> parse_tracker_address(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos || colon == 0) return {};
+  const std::string port = text.substr(colon + 1);
+  if (port.empty() || port.size() > 5 || port.find_first_not_of("0123456789") != std::string::npos) return {};
+  TrackerAddress address{text.substr(0, colon), std::stoi(port)};
+  if (address.host.starts_with('[') && address.host.ends_with(']'))
+    address.host = address.host.substr(1, address.host.size() - 2);
+  else if (address.host.find_first_of(":/") != std::string::npos)
+    return {};
+  if (address.host.empty() || address.port < 1 || address.port > 65535) return {};
+  return address;
+}
+
+class TrackerStream::Core {
+ public:
+  Core(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told)
+      : settings_(settings), told_(std::move(told)) {}
+  ~Core() {
+    end_.store(true);
+    if (reader_.joinable()) reader_.join();
+  }
+
+  Result<void> open(double patience_s, const Progress& progress) {
+    if (reader_.joinable()) return {};
+    try {
+      reader_ = std::thread([this] { follow(); });
+    } catch (const std::system_error& error) {
+      return Error{ErrorKind::kUnavailable, std::string("no thread is to be had: ") + error.what(), "tracker",
+                   "close other programs, or raise the limit of processes (ulimit -u)"};
+    }
+    const auto patience_ns = std::llround(patience_s * 1e9);
+    std::int64_t until_ns = monotonic_ns() + patience_ns;
+    for (bool was_connected = false; !has_what_is_awaited();) {
+      if (progress.stopped()) return Progress::interrupted();
+      if (monotonic_ns() > until_ns)
+        if (auto missing = trouble()) return *std::move(missing);
+      // from there on the tool is waited for
+      if (is_connected() && !std::exchange(was_connected, true)) until_ns = monotonic_ns() + patience_ns;
+      std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
+    }
+    return {};
+  }
+
+  std::optional<Error> trouble() const {
+    const std::lock_guard lock(mutex_);
+    const auto unavailable = [this](std::string what, std::string cure) {
+      return Error{ErrorKind::kUnavailable, std::move(what), "tracker " + settings_.address.text(),
+                   std::move(cure)};
+    };
+    const std::int64_t now_ns = monotonic_ns();
+    if (!is_connected_)
+      return unavailable(why_not_, why_not_cure_ + "; it is tried again, and goes on by itself");
+    if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
+    if (heard_.empty())
+      return unavailable("sends no transforms",
+                         "let its server send TRANSFORM messages, and start the tracking");
+    for (const std::string& wanted : {settings_.transform, settings_.reference}) {
+      if (wanted.empty()) continue;
+      if (std::ranges::none_of(heard_, [&](const std::string& name) { return is_called(name, wanted); })) {
+        std::string all;
+        for (const std::string& name : heard_) all += (all.empty() ? "" : ", ") + printable_name(name);
+        return unavailable("sends no " + printable_name(wanted), "it sends: " + all);
+      }
+    }
+    // nothing is awaited
+    if (settings_.transform.empty()) return std::nullopt;
+    if (now_ns - tool_.at_ns > kUnseen_ns)
+      return unavailable(printable_name(settings_.transform) + " is not seen",
+                         "turn the tool's markers towards the tracker, and clear the view");
+    if (now_ns - reference_.at_ns > kUnseen_ns)
+      return unavailable(printable_name(settings_.reference) + " is not seen",
+                         "turn the patient's markers towards the tracker, and clear the view");
+    return unavailable("tells " + printable_name(settings_.transform) + " and " +
+                           printable_name(settings_.reference) + " of different moments",
+                       "let its server send both of one frame (of PLUS: from one data collection device)");
+  }
+
+  std::vector<std::string> heard() const {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::string> names;
+    for (const std::string& name : heard_) names.push_back(printable_name(name));
+    return names;
+  }
+
+ private:
+  struct Seen {
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    Eigen::Vector3d shift_mm = Eigen::Vector3d::Zero();
+    std::uint64_t stamp = 0;
+    std::int64_t at_ns = -kSecond_ns;
+  };
+
+  bool is_connected() const {
+    const std::lock_guard lock(mutex_);
+    return is_connected_;
+  }
+  bool has_what_is_awaited() const {
+    const std::lock_guard lock(mutex_);
+    return is_connected_ && (settings_.transform.empty() ? !heard_.empty() : pose_ns_ > 0);
+  }
+  void not_connected(std::string why, std::string cure) {
+    const std::lock_guard lock(mutex_);
+    is_connected_ = false;
+    why_not_ = std::move(why);
+    why_not_cure_ = std::move(cure);
+  }
+
+  // ---- the stream's own thread
+  void follow() {
+    while (!end_.load()) {
+      if (Socket socket = connect(); socket.number() >= 0) read(socket.number());
+      for (const std::int64_t until = monotonic_ns() + kRetry_ns; !end_.load() && monotonic_ns() < until;)
+        std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
+    }
+  }
+
+  // whether the file may be read or written before that; nothing: the end was asked
+  bool await(int file, short what, std::int64_t until_ns) const {
+    while (!end_.load() && monotonic_ns() < until_ns) {
+      pollfd waiting{file, what, 0};
+      if (::poll(&waiting, 1, kLook_ms) > 0) return true;
+    }
+    return false;
+  }
+
+  Socket connect() {
+    const char* look = "look at the address, and whether the tracker's server runs";
+    addrinfo hints{};
+    hints.ai_socktype = SOCK_STREAM;
+    FoundAddresses found;
+    const TrackerAddress& address = settings_.address;
+    if (const int failed =
+            ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found.first);
+        failed != 0) {
+      not_connected(std::string("is not found: ") + ::gai_strerror(failed), look);
+      return Socket();
+    }
+    int failure = EHOSTUNREACH;
+    for (const addrinfo* each = found.first; each != nullptr && !end_.load(); each = each->ai_next) {
+      Socket socket(
+          ::socket(each->ai_family, each->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, each->ai_protocol));
+      if (socket.number() < 0) continue;
+      if (::connect(socket.number(), each->ai_addr, each->ai_addrlen) != 0 && errno != EINPROGRESS) {
+        failure = errno;
+        continue;
+      }
+      socklen_t size = sizeof failure;
+      if (!await(socket.number(), POLLOUT, monotonic_ns() + kConnecting_ns))
+        failure = ETIMEDOUT;
+      else
+        ::getsockopt(socket.number(), SOL_SOCKET, SO_ERROR, &failure, &size);
+      if (failure == 0) return socket;
+    }
+    not_connected(std::string("does not answer: ") + std::strerror(failure), look);
+    return Socket();
+  }
+
+  void read(int file) {
+    const int at_once = 1;
+    ::setsockopt(file, IPPROTO_TCP, TCP_NODELAY, &at_once, sizeof at_once);
+    const auto greeting = igtl::greeting();
+    // fits into what a new connection has room for
+    if (::send(file, greeting.data(), greeting.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(greeting.size()))
+      return not_connected("has closed the connection", "look whether the tracker's server still runs");
+    {
+      const std::lock_guard lock(mutex_);
+      is_connected_ = true;
+      heard_.clear();
+      tool_ = {};
+      reference_ = {};
+    }
+    igtl::Reader messages;
+    std::vector<std::uint8_t> bytes(1 << 16);
+    while (!end_.load()) {
+      if (!await(file, POLLIN, monotonic_ns() + kSilent_ns))
+        return not_connected("says nothing for 5 s", "look whether the tracker's server still runs");
+      const ssize_t got = ::recv(file, bytes.data(), bytes.size(), 0);
+      if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+      if (got <= 0)
+        return not_connected("has closed the connection", "look whether the tracker's server still runs");
+      const std::int64_t now_ns = monotonic_ns();
+      const std::uint64_t damaged_before = messages.damaged();
+      const auto taken = messages.take(std::span(bytes).first(static_cast<std::size_t>(got)),
+                                       [&](const igtl::PoseMessage& message) { take(message, now_ns); });
+      if (!taken) return not_connected(taken.error().what, taken.error().remedy);
+      if (messages.damaged() > damaged_before && messages.damaged() >= kMostDamaged)
+        return not_connected("sends damaged messages: their checksums are wrong",
+                             "look at its connection; begin its server anew");
+    }
+  }
+
+  void take(const igtl::PoseMessage& message, std::int64_t now_ns) {
+    MarkersPose told;
+    {
+      const std::lock_guard lock(mutex_);
+      if (heard_.size() < kMostHeard) heard_.insert(message.name.substr(0, kLongestHeard));
+      if (!message.seen) return;
+      const bool is_tool = !settings_.transform.empty() && is_called(message.name, settings_.transform),
+                 is_reference = !settings_.reference.empty() && is_called(message.name, settings_.reference);
+      if (!is_tool && !is_reference) return;
+      (is_tool ? tool_ : reference_) = {message.rotation, message.at_mm, message.stamp, now_ns};
+      const Transform<Cameras, TrackedTool> tool(tool_.rotation, tool_.shift_mm);
+      if (settings_.reference.empty()) {
+        told.tracker_from_tool = {tool_.rotation, tool_.shift_mm};
+      } else {
+        // both of one frame
+        if (now_ns - tool_.at_ns > kUnseen_ns || now_ns - reference_.at_ns > kUnseen_ns) return;
+        const std::uint64_t apart =
+            std::max(tool_.stamp, reference_.stamp) - std::min(tool_.stamp, reference_.stamp);
+        if (apart > kMostApart) return;
+        const Transform<Cameras, Tracker> reference(reference_.rotation, reference_.shift_mm);
+        told.tracker_from_tool = reference.inverse() * tool;
+      }
+      pose_ns_ = now_ns;
+    }
+    told.at_ns = now_ns;
+    told_(told);
+  }
+
+  // 5 ms, in 2^-32 s
+  static constexpr std::uint64_t kMostApart = (std::uint64_t{1} << 32) / 200;
+  static constexpr std::uint64_t kMostDamaged = 10;
+
+  const TrackerSettings settings_;
+  const std::function<void(const MarkersPose&)> told_;
+  std::atomic<bool> end_{false};
+  mutable std::mutex mutex_;
+  // guarded by it
+  bool is_connected_ = false;
+  std::string why_not_ = "is not connected yet",
+              why_not_cure_ = "look at the address, and whether the tracker's server runs";
+  std::set<std::string> heard_;
+  Seen tool_, reference_;
+  std::int64_t pose_ns_ = 0;  // of the last pose that was told; 0: none yet
+  std::thread reader_;
+};
+
+TrackerStream::TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told)
+    : core_(std::make_unique<Core>(settings, std::move(told))) {}
+TrackerStream::~TrackerStream() = default;
+
+Result<void> TrackerStream::open(double patience_s, const Progress& progress) {
+  return core_->open(patience_s, progress);
+}
+std::optional<Error> TrackerStream::trouble() const {
+  return core_->trouble();
+}
+std::vector<std::string> TrackerStream::heard() const {
+  return core_->heard();
+}
+
+}  // namespace palpate
