@@ -47,6 +47,7 @@ struct ExploreArguments {
   std::string task, learner;
   std::optional<std::filesystem::path> plan;
   std::filesystem::path records;
+  bool keeps_runs = false;  // in these
 };
 
 // the claims of what is written: the recording, the supervisor's log
@@ -424,17 +425,36 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
       training.tasks.push_back({std::filesystem::path(file.name).stem().string(), *std::move(task)});
     }
   }
-  training.keeps = !options.learner.empty();
-  if (training.keeps)
-    training.over = [file = options.records, learner = options.learner](const TaskFile& task,
-                                                                        const TaskRun& run) {
-      auto kept = keep_run(file, learner, task, {{}, *run.header, run.score, run.run_hash});
-      if (kept) return *std::move(kept);
-      RunHistory none;
-      none.not_kept = kept.error();
-      return none;
-    };
+  training.learner = options.learner;
+  if (!options.keeps_runs) return training;
+  training.over = [file = options.records](const TaskFile& task, const TaskRun& run) {
+    auto kept = keep_run(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
+    if (kept) return *std::move(kept);
+    RunHistory none;
+    none.not_kept = kept.error();
+    return none;
+  };
+  training.curves = [file = options.records](const std::string& learner) { return curves_of(file, learner); };
   return training;
+}
+
+// whose runs are kept: the session's learner's, those of whoever comes with a learner's token, and those that
+// a teacher chooses
+Result<void> check_learners(ExploreArguments& options, Console& console) {
+  std::vector<std::string> learners;
+  if (!options.learner.empty()) learners.push_back(options.learner);
+  bool has_teacher = false;
+  if (!options.serving.viewers.token_file.empty() && !options.no_viewer) {
+    const auto holders = holders_of_tokens(options.serving.viewers.token_file);
+    if (!holders) return holders.error();
+    learners.insert(learners.end(), holders->learners.begin(), holders->learners.end());
+    has_teacher = holders->teacher;
+  }
+  options.keeps_runs = !learners.empty() || has_teacher;
+  if (!options.records.empty() && !options.keeps_runs)
+    return Error{ErrorKind::kUsage, "there is nobody whose runs would be kept", "--records",
+                 "name a --learner, or a --token-file with learners or a teacher"};
+  return options.keeps_runs ? check_records(options.records, learners, console) : Result<void>();
 }
 
 // title and figures of each run
@@ -459,6 +479,7 @@ int explore_target(ExploreArguments options, Console& console) {
   options.known = *std::move(known);
   const auto claimed = check(options);
   if (!claimed) return console.fail(claimed.error());
+  if (const auto kept = check_learners(options, console); !kept) return console.fail(kept.error());
   const Progress progress = console.progress();
   const auto loaded = load_target(options.target, console, {}, options.volume);
   if (!loaded) return console.fail(loaded.error());
@@ -472,9 +493,6 @@ int explore_target(ExploreArguments options, Console& console) {
       options.devices.front() != kSimulatedHand ? Script{} : script_of(options.script, *loaded->model);
   if (!script) return console.fail(script.error());
   note_felt_stiffness(*loaded, console);
-  if (!options.learner.empty())
-    if (const auto kept = check_records(options.records, options.learner, console); !kept)
-      return console.fail(kept.error());
   std::shared_ptr<SharedPlan> plan;
   if (options.plan) {
     auto opened = SharedPlan::open(*options.plan, *loaded->model, true);
@@ -495,6 +513,8 @@ int explore_target(ExploreArguments options, Console& console) {
   ExploreOptions session = session_of(options, *keys, faults, console);
   session.devices = options.devices;
   session.training = *training;
+  // one that a session is for; of those that a page offers, any may be begun
+  if (training->have_to_fit) session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
   session.plan = plan;
   session.navigation = options.navigation;
   const auto held = kept_held_hands();
@@ -507,6 +527,9 @@ int explore_target(ExploreArguments options, Console& console) {
   console.live("");
   if (!result) return console.fail(result.error());
   if (result->stopped_by_user) console.note("stopped");
+  if (plan && !plan->viewed()->saved)
+    console.warn()(options.plan->string() +
+                   ": what was changed of the plan in the page was not saved, and is gone");
   warn_of_trouble(result->trouble, said, console);
   print(*result, pointer);
   if (tracked) print_tip_error(*tracked);
@@ -544,12 +567,10 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("-t,--task", options.task,
                    "Task that is done in it, measured as it is done: a file, or one of palpate task list; "
                    "default: the page offers those that are made for the scene");
-  CLI::Option* learner =
-      verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym")
-          ->check(CLI::Validator(
-              [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
-  verb->add_option("--records", options.records, "The file of the records (palpate records --help)")
-      ->needs(learner);
+  verb->add_option("--learner", options.learner, "Keep runs of tasks as this learner's, a pseudonym")
+      ->check(CLI::Validator(
+          [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
+  verb->add_option("--records", options.records, "The file of the records (palpate records --help)");
   verb->add_option("--plan", options.plan,
                    "Plan that is rehearsed (palpate plan --help): the page shows it, and saves what is made "
                    "of it there; a file that is not there yet begins empty");

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "palpate/records/records.h"
 #include "palpate/session/training.h"
@@ -12,8 +13,12 @@ namespace palpate::app {
 /// What records keep of a score.
 RunRecord record_of(const std::string& learner, const TaskFile& task, const ScoredRun& run);
 
-/// Whether records can be kept there, which are made where there are none.
-Result<void> check_records(const std::filesystem::path& file, const std::string& learner, Console& console);
+/// Whether records of these learners can be kept there, which are made where there are none.
+Result<void> check_records(const std::filesystem::path& file, const std::vector<std::string>& learners,
+                           Console& console);
+
+/// The page of a learner's runs, or of everybody's (empty), as `palpate records page` writes it.
+Result<std::string> curves_of(const std::filesystem::path& file, const std::string& learner);
 
 /// Adds a run to the records, and tells what there is of the learner's runs of this task, it included.
 Result<RunHistory> keep_run(const std::filesystem::path& file, const std::string& learner,

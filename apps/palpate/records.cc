@@ -9,6 +9,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/hash.h"
+#include "palpate/base/learner.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/report/learners_page.h"
@@ -141,7 +142,24 @@ int show(const RecordsOptions& options, Console& console) {
   return kExitOk;
 }
 
-/// Writes what is made of all runs that are asked for, each with its metrics.
+/// All runs that are asked for, each with its metrics. @return how many
+Result<std::size_t> each_run(Records& records, const RunFilter& filter,
+                             const std::function<void(const RunRecord&)>& take) {
+  std::vector<std::int64_t> ids;
+  const auto listed = records.list(filter, [&](const RunRecord& run) -> Result<void> {
+    ids.push_back(run.id);
+    return {};
+  });
+  if (!listed) return listed.error();
+  for (const std::int64_t id : ids) {
+    const auto run = records.run(id);
+    if (!run) return run.error();
+    take(*run);
+  }
+  return ids.size();
+}
+
+/// Writes what is made of all runs that are asked for.
 /// @param take  a run; @param text  what the file is to hold, after the last one
 int write_runs(const RecordsOptions& options, Console& console,
                const std::function<void(const RunRecord&)>& take, const std::function<std::string()>& text) {
@@ -152,19 +170,10 @@ int write_runs(const RecordsOptions& options, Console& console,
   const std::vector<std::filesystem::path> never{*file, file->string() + "-wal", file->string() + "-shm"};
   const auto claimed = claim_output(options.output, never);
   if (!claimed) return console.fail(claimed.error());
-  std::vector<std::int64_t> ids;
-  const auto listed = (*records)->list(options.filter, [&](const RunRecord& run) -> Result<void> {
-    ids.push_back(run.id);
-    return {};
-  });
-  if (!listed) return console.fail(listed.error());
-  for (const std::int64_t id : ids) {
-    const auto run = (*records)->run(id);
-    if (!run) return console.fail(run.error());
-    take(*run);
-  }
+  const auto count = each_run(**records, options.filter, take);
+  if (!count) return console.fail(count.error());
   if (const auto written = write_file(options.output, text()); !written) return console.fail(written.error());
-  console.note(std::to_string(ids.size()) + " runs: " + options.output.string());
+  console.note(std::to_string(*count) + " runs: " + options.output.string());
   return kExitOk;
 }
 
@@ -179,8 +188,19 @@ int export_runs(const RecordsOptions& options, Console& console) {
       [&] { return text; });
 }
 
+/// The page of some runs.
+class PageOfRuns {
+ public:
+  void take(const RunRecord& run);
+  std::string html();
+
+ private:
+  std::map<std::pair<std::string, std::string>, LearnersPage::Task> tasks_;  // by title and hash
+};
+
 // a run on the page of its task's text; figures of a text are in the order of its latest run
-void put_on_page(LearnersPage::Task& task, const RunRecord& run) {
+void PageOfRuns::take(const RunRecord& run) {
+  LearnersPage::Task& task = tasks_[{run.task, run.task_hash}];
   task.title = run.task;
   task.hash = run.task_hash;
   task.in_a_row = run.in_a_row;
@@ -196,21 +216,19 @@ void put_on_page(LearnersPage::Task& task, const RunRecord& run) {
   learner->runs.push_back(std::move(point));
 }
 
+std::string PageOfRuns::html() {
+  LearnersPage page{PALPATE_VERSION " (commit " PALPATE_COMMIT ")", {}};
+  for (auto& [key, task] : tasks_) {
+    std::ranges::sort(task.learners, {}, &LearnersPage::Learner::name);
+    page.tasks.push_back(std::move(task));
+  }
+  return learners_html(page);
+}
+
 int write_page(const RecordsOptions& options, Console& console) {
-  std::map<std::pair<std::string, std::string>, LearnersPage::Task> tasks;  // by title and hash
+  PageOfRuns page;
   return write_runs(
-      options, console,
-      [&](const RunRecord& run) {
-        put_on_page(tasks[{run.task, run.task_hash}], run);
-      },
-      [&] {
-        LearnersPage page{PALPATE_VERSION " (commit " PALPATE_COMMIT ")", {}};
-        for (auto& [key, task] : tasks) {
-          std::ranges::sort(task.learners, {}, &LearnersPage::Learner::name);
-          page.tasks.push_back(std::move(task));
-        }
-        return learners_html(page);
-      });
+      options, console, [&](const RunRecord& run) { page.take(run); }, [&] { return page.html(); });
 }
 
 int erase(const RecordsOptions& options, Console& console) {
@@ -296,11 +314,26 @@ Result<std::int64_t> record_run(const std::filesystem::path& asked, const std::s
   return (*records)->add(record_of(learner, task, scored));
 }
 
-Result<void> check_records(const std::filesystem::path& asked, const std::string& learner, Console& console) {
-  if (auto named = check_learner(learner); !named) return named;
+Result<void> check_records(const std::filesystem::path& asked, const std::vector<std::string>& learners,
+                           Console& console) {
+  for (const std::string& learner : learners)
+    if (auto named = check_learner(learner); !named) return named;
   if (auto records = opened_to_add(asked); !records) return records.error();
-  warn_of_person(learner, console);
+  for (const std::string& learner : learners) warn_of_person(learner, console);
   return {};
+}
+
+Result<std::string> curves_of(const std::filesystem::path& asked, const std::string& learner) {
+  const auto file = records_file(asked);
+  if (!file) return file.error();
+  auto records = Records::open_to_read(*file);
+  if (!records) return records.error();
+  PageOfRuns page;
+  RunFilter filter;
+  filter.learner = learner;
+  const auto count = each_run(**records, filter, [&](const RunRecord& run) { page.take(run); });
+  if (!count) return count.error();
+  return page.html();
 }
 
 Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::string& learner,

@@ -57,16 +57,17 @@ int replay_recording(const ReplayOptions& options, Console& console) {
   if (options.view)
     if (const auto servable = ViewerServer::check(options.serving.viewers); !servable)
       return console.fail(servable.error());
-  std::optional<PlayedTaskOptions> task;
-  if (!options.task.empty()) {
-    auto offered = offered_task(options.task);
-    if (!offered) return console.fail(offered.error());
-    if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
-    task.emplace(PlayedTaskOptions{*std::move(offered), options.ticks});
-  }
+  if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
   const Progress progress = console.progress();
   auto recording = RecordingSource::open(options.recording, progress);
   if (!recording) return console.fail(recording.error());
+  std::optional<PlayedTaskOptions> task;
+  const bool is_run = options.view && is_run_of_task(recording->head().header, options.task, options.ticks);
+  if (is_run) {
+    auto offered = task_of_recording(recording->head().header, options.task, options.recording, console);
+    if (!offered) return console.fail(offered.error());
+    task.emplace(PlayedTaskOptions{*std::move(offered), options.ticks});
+  }
   const auto loaded = load_scene_of_recording(recording->head().header, options.target, progress,
                                               console.warn(), options.volume);
   if (!loaded) return console.fail(loaded.error());
@@ -104,12 +105,13 @@ void add_replay(CLI::App& app, Run& run) {
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");
-  CLI::Option* task = verb->add_option(
-      "-t,--task", options->task,
-      "Task file, or one of palpate task list: the page shows how far it was, and what came of it");
+  CLI::Option* task = verb->add_option("-t,--task", options->task,
+                                       "Task file, or one of palpate task list: the page shows how far it "
+                                       "was, and what came of it; default: the "
+                                       "one that the recording says");
   task->needs(view);
   add_tick_options(*verb, options->ticks);
-  for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(task);
+  for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(view);
   const std::size_t others = verb->get_options().size();
   verb->add_option("--plan", options->plan, "Plan that is shown beside it (palpate plan --help)");
   add_serving_options(*verb, options->serving);

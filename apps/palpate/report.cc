@@ -32,15 +32,15 @@ int report_recording(const ReportOptions& options, Console& console) {
     if (!read) return console.fail(read.error());
     plan = *std::move(read);
   }
+  if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
+  const auto recording = RecordingSource::open(options.recording, progress);
+  if (!recording) return console.fail(recording.error());
   std::optional<OfferedTask> task;
-  if (!options.task.empty()) {
-    if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
-    auto offered = offered_task(options.task);
+  if (is_run_of_task(recording->head().header, options.task, options.ticks)) {
+    auto offered = task_of_recording(recording->head().header, options.task, options.recording, console);
     if (!offered) return console.fail(offered.error());
     task = *std::move(offered);
   }
-  const auto recording = RecordingSource::open(options.recording, progress);
-  if (!recording) return console.fail(recording.error());
   auto inputs = input_files(options.target.empty() ? recording->head().header.data_set : options.target);
   inputs.push_back(options.recording);
   if (plan) inputs.push_back(options.plan);
@@ -103,11 +103,11 @@ void add_report(CLI::App& app, Run& run) {
   verb->add_option("--device", options->device, "Whose tool the plan is for, of several devices; default 1")
       ->check(whole_between(1, kMaxDevices))
       ->needs(plan);
-  CLI::Option* task =
-      verb->add_option("-t,--task", options->task,
-                       "Task file, or one of palpate task list: its score gets a part of the page");
+  verb->add_option(
+      "-t,--task", options->task,
+      "Task file, or one of palpate task list: its score gets a part of the page; default: the one "
+      "that the recording says");
   add_tick_options(*verb, options->ticks);
-  for (const char* each : {"--from-tick", "--to-tick"}) verb->get_option(each)->needs(task);
   verb->footer(
       "Examples:\n"
       "  palpate report run.h5\n"

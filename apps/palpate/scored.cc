@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 #include "palpate/base/printable.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
+#include "palpate/phantoms/phantoms.h"
 #include "text.h"
 
 namespace palpate::app {
@@ -19,7 +21,69 @@ std::string hexadecimal(std::uint64_t hash) {
   return text;
 }
 
+// the seed in a data set's name
+std::uint64_t seed_in(const std::string& data_set) {
+  constexpr std::string_view kKey = "seed=";
+  for (std::size_t at = data_set.find(kKey); at != std::string::npos; at = data_set.find(kKey, at + 1))
+    if (at > 0 && (data_set[at - 1] == ':' || data_set[at - 1] == ','))
+      return std::strtoull(data_set.c_str() + at + kKey.size(), nullptr, 10);
+  return 0;
+}
+
+// as a catalogue has it, whatever the order of its parameters
+std::string canonical_name(const std::string& data_set) {
+  const auto phantom =
+      is_phantom_name(data_set) ? parse_phantom(data_set) : Result<PhantomParameters>(Error{});
+  return phantom ? phantom_name(*phantom) : data_set;
+}
+
+// of those that palpate brings along; by its name and its text
+bool is_brought_along(const std::string& name, std::uint64_t hash) {
+  const EmbeddedFile* file = find_file(embedded_tasks(), name + ".toml");
+  if (file == nullptr) return false;
+  const auto task = parse_task(file->text, name);
+  return task.ok() && task->text_hash == hash;
+}
+
 }  // namespace
+
+RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set) {
+  const TaskFile& file = task.file;
+  // a file's name may be a patient's, and stays where the file is
+  RecordedTask recorded{
+      is_brought_along(task.name, file.text_hash) ? task.name : file.title, file.text_hash, {}};
+  const std::uint64_t seed = seed_in(data_set);
+  if (!file.draws.empty() && canonical_name(drawn_data_set(file, seed)) == canonical_name(data_set))
+    recorded.seed = std::to_string(seed);
+  return recorded;
+}
+
+Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
+                                      const std::filesystem::path& recording, Console& console) {
+  const RecordedTask& said = header.task;
+  if (!asked.empty()) {
+    auto task = offered_task(asked);
+    if (task && !said.name.empty() && task->file.text_hash != said.hash)
+      console.warn()(recording.string() + " says that it is a run of \"" + printable_name(said.name) +
+                     "\" in another text than " + printable_name(asked) + ", by which it is measured here");
+    return task;
+  }
+  if (said.name.empty())
+    return Error{ErrorKind::kUsage, "the recording does not say of which task it is a run",
+                 recording.string(), "name the task: --task"};
+  if (!is_brought_along(said.name, said.hash))
+    return Error{ErrorKind::kUsage,
+                 "the recording is a run of \"" + printable_name(said.name) +
+                     "\", which is no task that this palpate brings along in that text",
+                 recording.string(), "name its file: --task"};
+  return offered_task(said.name);
+}
+
+bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks) {
+  const bool has_ticks = ticks.first != TickRange{}.first || ticks.last != TickRange{}.last;
+  if (!asked.empty() || has_ticks) return true;
+  return header.simulated && is_brought_along(header.task.name, header.task.hash);
+}
 
 Result<OfferedTask> offered_task(const std::string& name_or_file) {
   auto task = load_task(name_or_file);

@@ -45,6 +45,20 @@ class Scorer {
 /// A task of palpate task list, or a file, by the name that viewers know it by.
 Result<OfferedTask> offered_task(const std::string& name_or_file);
 
+/// What a recording is to say of its task. @param data_set  in which it is done
+RecordedTask recorded_task(const OfferedTask& task, const std::string& data_set);
+/// The task that a recording is looked at by: the one that is asked for, of which a recording that says
+/// another is told; else the one that the recording says. Errors: those of load_task, kUsage where the
+/// recording says none, or one of a file of the user's.
+/// @param asked  --task, empty: nobody asked for one
+Result<OfferedTask> task_of_recording(const RecordingHeader& header, const std::string& asked,
+                                      const std::filesystem::path& recording, Console& console);
+
+/// Whether a recording is shown as a run of a task without being asked: where it says one that palpate brings
+/// along and all of it is that run, as by a simulated hand, or ticks are given. A person begins a run in the
+/// middle. @param asked  --task; where it is given it is
+bool is_run_of_task(const RecordingHeader& header, const std::string& asked, const TickRange& ticks);
+
 /// A task in the model that a recording began with, whose surfaces are made where patches lie on them.
 Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
                                       const Progress& progress);

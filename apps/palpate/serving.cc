@@ -16,8 +16,10 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
       "--listen", options.viewers.address,
       "Address of this machine on which the page is served, in numbers; other than a loopback one it "
       "wants --token-file; default: 127.0.0.1");
-  verb.add_option("--token-file", options.viewers.token_file,
-                  "Who may look on and who may change something: lines \"control TOKEN\" and \"view TOKEN\"");
+  verb.add_option(
+      "--token-file", options.viewers.token_file,
+      "Who may what: lines \"view TOKEN\", \"control TOKEN\", \"teacher TOKEN\" and \"learner TOKEN "
+      "PSEUDONYM\" (palpate token)");
   verb.add_option("--tls-cert", options.viewers.tls_certificate,
                   "Certificate for https (PEM), with --tls-key");
   verb.add_option("--tls-key", options.viewers.tls_key, "Its key (PEM)");

@@ -11,6 +11,7 @@
 #include "palpate/report/report.h"
 #include "palpation.h"
 #include "report_model.h"
+#include "scored.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -23,6 +24,7 @@ struct SimulateOptions {
   std::optional<std::uint64_t> seed;
   std::optional<int> volume;
   std::optional<ForceMethod> method;
+  std::string task;
 };
 
 // where a run is written; empty: not at all
@@ -72,6 +74,12 @@ void print(const SimulationResult& result, const Model& model) {
 int simulate_target(const SimulateOptions& options, Console& console) {
   const auto outputs = outputs_of(options);
   if (!outputs) return console.fail(outputs.error());
+  std::optional<OfferedTask> task;
+  if (!options.task.empty()) {
+    auto offered = offered_task(options.task);
+    if (!offered) return console.fail(offered.error());
+    task = *std::move(offered);
+  }
   const Progress progress = console.progress();
   const auto loaded = load_felt_target(options.target, console, {}, options.volume, options.labels);
   if (!loaded) return console.fail(loaded.error());
@@ -83,6 +91,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
   simulation.seed = options.seed;
   simulation.rate_hz = options.rate_hz;
   simulation.method = options.method;
+  if (task) simulation.task = recorded_task(*task, loaded->data_set);
   // an interrupted run has a recording once the hand has found its ways
   const auto written = [&] {
     std::error_code none;
@@ -126,6 +135,8 @@ void add_simulate(CLI::App& app, Run& run) {
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");
   verb->add_option("--report", options->report,
                    "Report page to write (HTML); the recording stands beside it unless -o names it");
+  verb->add_option("-t,--task", options->task,
+                   "Task file, or one of palpate task list, that the recording says it is a run of");
   verb->add_option("--max-force", options->max_force_N,
                    "Limit of the force in N; default: the lesser of the device's continuous rating and 3 N")
       ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));

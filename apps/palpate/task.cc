@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "palpate/base/printable.h"
 #include "palpate/tasks/calibration.h"
@@ -24,10 +25,26 @@ struct TaskOptions {
   TickRange ticks;
 };
 
+// by which all of the recordings are scored: the one that is asked for, else the one that they say
+Result<TaskFile> task_of_runs(const TaskOptions& options, Console& console) {
+  std::optional<TaskFile> task;
+  for (const auto& recording : options.recordings) {
+    const auto source = RecordingSource::open(recording, console.progress());
+    if (!source) return source.error();
+    auto its = task_of_recording(source->head().header, options.task, recording, console);
+    if (!its) return its.error();
+    if (task && task->text_hash != its->file.text_hash)
+      return Error{ErrorKind::kUsage, "is a run of another task than the recordings before it",
+                   recording.string(), "score those of one task at a time, or name the task: --task"};
+    task = std::move(its->file);
+  }
+  return *std::move(task);
+}
+
 int score_runs(const TaskOptions& options, Console& console) {
-  auto task = load_task(options.task);
-  if (!task) return console.fail(task.error());
   if (options.ticks.first > options.ticks.last) return console.fail(ticks_in_reverse());
+  auto task = task_of_runs(options, console);
+  if (!task) return console.fail(task.error());
   Scorer scorer(*std::move(task), options.target, options.volume, options.ticks);
   std::vector<ScoredRun> runs;
   std::vector<bool> in_band;
@@ -191,10 +208,11 @@ int draw(const TaskOptions& options, Console& console) {
   return kExitOk;
 }
 
-void add_task_option(CLI::App& verb, TaskOptions& options) {
-  verb.add_option("-t,--task", options.task, "Task file, or one of palpate task list")->required();
+CLI::Option* add_task_option(CLI::App& verb, TaskOptions& options, const std::string& help) {
+  CLI::Option* task = verb.add_option("-t,--task", options.task, help);
   verb.add_option("--scene", options.target,
                   "Scene file or volume that the recordings were made with; not needed for data sets");
+  return task;
 }
 
 }  // namespace
@@ -228,7 +246,7 @@ void add_task(CLI::App& app, Run& run) {
       ->add_option("recordings", options->recordings,
                    "Recordings of palpate simulate or explore, in their order")
       ->required();
-  add_task_option(*score, *options);
+  add_task_option(*score, *options, "Task file, or one of palpate task list; default: the one that they say");
   CLI::Option* record =
       score->add_option("--record", options->learner, "Keep the scores as this learner's, a pseudonym");
   score->add_option("--records", options->records, "The file of the records (palpate records --help)")
@@ -237,7 +255,7 @@ void add_task(CLI::App& app, Run& run) {
   score->add_flag("--json", options->json, "As JSON, with every event");
   score->footer(
       "Examples:\n"
-      "  palpate task score run.h5 --task meniscus-probing\n"
+      "  palpate task score run.h5\n"
       "  palpate task score run.h5 --task meniscus-probing --record L042\n"
       "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n"
       "  palpate task score run.h5 --task hold-steady --from-tick 5120 --to-tick 20833\n\n"
@@ -249,7 +267,7 @@ void add_task(CLI::App& app, Run& run) {
   CLI::App* calibration =
       verb->add_subcommand("calibrate", "Cut-offs for a task's metrics from experts' runs");
   calibration->add_option("recordings", options->recordings, "Recordings of experts")->required();
-  add_task_option(*calibration, *options);
+  add_task_option(*calibration, *options, "Task file, or one of palpate task list")->required();
   calibration->add_option("--novices", options->novices,
                           "Recordings of novices: cut-offs by contrasting groups");
   calibration

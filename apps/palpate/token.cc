@@ -7,16 +7,21 @@
 namespace palpate::app {
 namespace {
 
-int make_tokens(const std::filesystem::path& file, Console& console) {
-  if (!file.empty()) {
-    const auto written = write_viewer_tokens(file);
-    if (!written) return console.fail(written.error());
-    console.note("palpate explore --token-file " + file.string() + " asks for them");
+struct TokenOptions {
+  std::filesystem::path file;
+  NewTokens wanted;
+};
+
+int make_tokens(const TokenOptions& options, Console& console) {
+  const auto lines = new_viewer_tokens(options.wanted);
+  if (!lines) return console.fail(lines.error());
+  if (options.file.empty()) {
+    std::fputs(lines->c_str(), stdout);
     return kExitOk;
   }
-  const auto tokens = new_viewer_tokens();
-  if (!tokens) return console.fail(tokens.error());
-  std::fputs(tokens->c_str(), stdout);
+  if (const auto written = write_viewer_tokens(options.file, *lines); !written)
+    return console.fail(written.error());
+  console.note("palpate explore --token-file " + options.file.string() + " asks for them");
   return kExitOk;
 }
 
@@ -24,17 +29,28 @@ int make_tokens(const std::filesystem::path& file, Console& console) {
 
 void add_token(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("token", "Make tokens for viewers on other machines");
-  const auto file = std::make_shared<std::filesystem::path>();
-  verb->add_option("-o,--output", *file, "A new file that only you may read, instead of standard output")
+  const auto options = std::make_shared<TokenOptions>();
+  verb->add_option("--role", options->wanted.role,
+                   "One line, for a viewer of this role; default: one for control and one to look on")
+      ->check(CLI::IsMember({"view", "control", "learner", "teacher"}));
+  verb->add_option("--learner", options->wanted.learner,
+                   "With --role learner: whose runs are kept, a pseudonym");
+  verb->add_option("-o,--output", options->file,
+                   "A new file that only you may read, instead of standard output")
       ->type_name("FILE");
   verb->footer(
-      "Two lines, as `palpate explore --token-file FILE` takes them: one for who may change things, one for\n"
-      "who may look on. Each has 26 characters, drawn from the kernel's random numbers (130 bits).\n"
+      "Lines as `palpate explore --token-file FILE` takes them: without --role two, one for who may change "
+      "things,\n"
+      "one for who may look on. Each has 26 characters, drawn from the kernel's random numbers (130 bits).\n"
+      "What each role may: docs/viewer-protocol.md.\n"
       "\n"
       "Examples:\n"
       "  palpate token -o tokens\n"
-      "  palpate explore knee-phantom --listen 0.0.0.0 --token-file tokens --tls-cert C.pem --tls-key K.pem");
-  verb->callback([file, &run] { run = [file](Console& console) { return make_tokens(*file, console); }; });
+      "  palpate explore knee-phantom --listen 0.0.0.0 --token-file tokens --tls-cert C.pem --tls-key K.pem\n"
+      "  palpate token --role teacher -o class\n"
+      "  palpate token --role learner --learner L042 >> class");
+  verb->callback(
+      [options, &run] { run = [options](Console& console) { return make_tokens(*options, console); }; });
 }
 
 }  // namespace palpate::app

@@ -1,6 +1,6 @@
 """Takes docs/guide/viewer.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does or in a scene with a no-go region, or of palpate replay --view
+usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
 """
 
 import os
@@ -42,12 +42,27 @@ def no_go(page, folder):
     page.screenshot(os.path.join(folder, "viewer-no-go.png"))
 
 
+def plan(page, folder):
+    """The tool on its way to what is planned, the card open."""
+    page.resize(1440, 900)
+    page.dark(True)
+    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('plan-card').open = true;"
+             "document.querySelector('[data-look=left]').click()")
+    page.wait("palpateViewer.pose.devices[0].label > 0 && /mm/.test(document.getElementById('plan-lateral').innerText)", 120)
+    page.wait("palpateViewer.isVolumeSharp && palpateViewer.pose.devices[0].label > 0", 300)
+    page.run("document.getElementById('plan-card').scrollIntoView(); palpateViewer.draw()")
+    time.sleep(0.3)
+    page.screenshot(os.path.join(folder, "viewer-plan.png"))
+
+
 def main(url, folder):
     with browser.Browser() as page:
         page.post("/url", {"url": url})
         page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
         if page.run("return palpateViewer.training.run?.phase === 'running'"):
             return task(page, folder)
+        if page.run("return palpateViewer.plan.isShared && palpateViewer.plan.list.length > 0"):
+            return plan(page, folder)
         if page.run("return palpateViewer.scene.no_go.length > 0"):
             return no_go(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")

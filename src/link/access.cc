@@ -13,6 +13,8 @@
 #include <cstdlib>
 
 #include "palpate/base/file.h"
+#include "palpate/base/learner.h"
+#include "palpate/link/viewer_server.h"
 
 namespace palpate::link {
 namespace {
@@ -53,11 +55,23 @@ bool is_printable(char c) {
 }
 
 Error bad_line(const std::string& source, int line, std::string what) {
-  return {
-      ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line),
-      "let `palpate token` make it, or write lines of \"control TOKEN\" or \"view TOKEN\", with tokens of at "
-      "least " +
-          std::to_string(kLeastToken) + " printable characters without blanks, as random as you can"};
+  return {ErrorKind::kBadInput, std::move(what), source + ":" + std::to_string(line),
+          "let `palpate token` make it, or write lines of \"control TOKEN\", \"view TOKEN\", \"teacher "
+          "TOKEN\" or "
+          "\"learner TOKEN PSEUDONYM\", with tokens of at least " +
+              std::to_string(kLeastToken) + " printable characters without blanks, as random as you can"};
+}
+
+std::optional<Role> role_named(std::string_view name) {
+  const auto found = std::ranges::find_if(kRoles, [&](Role role) { return name_of(role) == name; });
+  return found == kRoles.end() ? std::nullopt : std::optional(*found);
+}
+
+/// Takes a word and the blank behind it off the front.
+std::string_view take_word(std::string_view& row) {
+  const std::string_view word = row.substr(0, row.find(' '));
+  row.remove_prefix(std::min(row.size(), word.size() + 1));
+  return word;
 }
 
 Result<std::string> new_token() {
@@ -98,10 +112,11 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     text.remove_prefix(std::min(text.size(), row.size() + 1));
     if (row.ends_with('\r')) row.remove_suffix(1);
     if (row.empty() || row.starts_with('#')) continue;
-    const std::size_t blank = std::min(row.find(' '), row.size());
-    const std::string_view role = row.substr(0, blank), token = row.substr(std::min(blank + 1, row.size()));
     // what stands there may be a token: no error repeats it
-    if (role != "control" && role != "view") return bad_line(source, line, "this line names no role");
+    const auto role = role_named(take_word(row));
+    if (!role) return bad_line(source, line, "this line names no role");
+    const std::string_view token = *role == Role::kLearner ? take_word(row) : row;
+    Who who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
     if (token.size() < kLeastToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
     const double bits = most_bits(token);
@@ -109,7 +124,12 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (bits < kGoodBits && warn)
       warn(source + ":" + std::to_string(line) +
            ": this token could be guessed; `palpate token` makes one that cannot");
-    tokens.tokens_.push_back({digest_of(token), role == "control" ? Role::kControl : Role::kView});
+    if (*role == Role::kLearner && !check_learner(who.learner))
+      return bad_line(source, line, "this line has no pseudonym behind its token");
+    // who shows it would be one or the other
+    if (tokens.who_shows(token))
+      return bad_line(source, line, "this line's token stands in another one, too");
+    tokens.tokens_.push_back({digest_of(token), std::move(who)});
   }
   if (tokens.empty())
     return Error{ErrorKind::kBadInput, "there is no token in this file", source,
@@ -135,13 +155,25 @@ Tokens::Digest Tokens::digest_of(std::string_view token) {
   return digest;
 }
 
-std::optional<Role> Tokens::role_of(std::string_view token) const {
+std::optional<Who> Tokens::who_shows(std::string_view token) const {
   const Digest shown = digest_of(token);
-  std::optional<Role> role;
+  const Token* found = nullptr;
   // all of them, always
   for (const Token& known : tokens_)
-    if (CRYPTO_memcmp(known.digest.data(), shown.data(), shown.size()) == 0) role = known.role;
-  return role;
+    if (CRYPTO_memcmp(known.digest.data(), shown.data(), shown.size()) == 0) found = &known;
+  return found != nullptr ? std::optional(found->who) : std::nullopt;
+}
+
+std::vector<std::string> Tokens::learners() const {
+  std::vector<std::string> names;
+  for (const Token& token : tokens_)
+    if (token.who.role == Role::kLearner && std::ranges::find(names, token.who.learner) == names.end())
+      names.push_back(token.who.learner);
+  return names;
+}
+
+bool Tokens::has(Role role) const {
+  return std::ranges::any_of(tokens_, [role](const Token& token) { return token.who.role == role; });
 }
 
 Access::Access(std::string address, int port, bool tls, std::vector<std::string> host_names, Tokens tokens)
@@ -171,13 +203,13 @@ bool Access::is_own_origin(std::string_view origin, std::string_view host) const
 
 Access::Admission Access::admit(std::string_view token, const AddressBlock& from,
                                 GuessLimit::Clock::time_point now) {
-  if (tokens_.empty()) return {Role::kControl};
+  if (tokens_.empty()) return {Who{Role::kControl, {}}};
   // who shows none guesses nothing
   if (token.empty()) return {};
   if (!guesses_.may_guess(from, now)) return {std::nullopt, true};
-  const auto role = tokens_.role_of(token);
-  if (!role) guesses_.guessed_wrong(from, now);
-  return {role};
+  auto who = tokens_.who_shows(token);
+  if (!who) guesses_.guessed_wrong(from, now);
+  return {std::move(who)};
 }
 
 std::string_view Access::bearer(std::string_view authorization) {
@@ -190,26 +222,40 @@ std::string_view Access::bearer(std::string_view authorization) {
 
 namespace palpate {
 
-Result<std::string> new_viewer_tokens() {
+Result<std::string> new_viewer_tokens(const NewTokens& wanted) {
+  const bool is_learner = wanted.role == link::name_of(link::Role::kLearner);
+  if (is_learner && wanted.learner.empty())
+    return Error{ErrorKind::kUsage, "a learner's token says whose it is", "--role learner",
+                 "give a pseudonym: --learner L042"};
+  if (!is_learner && !wanted.learner.empty())
+    return Error{ErrorKind::kUsage, "only a learner's token says whose it is", "--learner",
+                 "give --role learner, or leave it out"};
+  if (is_learner)
+    if (const auto named = check_learner(wanted.learner); !named) return named.error();
   std::string text;
-  for (const char* role : {"control ", "view "}) {
+  for (const std::string& role :
+       wanted.role.empty() ? std::vector<std::string>{"control", "view"} : std::vector{wanted.role}) {
     const auto token = link::new_token();
     if (!token) return token.error();
-    text += role + *token + "\n";
+    text += role + " " + *token + (is_learner ? " " + wanted.learner : "") + "\n";
   }
   return text;
 }
 
-Result<void> write_viewer_tokens(const std::filesystem::path& file) {
-  const auto text = new_viewer_tokens();
-  if (!text) return text.error();
+Result<TokenHolders> holders_of_tokens(const std::filesystem::path& file) {
+  const auto tokens = link::Tokens::read(file, {});
+  if (!tokens) return tokens.error();
+  return TokenHolders{tokens->learners(), tokens->has(link::Role::kTeacher)};
+}
+
+Result<void> write_viewer_tokens(const std::filesystem::path& file, const std::string& lines) {
   // nobody else's from the first moment, and never in the place of tokens that somebody has
   const int handle = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (handle < 0 && errno == EEXIST)
     return Error{ErrorKind::kOutput, "is there already, and whoever has its tokens would lose his way in",
                  file.string(), "choose another name, or remove it first"};
   if (handle < 0) return output_error(file, errno);
-  const bool written = ::write(handle, text->data(), text->size()) == static_cast<ssize_t>(text->size()) &&
+  const bool written = ::write(handle, lines.data(), lines.size()) == static_cast<ssize_t>(lines.size()) &&
                        ::fsync(handle) == 0;
   const int why = errno;
   ::close(handle);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "link/guess_limit.h"
-#include "link/scene_json.h"
+#include "link/rights.h"
 #include "palpate/base/result.h"
 
 /// Who may see and who may change (docs/reference/viewer-protocol.md, "Who may").
@@ -18,7 +18,8 @@ namespace palpate::link {
 /// The tokens of a file. Kept as digests: they are compared in the same time whatever was shown.
 class Tokens {
  public:
-  /// Lines "control TOKEN" and "view TOKEN"; blank ones and those that begin with '#' are skipped.
+  /// Lines "control TOKEN", "view TOKEN", "teacher TOKEN" and "learner TOKEN PSEUDONYM"; blank ones and those
+  /// that begin with '#' are skipped.
   /// @param warn  told the lines whose tokens could be guessed
   static Result<Tokens> parse(std::string_view text, const std::string& source,
                               const std::function<void(const std::string&)>& warn = {});
@@ -28,13 +29,16 @@ class Tokens {
 
   bool empty() const { return tokens_.empty(); }
   /// Nothing for an unknown token.
-  std::optional<Role> role_of(std::string_view token) const;
+  std::optional<Who> who_shows(std::string_view token) const;
+  /// In the order of the file, each once.
+  std::vector<std::string> learners() const;
+  bool has(Role role) const;
 
  private:
   using Digest = std::array<unsigned char, 32>;
   struct Token {
     Digest digest;
-    Role role;
+    Who who;
   };
   static Digest digest_of(std::string_view token);
 
@@ -59,13 +63,14 @@ class Access {
   bool is_own_origin(std::string_view origin, std::string_view host) const;
   /// Who comes with a token, or with none (empty).
   struct Admission {
-    std::optional<Role> role;       ///< nothing: not let in
+    std::optional<Who> who;         ///< nothing: not let in
     bool too_many_guesses = false;  ///< the token was not looked at: GuessLimit
   };
   Admission admit(std::string_view token, const AddressBlock& from, GuessLimit::Clock::time_point now);
   /// The token of "Bearer TOKEN"; empty where it is none.
   static std::string_view bearer(std::string_view authorization);
 
+  bool has_learners() const { return tokens_.has(Role::kLearner); }
   bool tls() const { return tls_; }
   int port() const { return port_; }
 

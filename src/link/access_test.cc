@@ -9,6 +9,7 @@
 
 #include "base/test_folder.h"
 #include "palpate/base/file.h"
+#include "palpate/link/viewer_server.h"
 
 namespace palpate::link {
 namespace {
@@ -25,11 +26,37 @@ Tokens both() {
 
 TEST(Tokens, GiveTheirRoles) {
   const Tokens tokens = both();
-  EXPECT_EQ(tokens.role_of(kControl), Role::kControl);
-  EXPECT_EQ(tokens.role_of(kView), Role::kView);
+  EXPECT_EQ(tokens.who_shows(kControl)->role, Role::kControl);
+  EXPECT_EQ(tokens.who_shows(kView)->role, Role::kView);
   for (const char* wrong :
        {"", "abcdefghijklmno", "abcdefghijklmnopq", "ABCDEFGHIJKLMNOP", "control abcdefghijklmnop"})
-    EXPECT_FALSE(tokens.role_of(wrong)) << wrong;
+    EXPECT_FALSE(tokens.who_shows(wrong)) << wrong;
+}
+
+TEST(Tokens, SayWhichLearnerComes) {
+  const auto tokens = Tokens::parse(
+      "learner k7wq2mzr9xbt4hvc L042\nteacher t4hvck7wq2mzr9xb\nlearner 9xbt4hvck7wq2mzr Lernende 7\n"
+      "learner mzr9xbt4hvck7wq2 L042\n",
+      "tokens");
+  ASSERT_TRUE(tokens.ok()) << tokens.error().message();
+  EXPECT_EQ(tokens->who_shows("k7wq2mzr9xbt4hvc")->learner, "L042");
+  EXPECT_EQ(tokens->who_shows("9xbt4hvck7wq2mzr")->learner, "Lernende 7");
+  EXPECT_EQ(tokens->who_shows("9xbt4hvck7wq2mzr")->role, Role::kLearner);
+  EXPECT_EQ(tokens->who_shows("t4hvck7wq2mzr9xb")->role, Role::kTeacher);
+  EXPECT_EQ(tokens->who_shows("t4hvck7wq2mzr9xb")->learner, "");
+  EXPECT_EQ(tokens->learners(), (std::vector<std::string>{"L042", "Lernende 7"}));
+  EXPECT_TRUE(tokens->has(Role::kTeacher));
+  EXPECT_FALSE(tokens->has(Role::kControl));
+}
+
+TEST(Tokens, NewOnesOfARole) {
+  const auto line = new_viewer_tokens({"learner", "L042"});
+  ASSERT_TRUE(line.ok());
+  EXPECT_EQ(Tokens::parse(*line, "new")->learners(), std::vector<std::string>{"L042"});
+  EXPECT_TRUE(Tokens::parse(*new_viewer_tokens({"teacher", ""}), "new")->has(Role::kTeacher));
+  EXPECT_EQ(new_viewer_tokens({"learner", ""}).error().kind, ErrorKind::kUsage);
+  EXPECT_EQ(new_viewer_tokens({"teacher", "L042"}).error().kind, ErrorKind::kUsage);
+  EXPECT_EQ(new_viewer_tokens({"learner", "two\nlines"}).error().kind, ErrorKind::kBadInput);
 }
 
 TEST(Tokens, FaultyFilesNameTheirLineAndNoToken) {
@@ -49,6 +76,12 @@ TEST(Tokens, FaultyFilesNameTheirLineAndNoToken) {
   EXPECT_EQ(line_of("admin secretsecretsecret\n"), "tokens:1");
   EXPECT_EQ(line_of("control secretsecr\xc3\xa4secret\n"), "tokens:1");
   EXPECT_EQ(line_of("control\n"), "tokens:1");
+  EXPECT_EQ(line_of("learner secretsecret1234\n"), "tokens:1");
+  EXPECT_EQ(line_of("learner secretsecret1234 " + std::string(65, 'x') + "\n"), "tokens:1");
+  EXPECT_EQ(line_of("learner secretsecret1234 L\x1b[2J\n"), "tokens:1");
+  EXPECT_EQ(line_of("teacher secretsecret1234 L042\n"), "tokens:1");
+  // one token would be two people's
+  EXPECT_EQ(line_of("view secretsecret1234\n\nlearner secretsecret1234 L042\n"), "tokens:3");
 }
 
 TEST(Tokens, WeakOnesAreRefusedOrWarnedOf) {
@@ -98,7 +131,7 @@ TEST(Tokens, NewOnesAreRandom) {
       EXPECT_TRUE(seen.insert(token).second) << token;
       for (const char c : token) ++characters[c];
     }
-    EXPECT_EQ(tokens->role_of(token), Role::kView);
+    EXPECT_EQ(tokens->who_shows(token)->role, Role::kView);
   }
   // 26 characters of 32 that are equally likely have 130 bits; 812 of each, 28 of standard deviation
   ASSERT_EQ(characters.size(), 32u);
@@ -109,7 +142,7 @@ TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
   const TemporaryFolder folder;
   const auto file = folder / "tokens";
   const mode_t before = ::umask(0);
-  ASSERT_TRUE(write_viewer_tokens(file).ok());
+  ASSERT_TRUE(write_viewer_tokens(file, *new_viewer_tokens()).ok());
   ::umask(before);
   struct stat status;
   ASSERT_EQ(::stat(file.c_str(), &status), 0);
@@ -119,11 +152,11 @@ TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
   EXPECT_EQ(warned, "");
   // never in the place of others, whose holders would be locked out
   const std::string tokens = *read_file(file);
-  const auto again = write_viewer_tokens(file);
+  const auto again = write_viewer_tokens(file, *new_viewer_tokens());
   ASSERT_FALSE(again.ok());
   EXPECT_EQ(again.error().kind, ErrorKind::kOutput);
   EXPECT_EQ(*read_file(file), tokens);
-  EXPECT_EQ(write_viewer_tokens(folder / "none" / "tokens").error().kind, ErrorKind::kOutput);
+  EXPECT_EQ(write_viewer_tokens(folder / "none" / "tokens", "view").error().kind, ErrorKind::kOutput);
 }
 
 TEST(Tokens, AFileThatOthersMayReadIsWarnedOf) {
@@ -175,10 +208,10 @@ TEST(Access, OnlyItsOwnPageIsItsOwnOrigin) {
 }
 
 TEST(Access, WithoutTokensEverybodyHasControl) {
-  EXPECT_EQ(Access("127.0.0.1", 8480, false, {}, {}).admit("", {}, {}).role, Role::kControl);
+  EXPECT_EQ(Access("127.0.0.1", 8480, false, {}, {}).admit("", {}, {}).who->role, Role::kControl);
   Access guarded("127.0.0.1", 8480, false, {}, both());
-  EXPECT_FALSE(guarded.admit("", {}, {}).role);
-  EXPECT_EQ(guarded.admit(Access::bearer(std::string("Bearer ") + kView), {}, {}).role, Role::kView);
+  EXPECT_FALSE(guarded.admit("", {}, {}).who);
+  EXPECT_EQ(guarded.admit(Access::bearer(std::string("Bearer ") + kView), {}, {}).who->role, Role::kView);
   EXPECT_EQ(Access::bearer("bearer x"), "x");
   for (const char* other : {"", "Bearer", "Basic eA==", "x"}) EXPECT_EQ(Access::bearer(other), "") << other;
 }

@@ -137,6 +137,17 @@ void Connection::serve() {
                       });
     return;
   }
+  if (auto* curves = std::get_if<CurvesWanted>(&answer)) {
+    hub_.want_curves(curves->learner, [self = weak_from_this(), curves_head = std::move(curves->head),
+                                       keep_alive](Result<std::string> page) mutable {
+      const auto connection = self.lock();
+      if (!connection || connection->closed_) return;
+      if (!page) return connection->send(Site::refusal(503, page.error().what), false);
+      curves_head.body = std::make_shared<std::string>(*std::move(page));
+      connection->send_volume(std::move(curves_head), keep_alive);
+    });
+    return;
+  }
   auto& wanted = std::get<VolumeWanted>(answer);
   hub_.want_volume(wanted.key, [self = weak_from_this(), wanted_head = std::move(wanted.head),
                                 keep_alive](PayloadStore::Payload payload) mutable {

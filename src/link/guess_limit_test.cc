@@ -52,7 +52,7 @@ TEST(GuessLimit, NeverMoreThanTenInASecond) {
     for (int n = 0; n < 5000; ++n) {
       now += std::chrono::milliseconds(random() % static_cast<unsigned>(longest_ms + 1));
       const auto who = access.admit("wrong-" + std::to_string(random()), block("10.1.2.3"), now);
-      EXPECT_FALSE(who.role);
+      EXPECT_FALSE(who.who);
       if (!who.too_many_guesses) looked_at.push_back(now);
       while (!looked_at.empty() && looked_at.front() <= now - 1s) looked_at.pop_front();
       most = std::max(most, static_cast<int>(looked_at.size()));
@@ -67,8 +67,8 @@ TEST(GuessLimit, OtherAddressesAreNotHeldUp) {
   const Clock::time_point now{};
   while (!access.admit("wrong", block("10.1.2.3"), now).too_many_guesses) {
   }
-  EXPECT_EQ(access.admit(kRight, block("10.1.2.4"), now).role, Role::kView);
-  EXPECT_EQ(access.admit(kRight, block("2001:db8::1"), now).role, Role::kView);
+  EXPECT_EQ(access.admit(kRight, block("10.1.2.4"), now).who->role, Role::kView);
+  EXPECT_EQ(access.admit(kRight, block("2001:db8::1"), now).who->role, Role::kView);
 }
 
 // behind one address with somebody who guesses
@@ -82,8 +82,8 @@ TEST(GuessLimit, TheRightTokenIsKeptOutNoLongerThanTheGuessing) {
   }
   const auto during = access.admit(kRight, block("10.1.2.3"), now);
   EXPECT_TRUE(during.too_many_guesses) << "an answer would be an answer to every guess";
-  EXPECT_FALSE(during.role);
-  EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now + 201ms).role, Role::kView);
+  EXPECT_FALSE(during.who);
+  EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now + 201ms).who->role, Role::kView);
 }
 
 // the page asks for several things at once, each with its token
@@ -91,7 +91,7 @@ TEST(GuessLimit, RightTokensAndNoneCostNothing) {
   Access access = guarded();
   const Clock::time_point now{};
   for (int n = 0; n < 1000; ++n) {
-    EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now).role, Role::kView);
+    EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now).who->role, Role::kView);
     EXPECT_FALSE(access.admit("", block("10.1.2.3"), now).too_many_guesses);
   }
 }

@@ -26,6 +26,25 @@ constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
 
+// who is responsible finds a place however many others there are
+bool keeps_a_place(Role role) {
+  return role == Role::kControl || role == Role::kTeacher;
+}
+
+// which right a request takes
+Right right_for(const Request& request) {
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
+    const bool is_of_feel = settings->method || settings->law || settings->friction || settings->viscosity ||
+                            settings->passivity || settings->max_force_N;
+    return is_of_feel ? Right::kFeel : Right::kHand;
+  }
+  if (std::holds_alternative<TissueRequest>(request.what)) return Right::kFeel;
+  if (std::holds_alternative<PlanRequest>(request.what)) return Right::kPlan;
+  if (std::holds_alternative<PlayRequest>(request.what)) return Right::kPlay;
+  if (std::holds_alternative<LessonRequest>(request.what)) return Right::kLesson;
+  return Right::kHand;
+}
+
 }  // namespace
 
 Hub::Hub(net::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
@@ -128,14 +147,16 @@ bool Hub::make_room_for_viewer(Role role) {
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
-    if (viewer->role() == Role::kControl) continue;
+    if (keeps_a_place(viewer->who().role)) continue;
     ++looking;
+    // a tip is not taken out of somebody's hand for it
+    if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (role == Role::kView && looking >= kMostViewers - kKeptForControl) return false;
+  if (!keeps_a_place(role) && looking >= kMostViewers - kKeptForControl) return false;
   if (all < kMostViewers) return true;
-  if (role == Role::kView || !latest) return false;
-  latest->end(kTryAgainLater, "gives its place to one with control");
+  if (!keeps_a_place(role) || !latest) return false;
+  latest->end(kTryAgainLater, "gives its place to one with control or a teacher");
   return true;
 }
 
@@ -152,6 +173,13 @@ void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
                    net::post(context_,
                              [then = std::move(then), payload = std::move(payload)] { then(payload); });
                  });
+}
+
+void Hub::want_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
+  volumes_.run([this, learner, then = std::move(then)] {
+    Result<std::string> page = host_.curves(learner);
+    net::post(context_, [then, page = std::move(page)] { then(page); });
+  });
 }
 
 // ---- what viewers ask
@@ -189,9 +217,11 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
     return Grant::kDone;
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
-  if (viewer.role() != Role::kControl)
-    return Error{ErrorKind::kUsage, "this viewer may look but not change anything", "role",
-                 "connect with a token for control"};
+  const Right right = right_for(request);
+  if (!may(viewer.who().role, right, !host_.scene().tasks.empty()))
+    return lacks_right(viewer.who().role, right);
+  if (right == Right::kHand)
+    if (const auto own = check_hand(viewer); !own) return own.error();
   const auto set = [&](auto asked) {
     asked.by = viewer.identity();
     asked.id = request.id;
@@ -204,6 +234,7 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
     if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
       return grant_pointer(viewer, *pointer);
     if (const auto* task = std::get_if<TaskRequest>(&request.what)) return grant_task(viewer, *task);
+    if (const auto* lesson = std::get_if<LessonRequest>(&request.what)) return grant_lesson(*lesson);
     if (const auto* play = std::get_if<PlayRequest>(&request.what)) return host_.play(*play);
     if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return host_.change(*plan);
     return grant_rearm(viewer, std::get<RearmRequest>(request.what));
@@ -211,12 +242,40 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   return granted ? Result<Grant>(Grant::kDone) : granted.error();
 }
 
-// whoever has the hand is measured
-Result<void> Hub::grant_task(Viewer& viewer, const TaskRequest& request) {
-  if (pointer_ && pointer_ != &viewer)
+// a learner does what is kept as his or her own, and nothing else
+Result<void> Hub::check_hand(const Viewer& viewer) const {
+  const Who& who = viewer.who();
+  if (who.role != Role::kLearner) return {};
+  const ViewedTraining training = host_.training();
+  const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
+  if (state_.lesson.is_for(who.learner) && (!is_run || training.learner == who.learner)) return {};
+  return Error{ErrorKind::kUsage,
+               is_run ? "the run under way is somebody else's" : "the lesson is somebody else's now",
+               "learner",
+               is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
+}
+
+// whoever has the hand is measured; who leads the lesson needs none for it
+Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
+  const Who& who = viewer.who();
+  if (pointer_ && pointer_ != &viewer && !may(who.role, Right::kLesson, true))
     return Error{ErrorKind::kUsage, "a task is begun and ended by whoever moves the tip", "",
                  "ask them, or wait until they let go"};
+  request.learner = who.learner;
   return host_.train(request);
+}
+
+Result<void> Hub::grant_lesson(const LessonRequest& request) {
+  if (request.learner || request.task || request.end)
+    if (auto taught = host_.teach(request); !taught) return taught;
+  names_ = request.names.value_or(names_);
+  look_at_state();
+  // whoever is not meant any more lets go
+  if (pointer_ && !check_hand(*pointer_)) {
+    (void)host_.take_pointer(false, pointer_->identity());
+    pointer_ = nullptr;
+  }
+  return {};
 }
 
 // whoever has the hand gets its force back
@@ -249,7 +308,30 @@ std::uint32_t Hub::holder() const {
 }
 
 std::string Hub::state_for(const Viewer& viewer) const {
-  return state_json(state_, welcomed_, holder(), viewer.identity().number);
+  const Veil* veil = veil_of(viewer);
+  return state_json(veil != nullptr ? veil->of(state_) : state_,
+                    {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, veil != nullptr});
+}
+
+std::string Hub::welcome_for(const Who& who) const {
+  return welcome_json(who, !host_.scene().tasks.empty(), host_.keeps_runs());
+}
+
+const Veil* Hub::veil_of(const Viewer& viewer) const {
+  return site_.veil_of(viewer.who());
+}
+
+std::shared_ptr<const std::string> Hub::told_debriefing(const Viewer& viewer) const {
+  const bool is_own =
+      debriefed_ && (viewer.who().role != Role::kLearner || debriefed_->learner == viewer.who().learner);
+  return is_own ? debriefing_ : nullptr;
+}
+
+// the task that may be begun says whether it is a quiz; where several may, one of them is enough
+void Hub::look_at_veil() {
+  const auto& tasks = host_.scene().tasks;
+  const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
+  site_.lay_veil(!names_ && (chosen == tasks.end() || chosen->quiz));
 }
 
 std::string Hub::sweeps_after(SweepsHad& had) const {
@@ -282,7 +364,13 @@ void Hub::look_at_state() {
   const std::uint64_t in_common = sweeps_in_common(before, state_);
   if (in_common < before.sweeps)
     for (const auto& viewer : viewers_) viewer->keep_sweeps(in_common);
-  std::string text = state_json(state_, welcomed_, holder(), 0);
+  look_at_veil();
+  // all of it, as who leads the lesson would be told
+  StateReader whoever;
+  whoever.holder = holder();
+  whoever.viewers = welcomed_;
+  whoever.names = names_;
+  std::string text = state_json(state_, whoever);
   if (text == last_state_) return;
   last_state_ = std::move(text);
   for (const auto& viewer : viewers_) viewer->show_state();
@@ -372,8 +460,23 @@ void Hub::show_pose() {
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
   const NearMessage near(tick);
-  for (const auto& viewer : viewers_)
-    if (viewer->is_due(now)) viewer->show(pose, host_.scene().tells_near() ? &near : nullptr, now);
+  // the stiffness of what is touched would tell what that is
+  struct Veiled {
+    PoseMessage pose;
+    NearMessage near;
+  };
+  std::optional<Veiled> veiled;
+  for (const auto& viewer : viewers_) {
+    if (!viewer->is_due(now)) continue;
+    const Veil* veil = veil_of(*viewer);
+    if (veil != nullptr && !veiled) {
+      const TickRecord seen = veil->of(tick);
+      veiled.emplace(Veiled{PoseMessage(seen, {}, health_, clock_ns), NearMessage(seen)});
+    }
+    const NearMessage& its_near = veil != nullptr ? veiled->near : near;
+    viewer->show(veil != nullptr ? veiled->pose : pose, host_.scene().tells_near() ? &its_near : nullptr,
+                 now);
+  }
 }
 
 // ---- what has to be seen to now and then

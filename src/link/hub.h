@@ -79,6 +79,8 @@ class Hub {
   void want_picture(PictureKey key, std::weak_ptr<const void> asker,
                     std::function<void(PictureStore::Payload)> then);
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
+  /// @param learner  whose; empty: everybody's
+  void want_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
 
   // ---- what viewers ask
 
@@ -90,6 +92,10 @@ class Hub {
   /// Tells every viewer what has changed since the last look.
   void look_at_state();
   std::string state_for(const Viewer& viewer) const;
+  /// Who one is and what one may do, said to a viewer first.
+  std::string welcome_for(const Who& who) const;
+  /// Through which a viewer sees the session; null: as it is.
+  const Veil* veil_of(const Viewer& viewer) const;
   /// The next sweeps for a viewer, which has had them then; empty: there are no more.
   std::string sweeps_after(SweepsHad& had) const;
   /// How tissue has yielded around a device, as it was looked at last.
@@ -102,15 +108,18 @@ class Hub {
   const std::string& told_training() const { return training_; }
   /// How wrong a tracked tip's place may be, as it was looked at last; null: the session has none.
   const std::shared_ptr<const std::string>& told_navigation() const { return told_navigation_; }
-  /// Of the last run, null while there is none.
-  const std::shared_ptr<const std::string>& told_debriefing() const { return debriefing_; }
+  /// Of the last run, null while there is none, and to a learner where it was another's.
+  std::shared_ptr<const std::string> told_debriefing(const Viewer& viewer) const;
 
  private:
   static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
   bool one_loads_alone() const;
   Result<Grant> grant(Viewer& viewer, const Request& request);
   Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
-  Result<void> grant_task(Viewer& viewer, const TaskRequest& request);
+  Result<void> grant_task(Viewer& viewer, TaskRequest request);
+  Result<void> grant_lesson(const LessonRequest& request);
+  Result<void> check_hand(const Viewer& viewer) const;
+  void look_at_veil();
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
   void count();
@@ -144,6 +153,7 @@ class Hub {
   const Viewer* pointer_ = nullptr;  ///< who moves the tip
   ViewedState state_;
   std::string last_state_;
+  bool names_ = false;  ///< learners are shown what a quiz hides
   ViewedHealth health_;
   struct LookedAt {
     std::shared_ptr<const ViewedYield> yield;

@@ -33,6 +33,8 @@ void message(std::string_view text) {
   if (const auto* tissue = std::get_if<TissueRequest>(&request->what)) PALPATE_CHECK(tissue->tissue >= 0);
   if (const auto* task = std::get_if<TaskRequest>(&request->what))
     PALPATE_CHECK(task->begin.has_value() != task->end && (!task->begin || task->begin->size() <= 256));
+  if (const auto* lesson = std::get_if<LessonRequest>(&request->what))
+    PALPATE_CHECK(lesson->learner || lesson->task || lesson->names || lesson->end);
   if (const auto* plan = std::get_if<PlanRequest>(&request->what))
     PALPATE_CHECK(plan->trajectory.has_value() != (plan->save || plan->back_to.has_value()));
   if (const auto* error = std::get_if<Error>(&request->what))

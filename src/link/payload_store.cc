@@ -25,9 +25,16 @@ PayloadStore::~PayloadStore() {
 }
 
 void PayloadStore::want(const PayloadKey& key, std::function<void(Payload)> then) {
+  run([this, key, then = std::move(then)] {
+    const Payload payload = made(key);
+    if (!stop_) then(payload);
+  });
+}
+
+void PayloadStore::run(std::function<void()> job) {
   {
     const std::lock_guard lock(mutex_);
-    wishes_.push_back({key, std::move(then)});
+    jobs_.push_back(std::move(job));
   }
   wished_.notify_one();
 }
@@ -35,17 +42,15 @@ void PayloadStore::want(const PayloadKey& key, std::function<void(Payload)> then
 void PayloadStore::work() {
   while (true) {
     std::unique_lock lock(mutex_);
-    wished_.wait(lock, [this] { return stop_ || !wishes_.empty(); });
+    wished_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
     if (stop_) return;
-    const Wish wish = std::move(wishes_.front());
-    wishes_.pop_front();
+    const auto job = std::move(jobs_.front());
+    jobs_.pop_front();
     lock.unlock();
 
-    const Payload payload = made(wish.key);
-    if (stop_) continue;
     // whoever cannot be told ends by his own deadline
     try {
-      wish.then(payload);
+      job();
     } catch (const std::exception&) {
     }
   }
@@ -61,12 +66,14 @@ PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
 }
 
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels) {
+                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
+                                 std::shared_ptr<const Bricks<LabelId>> veiled) {
   PALPATE_CHECK(labels);
-  return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels](
+  return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels, veiled = std::move(veiled)](
              const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {
     if (!key.labels) return scan ? scan_payload(*scan, scale, key.shrink, stop) : nullptr;
-    const PayloadStore::Payload plain = labels_payload(*labels, wide_labels, key.shrink, stop);
+    const PayloadStore::Payload plain =
+        labels_payload(key.veiled ? *veiled : *labels, wide_labels, key.shrink, stop);
     return plain && key.gzip ? gzip(*plain, stop) : plain;
   };
 }

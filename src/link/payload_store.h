@@ -18,7 +18,8 @@ namespace palpate::link {
 struct PayloadKey {
   bool labels = false;
   int shrink = 1;
-  bool gzip = false;  ///< of labels alone
+  bool gzip = false;    ///< of labels alone
+  bool veiled = false;  ///< likewise: as learners see them while a quiz is at hand
 
   auto operator<=>(const PayloadKey&) const = default;
 };
@@ -40,12 +41,10 @@ class PayloadStore {
   /// Hands over the bytes on the store's own thread, or nothing where they could not be made (no memory): who
   /// asks again has them made again. `then` may throw, and is not called again.
   void want(const PayloadKey& key, std::function<void(Payload)> then);
+  /// Has something else done on the store's thread that takes long. `job` may throw, as above.
+  void run(std::function<void()> job);
 
  private:
-  struct Wish {
-    PayloadKey key;
-    std::function<void(Payload)> then;
-  };
   void work();
   Payload made(const PayloadKey& key);
 
@@ -55,14 +54,16 @@ class PayloadStore {
 
   std::mutex mutex_;
   std::condition_variable wished_;
-  std::deque<Wish> wishes_;
+  std::deque<std::function<void()>> jobs_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
 
 /// Makes the volumes of a scene.
-/// @param scan  may be null, and is then never wanted
+/// @param scan    may be null, and is then never wanted
+/// @param veiled  labels as learners see them; null: they are never wanted
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels);
+                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
+                                 std::shared_ptr<const Bricks<LabelId>> veiled = nullptr);
 
 }  // namespace palpate::link

@@ -181,6 +181,18 @@ TaskRequest read_task(Fields& fields) {
   return request;
 }
 
+LessonRequest read_lesson(Fields& fields) {
+  LessonRequest request;
+  request.learner = fields.name("learner", kMostName_bytes);
+  request.task = fields.name("task", kMostTask_bytes);
+  request.names = fields.flag("names");
+  request.end = fields.flag("end").value_or(false);
+  fields.end();
+  if (!request.learner && !request.task && !request.names && !request.end)
+    fields.refuse("", "nothing is asked for");
+  return request;
+}
+
 PlanRequest read_plan(Fields& fields) {
   PlanRequest request;
   fields.want("version");
@@ -256,6 +268,8 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     request.what = read_play(fields);
   } else if (*type == "task") {
     request.what = read_task(fields);
+  } else if (*type == "lesson") {
+    request.what = read_lesson(fields);
   } else if (*type == "plan") {
     request.what = read_plan(fields);
   } else if (*type == "rearm") {

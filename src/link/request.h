@@ -39,7 +39,7 @@ struct TipMessage {
 struct Request {
   std::int64_t id = 0;
   std::variant<SettingsRequest, TissueRequest, StrokeRequest, StopRequest, RearmRequest, PointerRequest,
-               PlayRequest, TaskRequest, PlanRequest, Error>
+               PlayRequest, TaskRequest, PlanRequest, LessonRequest, Error>
       what;
 };
 

@@ -66,6 +66,20 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": ")" + std::string(257, 'a') + "\"}"), "begin");
   EXPECT_FALSE(parsed<Request>(R"({"type": "task", "begin": "a"})")) << "no id";
 
+  const auto lesson =
+      parsed<LessonRequest>(R"({"type": "lesson", "id": 9, "learner": "L042", "task": "", "names": false})");
+  ASSERT_TRUE(lesson);
+  EXPECT_EQ(lesson->learner, "L042");
+  EXPECT_EQ(lesson->task, "");
+  EXPECT_EQ(lesson->names, false);
+  EXPECT_FALSE(lesson->end);
+  EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "end": false})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "names": "yes"})"), "names");
+  EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "erase": "L042"})"), "");
+  EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "learner": ")" + std::string(65, 'a') + "\"}"),
+            "learner");
+
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "law": "chainmail", "friction": false, "viscosity": true, "passivity": true,
           "paused": true, "max_force_N": 1.0, "rotation_wxyz": [0, 1, 0, 0]})");

@@ -153,6 +153,24 @@ Json recording_json(const ViewedRecording& recording) {
           {"force_N", recording.force_N}};
 }
 
+// who one is, and what one may
+void add_who(Json& json, const Who& who, bool has_tasks, bool keeps_runs) {
+  json["role"] = name_of(who.role);
+  json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
+  json["may"] = rights_of(who.role, has_tasks, keeps_runs);
+}
+
+// whose runs they are is told to who leads the lesson, and to whose they are
+Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
+  const bool is_told = reader.who.role == Role::kTeacher ||
+                       (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
+  return {{"learner", is_told && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
+          {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
+          {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
+          {"names", reader.names},
+          {"veiled", reader.veiled}};
+}
+
 Json playback_json(const ViewedState::Playback& playback) {
   return {{"playing", playback.playing},
           {"speed", playback.speed},
@@ -160,10 +178,6 @@ Json playback_json(const ViewedState::Playback& playback) {
 }
 
 }  // namespace
-
-std::string_view name_of(Role role) {
-  return role == Role::kControl ? "control" : "view";
-}
 
 std::string hash_text(std::uint64_t hash) {
   constexpr std::string_view kDigits = "0123456789abcdef";
@@ -173,11 +187,11 @@ std::string hash_text(std::uint64_t hash) {
 }
 
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       Role role) {
+                       const Who& who, bool keeps_runs) {
   Json json;
   json["protocol"] = kProtocol;
   json["palpate"] = PALPATE_VERSION;
-  json["role"] = name_of(role);
+  add_who(json, who, !scene.tasks.empty(), keeps_runs);
   json["side"] = scene.side;
   json["oriented"] = scene.oriented;
   json["modality"] = scene.modality;
@@ -212,7 +226,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   return text_of(json);
 }
 
-std::string state_json(const ViewedState& state, int viewers, std::uint32_t holder, std::uint32_t reader) {
+std::string state_json(const ViewedState& state, const StateReader& reader) {
   Json json;
   json["type"] = "state";
   json["method"] = state.method;
@@ -229,7 +243,7 @@ std::string state_json(const ViewedState& state, int viewers, std::uint32_t hold
   json["motor_is_on"] = state.motor_is_on;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
-  json["stopped_by"] = state.stop ? Json(who_stopped(state, reader)) : Json();
+  json["stopped_by"] = state.stop ? Json(who_stopped(state, reader.number)) : Json();
   json["max_force_N"] = state.max_force_N;
   json["rotation_wxyz"] = state.rotation_wxyz;
   json["model_version"] = state.model_version;
@@ -244,9 +258,11 @@ std::string state_json(const ViewedState& state, int viewers, std::uint32_t hold
   json["armed"] = state.armed;
   json["recording"] = state.recording;
   json["playback"] = state.playback ? playback_json(*state.playback) : Json();
-  json["viewers"] = viewers;
-  json["pointer"] = holder != 0 && holder == reader;
-  json["pointer_by"] = holder == 0 ? Json() : Json(holder == reader ? "you" : "viewer");
+  json["viewers"] = reader.viewers;
+  const bool is_holder = reader.holder != 0 && reader.holder == reader.number;
+  json["pointer"] = is_holder;
+  json["pointer_by"] = reader.holder == 0 ? Json() : Json(is_holder ? "you" : "viewer");
+  json["lesson"] = lesson_json(state.lesson, reader);
   return text_of(json);
 }
 
@@ -262,8 +278,11 @@ std::string navigation_json(const ViewedNavigation& navigation) {
   return text_of(json);
 }
 
-std::string welcome_json(Role role) {
-  return text_of({{"type", "welcome"}, {"role", name_of(role)}, {"protocol", kProtocol}});
+std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs) {
+  Json json{{"type", "welcome"}};
+  add_who(json, who, has_tasks, keeps_runs);
+  json["protocol"] = kProtocol;
+  return text_of(json);
 }
 
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps) {

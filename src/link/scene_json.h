@@ -5,15 +5,12 @@
 #include <string>
 #include <string_view>
 
+#include "link/rights.h"
 #include "palpate/base/result.h"
 #include "palpate/link/viewer_server.h"
 
 /// The texts that the server sends (docs/reference/viewer-protocol.md).
 namespace palpate::link {
-
-/// What a viewer may do.
-enum class Role { kView, kControl };
-std::string_view name_of(Role role);
 
 /// How the voxels of the scene are sent, found once.
 struct VolumeFacts {
@@ -26,16 +23,25 @@ struct VolumeFacts {
 /// 16 lower-case hexadecimal digits.
 std::string hash_text(std::uint64_t hash);
 
+/// @param keeps_runs  ViewerHost::keeps_runs
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       Role role);
+                       const Who& who, bool keeps_runs);
 
-/// @param holder  the number of the viewer that moves the tip, 0 where none does
-/// @param reader  the number of the viewer that gets it, from 1; 0 for none of them
-std::string state_json(const ViewedState& state, int viewers, std::uint32_t holder, std::uint32_t reader);
+/// Whom a state is for, and what of it concerns nobody else.
+struct StateReader {
+  std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none of them
+  Who who{Role::kTeacher, {}};
+  std::uint32_t holder = 0;  ///< the number of the viewer that moves the tip, 0 where none does
+  int viewers = 0;           ///< that have said hello
+  bool names = false;        ///< learners are shown what a quiz hides
+  bool veiled = false;       ///< this one is not
+};
+std::string state_json(const ViewedState& state, const StateReader& reader);
 
 /// To 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);
-std::string welcome_json(Role role);
+/// @param has_tasks  of the scene; @param keeps_runs  ViewerHost::keeps_runs
+std::string welcome_json(const Who& who, bool has_tasks, bool keeps_runs);
 /// @param first  number of the first of them, from 0
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);
 std::string done_json(std::int64_t id);

@@ -97,11 +97,12 @@ class Server : public ViewerServer {
     const ScanScale scale = scene.scan ? ScanScale::of(*scene.scan) : ScanScale{};
     const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
                             needs_wide_labels(*scene.labels)};
-    volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels));
+    Access access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens));
+    if (access.has_learners() && has_quiz(scene)) veil_.emplace(scene);
+    volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
+                                  veil_ ? veil_->scene().labels : nullptr));
     pictures_.emplace(host);
-    site_.emplace(host,
-                  Access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens)),
-                  facts);
+    site_.emplace(host, std::move(access), facts, veil_ ? &*veil_ : nullptr);
     // what a page loads: the scan and the labels
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
@@ -188,6 +189,7 @@ class Server : public ViewerServer {
   net::ip::address address_;  // that others are told
   int port_ = 0;
   std::atomic<int> viewers_{0};
+  std::optional<Veil> veil_;
   std::optional<PayloadStore> volumes_;
   std::optional<PictureStore> pictures_;
   std::optional<Site> site_;

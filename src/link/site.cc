@@ -10,7 +10,7 @@ namespace palpate::link {
 namespace {
 
 constexpr std::string_view kAssets = "/assets/", kVolumes = "/api/volume/", kScene = "/api/scene",
-                           kPictures = "/api/picture/", kSocket = "/ws";
+                           kPictures = "/api/picture/", kCurves = "/api/curves", kSocket = "/ws";
 
 std::string field(std::string_view name, std::string_view value) {
   std::string line(name);
@@ -89,19 +89,22 @@ std::string_view reason_of(int status) {
   return "Refused";
 }
 
-HttpAnswer Site::refusal(int status) {
+HttpAnswer Site::refusal(int status, const std::string& why) {
   HttpAnswer answer;
   answer.status = status;
   answer.fields = field("Content-Type", "text/plain; charset=utf-8") + field("Cache-Control", "no-store");
   if (status == 401) answer.fields += field("WWW-Authenticate", "Bearer");
   if (status == 429) answer.fields += field("Retry-After", "1");
   if (status == 405) answer.fields += field("Allow", "GET, HEAD");
-  answer.fixed_body = reason_of(status);
+  if (why.empty())
+    answer.fixed_body = reason_of(status);
+  else
+    answer.body = std::make_shared<std::string>(why);
   return answer;
 }
 
-Site::Site(ViewerHost& host, Access access, VolumeFacts facts)
-    : host_(host), access_(std::move(access)), facts_(std::move(facts)) {}
+Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil)
+    : host_(host), access_(std::move(access)), facts_(std::move(facts)), veil_(veil) {}
 
 SiteAnswer Site::answer(const HttpRequest& request) {
   // who asks, before what for
@@ -125,11 +128,14 @@ SiteAnswer Site::answer(const HttpRequest& request) {
     if (!request.subprotocol || request.method != "GET") return refusal(400);
     return Upgrade{};
   }
-  const auto who = access_.admit(Access::bearer(request.authorization), request.from, request.at);
-  if (!who.role) return refusal(who.too_many_guesses ? 429 : 401);
-  if (path == kScene) return scene(*who.role);
-  if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request);
-  if (path.starts_with(kPictures)) return picture(path.substr(kPictures.size()), query, request);
+  const auto [who, too_many_guesses] =
+      access_.admit(Access::bearer(request.authorization), request.from, request.at);
+  if (!who) return refusal(too_many_guesses ? 429 : 401);
+  if (path == kScene) return scene(*who);
+  if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request, *who);
+  if (path.starts_with(kPictures)) return picture(path.substr(kPictures.size()), query, request, *who);
+  // nobody names whose: a learner's token says it
+  if (path == kCurves && query.empty()) return curves(*who);
   return refusal(404);
 }
 
@@ -146,26 +152,51 @@ HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
   return answer;
 }
 
-HttpAnswer Site::scene(Role role) const {
+HttpAnswer Site::scene(const Who& who) const {
   HttpAnswer answer;
   answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
-  answer.body = std::make_shared<std::string>(scene_json(host_.scene(), host_.state(), facts_, role));
+  const Veil* veil = veil_of(who);
+  VolumeFacts facts = facts_;
+  facts.hash = hash_for(who);
+  answer.body = std::make_shared<std::string>(
+      scene_json(veil != nullptr ? veil->scene() : host_.scene(),
+                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, host_.keeps_runs()));
   return answer;
 }
 
-SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request) const {
+std::string Site::hash_for(const Who& who) const {
+  const Veil* veil = veil_of(who);
+  return veil != nullptr ? hash_text(veil->scene().content_hash) : facts_.hash;
+}
+
+SiteAnswer Site::curves(const Who& who) const {
+  const bool all = may(who.role, Right::kAllRuns, true);
+  if (!all && !may(who.role, Right::kOwnRuns, true)) {
+    const Error lacks = lacks_right(who.role, Right::kOwnRuns);
+    return refusal(403, "only a learner, of his or her own, or a teacher may see curves; " + lacks.remedy);
+  }
+  if (!host_.keeps_runs()) return refusal(404, "no runs are kept in this session");
+  CurvesWanted wanted;
+  wanted.learner = all ? std::string() : who.learner;
+  wanted.head.fields = field("Content-Type", "text/html; charset=utf-8") + field("Cache-Control", "no-store");
+  return wanted;
+}
+
+SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                        const Who& who) const {
   const std::string_view kind = path.substr(0, path.find('/'));
   const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
   const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
-  if (!(labels || scan) || hash != facts_.hash) return refusal(404);
+  if (!(labels || scan) || hash != hash_for(who)) return refusal(404);
   if (!query.empty() && query != "shrink=1" && query != "shrink=2" && query != "shrink=4")
     return refusal(404);
 
   VolumeWanted wanted;
   wanted.key.labels = labels;
+  wanted.key.veiled = labels && veil_of(who) != nullptr;
   wanted.key.shrink = query.empty() ? 1 : query.back() - '0';
   wanted.key.gzip = labels && takes_gzip(request.accept_encoding);
-  std::string name = facts_.hash + (labels ? "-labels-" : "-scan-") + std::to_string(wanted.key.shrink);
+  std::string name = hash_for(who) + (labels ? "-labels-" : "-scan-") + std::to_string(wanted.key.shrink);
   if (wanted.key.gzip) name += "-gzip";
   const std::string fields = field("Cache-Control", "private, max-age=31536000, immutable") +
                              field("ETag", in_quotes(name)) + field("Vary", "Accept-Encoding, Authorization");
@@ -175,12 +206,14 @@ SiteAnswer Site::volume(std::string_view path, std::string_view query, const Htt
   return wanted;
 }
 
-SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request) const {
+SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                         const Who& who) const {
   const ViewedScene& scene = host_.scene();
-  if (hash != facts_.hash || scene.labels->geometry().voxel_count() > PictureStore::kMostVoxels)
+  if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMostVoxels)
     return refusal(404);
   auto key = parse_picture_query(query, scene.structures.size());
   if (!key) return refusal(400);
+  key->veil = veil_of(who);
   key->gzip = takes_gzip(request.accept_encoding);
   PictureWanted wanted;
   wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");

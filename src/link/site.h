@@ -7,6 +7,8 @@
 
 #include "link/access.h"
 #include "link/payload_store.h"
+#include "link/scene_json.h"
+#include "link/veil.h"
 #include "link/volume_pictures.h"
 #include "palpate/link/viewer_server.h"
 
@@ -50,34 +52,55 @@ struct PictureWanted {
   HttpAnswer head;  ///< its body is to be filled in
 };
 
+/// The answer is a page of curves that has to be made.
+struct CurvesWanted {
+  std::string learner;  ///< whose; empty: everybody's
+  HttpAnswer head;      ///< its body is to be filled in
+};
+
 /// The answer is a WebSocket.
 struct Upgrade {};
 
-using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, Upgrade>;
+using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, CurvesWanted, Upgrade>;
 
 class Site {
  public:
   /// @param host  outlives the site, as does its scene
-  Site(ViewerHost& host, Access access, VolumeFacts facts);
+  /// @param veil  through which learners see it while a quiz is at hand; outlives the site; null: there is
+  /// none
+  Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil = nullptr);
 
   SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
+  /// A quiz is at hand, and nobody has shown what it hides. So it is at first.
+  void lay_veil(bool is_laid) { is_veiled_ = is_laid; }
+  /// Through which somebody sees the scene; null: as it is.
+  const Veil* veil_of(const Who& who) const {
+    return is_veiled_ && !may(who.role, Right::kUnseen, true) ? veil_ : nullptr;
+  }
 
   /// The bytes before the body.
   /// @param host  of the request; one that is not served here goes into no answer
   std::string head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const;
-  /// A refusal, with a line of text that says why.
-  static HttpAnswer refusal(int status);
+  /// A refusal, with a line of text that says why. @param why  empty: the status says it
+  static HttpAnswer refusal(int status, const std::string& why = "");
 
  private:
   HttpAnswer file(std::string_view name, const HttpRequest& request) const;
-  HttpAnswer scene(Role role) const;
-  SiteAnswer volume(std::string_view path, std::string_view query, const HttpRequest& request) const;
-  SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request) const;
+  HttpAnswer scene(const Who& who) const;
+  SiteAnswer volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                    const Who& who) const;
+  SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                     const Who& who) const;
+  SiteAnswer curves(const Who& who) const;
+  /// In the addresses of what somebody sees.
+  std::string hash_for(const Who& who) const;
 
   ViewerHost& host_;
   Access access_;
   const VolumeFacts facts_;
+  const Veil* const veil_;
+  bool is_veiled_ = true;
 };
 
 /// "Not Found" for 404.

@@ -260,10 +260,32 @@ class FakeHost : public ViewerHost {
   Result<void> train(const TaskRequest& request) override {
     const std::lock_guard lock(mutex_);
     if (request.begin && *request.begin != "hold") return Error{ErrorKind::kUsage, "is no task", "begin", ""};
+    const std::string own = request.learner.empty() ? state_.lesson.learner : request.learner;
+    const std::string learner = request.begin ? own : training_.learner;
     training_ = test_training();
+    training_.learner = learner;
     training_.phase = request.begin ? ViewedTraining::Phase::kRunning : ViewedTraining::Phase::kOver;
-    debriefing_ = request.begin ? nullptr : std::make_shared<const ViewedDebriefing>(test_debriefing());
+    ViewedDebriefing over = test_debriefing();
+    over.learner = training_.learner;
+    debriefing_ = request.begin ? nullptr : std::make_shared<const ViewedDebriefing>(over);
     return {};
+  }
+  Result<void> teach(const LessonRequest& request) override {
+    const std::lock_guard lock(mutex_);
+    state_.lesson.learner = request.learner.value_or(state_.lesson.learner);
+    state_.lesson.task = request.task.value_or(state_.lesson.task);
+    ended_ = ended_ || request.end;
+    return {};
+  }
+  bool keeps_runs() const override { return keeps_runs_; }
+  Result<std::string> curves(const std::string& learner) const override {
+    return "<p>" + (learner.empty() ? "everybody" : learner) + "</p>";
+  }
+  /// Before the server starts.
+  void keep_runs() { keeps_runs_ = true; }
+  bool ended() const {
+    const std::lock_guard lock(mutex_);
+    return ended_;
   }
   /// The run goes on.
   void train_on(double time_s) {
@@ -346,7 +368,7 @@ class FakeHost : public ViewerHost {
   double played_at_s_ = 0;
   ViewerIdentity asked_by_;
   std::uint32_t stops_ = 0;
-  bool asks_ = false;
+  bool asks_ = false, ended_ = false, keeps_runs_ = false;
   std::vector<LateAnswer> asked_, answers_;
 };
 
@@ -374,8 +396,9 @@ struct TestServer {
   /// @param input  ViewedScene::input
   explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},
                       const std::string& input = "script", std::vector<ViewedTask> tasks = {},
-                      std::vector<ViewedNoGo> no_go = {})
+                      std::vector<ViewedNoGo> no_go = {}, bool keeps_runs = false)
       : host(dims) {
+    if (keeps_runs) host.keep_runs();
     host.edit_scene().input = input;
     host.edit_scene().tasks = std::move(tasks);
     host.edit_scene().no_go = std::move(no_go);

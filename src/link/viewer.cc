@@ -36,6 +36,11 @@ void keep_fresh(Stream::Socket& socket) {
   ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes, sizeof unsent_bytes);
 }
 
+// nothing has yielded
+ToldYield untold_yield(std::size_t device) {
+  return {0, true, std::make_shared<const std::string>(YieldMessage(device, nullptr).bytes())};
+}
+
 }  // namespace
 
 Viewer::Viewer(std::unique_ptr<Stream> stream, Hub& hub)
@@ -140,11 +145,11 @@ void Viewer::take(const Request& request) {
 
 void Viewer::greet(const Hello& hello) {
   if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
-  const auto who = hub_.site().access().admit(hello.token, from_, Clock::now());
-  if (who.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
-  if (!who.role) return end(kTokenRefused, "a wrong token or none");
-  if (!hub_.make_room_for_viewer(*who.role)) return end(kTryAgainLater, "too many viewers");
-  role_ = *who.role;
+  auto admitted = hub_.site().access().admit(hello.token, from_, Clock::now());
+  if (admitted.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
+  if (!admitted.who) return end(kTokenRefused, "a wrong token or none");
+  if (!hub_.make_room_for_viewer(admitted.who->role)) return end(kTryAgainLater, "too many viewers");
+  who_ = *std::move(admitted.who);
   welcomed_ = true;
   wants_yields_ = hello.yielded;
   wants_training_ = hello.task;
@@ -153,7 +158,7 @@ void Viewer::greet(const Hello& hello) {
   wants_navigation_ = hello.navigation;
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));
-  say(welcome_json(role_));
+  say(hub_.welcome_for(who_));
   hub_.welcome(*this);
 }
 
@@ -268,8 +273,8 @@ bool Viewer::next_navigation() {
 // the figures of a run before it is told that it is over; in turns with poses
 bool Viewer::next_training() {
   if (!welcomed_ || !wants_training_) return false;
-  if (debriefing_had_ != hub_.told_debriefing()) {
-    debriefing_had_ = hub_.told_debriefing();
+  if (auto told = hub_.told_debriefing(*this); debriefing_had_ != told) {
+    debriefing_had_ = std::move(told);
     if (debriefing_had_) {
       text_out_ = *debriefing_had_;
       return true;
@@ -285,7 +290,10 @@ bool Viewer::next_yield() {
   if (!welcomed_ || !wants_yields_ || Clock::now() < no_yield_before_) return false;
   for (std::size_t n = 0; n < yields_had_.size(); ++n) {
     const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
-    const ToldYield& told = hub_.told_yield(device);
+    // how tissue goes shows what is in it
+    const bool is_veiled = hub_.veil_of(*this) != nullptr;
+    if (is_veiled && yields_had_[device] == 0) continue;
+    const ToldYield told = is_veiled ? untold_yield(device) : hub_.told_yield(device);
     const std::uint64_t had = std::exchange(yields_had_[device], told.number);
     // that nothing has yielded one knows that has heard of nothing else
     if (had == told.number || (had == 0 && told.rests)) continue;

@@ -86,12 +86,12 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool wants_training() const { return wants_training_ && !ending_; }
   bool wants_navigation() const { return wants_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
-  Role role() const { return role_; }
+  const Who& who() const { return who_; }
   /// Of the sweeps that it has had only so many are still there.
   void keep_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
   /// Its own among all that say hello to this server.
   void get_number(std::uint32_t number) { number_ = number; }
-  ViewerIdentity identity() const { return {number_, role_ == Role::kControl}; }
+  ViewerIdentity identity() const { return {number_, may(who_.role, Right::kHand, true)}; }
 
  private:
   void read();
@@ -122,7 +122,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   TokenBucket messages_;
 
   bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;
-  Role role_ = Role::kView;
+  Who who_;
   std::uint32_t number_ = 0;
   Clock::time_point hello_by_, end_by_, write_begun_;
   Clock::duration pose_period_{};

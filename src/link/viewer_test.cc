@@ -50,7 +50,8 @@ TEST(Viewer, WelcomeStateAndPoses) {
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Protocol"), "palpate.v1");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
-  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "protocol": 3})"));
+  EXPECT_EQ(viewer.greet(), Json::parse(R"({"type": "welcome", "role": "control", "learner": null,
+      "may": ["look", "stop", "unseen", "hand", "feel", "plan", "play"], "protocol": 3})"));
   const Json state = viewer.text();
   EXPECT_EQ(state["type"], "state");
   EXPECT_EQ(state["viewers"], 1);

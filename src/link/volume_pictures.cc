@@ -229,6 +229,11 @@ bool PictureStore::prepare(const PictureKey& key) {
   for (std::size_t n = 0; n < key.colours.size(); ++n)
     looks[label_of_[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
+  // what is hidden looks as what is around it, whatever is asked for
+  for (std::size_t label = 0; key.veil != nullptr && label < looks.size(); ++label) {
+    const LabelId as = key.veil->shown(static_cast<LabelId>(label));
+    looks[label] = as < looks.size() ? looks[as] : StructureLook{{}, 0};
+  }
   const auto labels = host_.seen_labels();
   if (renderer_ && are_equal(looks, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
@@ -287,7 +292,8 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
             labels_->at(static_cast<int>(n[0]), static_cast<int>(n[1]), static_cast<int>(n[2]));
         if (label >= prepared_.size() || prepared_[label].opacity == 0) continue;
         nearest = apart;
-        place = place_of_[label];
+        const LabelId as = key.veil != nullptr ? key.veil->shown(label) : label;
+        place = as < place_of_.size() ? place_of_[as] : 0;
       }
       if (place != 0) return place;
     }

@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "link/veil.h"
 #include "palpate/link/viewer_server.h"
 #include "palpate/rendering/volume_renderer.h"
 
@@ -25,6 +26,7 @@ struct PictureKey {
   std::vector<double> opacities;  ///< likewise, 0 ... 1
   std::optional<ClipPlane> clip;  ///< what lies on that side of it is taken away
   bool gzip = false;
+  const Veil* veil = nullptr;  ///< through which it is seen; outlives the store
 };
 /// From a query as docs/reference/viewer-protocol.md has it, `view=...&looks=...&cut=...`; nothing where it
 /// is none.

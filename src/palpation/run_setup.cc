@@ -81,7 +81,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   const auto hand = find_plant_hand(script.hand);
   if (!hand) return at_line(hand.error(), script, script.hand_line);
 
-  RunSetup setup{nullptr, script, *device, *hand, loaded.scene.workspace, {}, 0, {}};
+  RunSetup setup{nullptr, script, *device, *hand, loaded.scene.workspace, {}, 0, {}, options.task};
   if (options.seed) setup.script.seed = *options.seed;
   if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
 
@@ -113,7 +113,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
 
 Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
                                 const Progress& progress) {
-  RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}};
+  RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}, options.task};
   setup.script.device.clear();
   setup.script.hand.clear();
   if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
@@ -140,6 +140,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.tissue_coarsened = setup.model->tissue_coarsened;
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;
+  header.task = setup.task;
   header.scene_title = model.title;
   header.model_hash = model.content_hash;
   header.model_version = model.version;

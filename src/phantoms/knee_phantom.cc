@@ -39,12 +39,13 @@ void add_defect(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
 
 void add_lesion(std::vector<PhantomPart>& parts, const KneeParameters& knee, const Eigen::Vector3d& scale) {
   const Shape structure = part_named(parts, knee.lesion_in).shape;
-  const KneeSite site = knee_site(knee.lesion_in, structure);
+  const KneeSite site = knee_site(knee.lesion_in, structure, knee.lesion_at);
   // a ball to the patient, whatever the anatomy's scale
   const Eigen::Vector3d depth = (knee.lesion_depth_mm * site.normal.eigen()).cwiseQuotient(scale);
   const Point<Patient> centre = site.point - Vector<Patient>(depth);
   const Eigen::Vector3d radii = Eigen::Vector3d::Constant(knee.lesion_mm).cwiseQuotient(scale);
-  parts.push_back({"lesion", kLesionLabel, kLesionColour, PhantomMaterial::kLesion,
+  parts.push_back({"lesion", kLesionLabel, kLesionColour,
+                   knee.visible ? PhantomMaterial::kLesion : PhantomMaterial::kUnseen,
                    Shape::intersect(structure, Shape::ellipsoid(centre, radii))});
 }
 

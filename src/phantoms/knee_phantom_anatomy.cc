@@ -303,13 +303,17 @@ KneeShape knee_shape(std::uint64_t seed) {
   return knee;
 }
 
-KneeSite knee_site(const std::string& structure, const Shape& shape) {
-  // from where to look, and whither
-  struct View {
-    const char* structure;
-    P eye, target;
-  };
-  static const std::vector<View> kViews = {
+namespace {
+
+/// From where to look for a place, and whither.
+struct SiteView {
+  const char* structure;
+  P eye, target;
+};
+
+// in the order of a structure's places
+const std::vector<SiteView>& site_views() {
+  static const std::vector<SiteView> kViews = {
       {"femur", {90, -6, 44}, {10, -6, 44}},                         // its lateral metaphysis
       {"tibia", {-30, -90, -30}, {-18, 1, -30}},                     // its anteromedial face
       {"fibula", {90, 19, -34}, {36, 19, -34}},                      // below its head
@@ -325,9 +329,34 @@ KneeSite knee_site(const std::string& structure, const Shape& shape) {
       {"fibular_collateral_ligament", {90, 10, 12}, {43, 10, 12}},   //
       {"tibial_collateral_ligament", {-90, 2, 16}, {-42.5, 2, 16}},  //
       {"patellar_ligament", {1.5, -90, -3}, {1.5, -41, -3}},         //
+      // three more of each cartilage
+      {"femoral_cartilage", {22, -60, -6}, {22, -3, 24.5}},            // lateral, before the meniscus
+      {"femoral_cartilage", {-22, -60, 12}, {-22, -3, 24.5}},          // medial, higher
+      {"femoral_cartilage", {22, -60, 12}, {22, -3, 24.5}},            // lateral, higher
+      {"lateral_tibial_cartilage", {21.5, -5, 50}, {21.5, -5, -2.5}},  // before the middle
+      {"lateral_tibial_cartilage", {21.5, 9, 50}, {21.5, 9, -2.5}},    // behind it
+      {"lateral_tibial_cartilage", {15.5, 2, 50}, {15.5, 2, -2.5}},    // towards the spine
+      {"medial_tibial_cartilage", {-21, -6, 50}, {-21, -6, -2.5}},     // before the middle
+      {"medial_tibial_cartilage", {-21, 10, 50}, {-21, 10, -2.5}},     // behind it
+      {"medial_tibial_cartilage", {-15.5, 2, 50}, {-15.5, 2, -2.5}},   // towards the spine
+      {"patellar_cartilage", {-9, 0, 36}, {-9, -41, 36}},              // its medial facet
+      {"patellar_cartilage", {11, 0, 36}, {11, -41, 36}},              // its lateral facet
+      {"patellar_cartilage", {1, 0, 29}, {1, -41, 29}},                // downwards on its ridge
   };
-  const auto view = std::ranges::find_if(kViews, [&](const View& v) { return v.structure == structure; });
-  PALPATE_CHECK(view != kViews.end());
+  return kViews;
+}
+
+}  // namespace
+
+std::size_t knee_places(const std::string& structure) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(site_views(), [&](const SiteView& view) { return view.structure == structure; }));
+}
+
+KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t place) {
+  const auto view = std::ranges::find_if(
+      site_views(), [&](const SiteView& v) { return v.structure == structure && place-- == 0; });
+  PALPATE_CHECK(view != site_views().end());
   // no step is longer than the way that is free
   const V step = (view->target - view->eye).normalized();
   double way = 0, free = 1;

@@ -34,6 +34,11 @@ struct KneeSite {
   Point<Patient> point;
   Vector<Patient> normal;  ///< outward
 };
-KneeSite knee_site(const std::string& structure, const Shape& shape);
+/// @param place  which one, from 0: a place where a probe comes to it, of those of a structure that has
+/// several
+KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t place = 0);
+/// How many places a structure has, at most kKneePlaces.
+std::size_t knee_places(const std::string& structure);
+inline constexpr std::size_t kKneePlaces = 4;
 
 }  // namespace palpate

@@ -3,6 +3,8 @@
 #include <array>
 #include <type_traits>
 
+#include "phantoms/knee_phantom_anatomy.h"
+
 namespace palpate {
 namespace {
 
@@ -78,6 +80,9 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
   visit_islands(p.settings, v);
   v.number({"lesion", "mm", "Radius of a round lesion with a label of its own, `lesion`, 200; 0: none."}, 0,
            15, p.lesion_mm);
+  v.whole({"lesion-at", "",
+           "Which place on its structure `lesion` is at: 0 the usual one, and of a cartilage three more."},
+          kKneePlaces - 1, p.lesion_at);
   v.number(
       {"lesion-depth", "mm",
        "Of the centre of `lesion` below the surface of its structure; 0: half a ball that can be touched."},
@@ -91,6 +96,8 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
          KneeSide::kLeft, KneeSide::kRight);
   v.number({"size", "", "Scale of the anatomy: 0.6 a small child, 1.15 a large adult."}, 0.5, 1.3, p.size);
   visit_spacing(p.settings, v);
+  choice(v, {"visible", "", "Whether the scan shows `lesion`; labels always do."}, kAnswers, p.visible, true,
+         false);
 }
 
 void visit(ShellParameters& p, PhantomKeyVisitor& v) {

@@ -83,6 +83,11 @@ TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
               HasSubstr("`missing` is any of"));
   EXPECT_THAT(message("knee-phantom:lesion-in=tibia"), HasSubstr("without `lesion`"));
   EXPECT_THAT(message("knee-phantom:lesion-depth=2"), HasSubstr("without `lesion`"));
+  EXPECT_THAT(message("knee-phantom:lesion-at=2"), HasSubstr("without `lesion`"));
+  EXPECT_THAT(message("knee-phantom:visible=no"), HasSubstr("without `lesion`"));
+  EXPECT_THAT(message("knee-phantom:lesion=3,lesion-at=1"), HasSubstr("no place on femur, which has 1"));
+  EXPECT_THAT(message("knee-phantom:lesion=3,lesion-in=femoral_cartilage,lesion-at=4"),
+              HasSubstr("`lesion-at` is"));
   EXPECT_THAT(message("knee-phantom:defect-in=patellar_cartilage"), HasSubstr("without `defect`"));
   EXPECT_THAT(message("knee-phantom:lesion=3,lesion-in=medial_meniscus,missing=medial_meniscus"),
               HasSubstr("`missing`"));

@@ -19,6 +19,7 @@ enum class PhantomMaterial : std::uint8_t {
   kLigament,
   kVessel,
   kLesion,
+  kUnseen,  ///< the scan shows what it lies in
   kGland,
   kSkin,
   kBrain,

@@ -49,6 +49,8 @@ Intensity proton_density(PhantomMaterial material) {
       return even(540);
     case kPlastic:
       return even(20);
+    case kUnseen:
+      break;
   }
   return {};
 }
@@ -81,6 +83,8 @@ Intensity hounsfield(PhantomMaterial material) {
       return even(35);
     case kPlastic:
       return even(120);
+    case kUnseen:
+      break;
   }
   return {};
 }
@@ -124,6 +128,7 @@ double material_depth_mm(PhantomMaterial material) {
 
 double paint(PhantomMaterial material, PhantomImaging imaging, double below, double distance_mm,
              double voxel_mm) {
+  if (material == PhantomMaterial::kUnseen) return below;
   const Intensity intensity =
       imaging == PhantomImaging::kCt ? hounsfield(material) : proton_density(material);
   const double share = coverage(distance_mm, voxel_mm);

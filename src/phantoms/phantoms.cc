@@ -1,5 +1,6 @@
 #include <cstdio>
 
+#include "phantoms/knee_phantom_anatomy.h"
 #include "phantoms/palpation_phantoms.h"
 #include "phantoms/phantom_keys.h"
 #include "phantoms/phantom_plan.h"
@@ -45,6 +46,13 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
   if (knee.lesion_mm == 0 && knee.lesion_in != mean.lesion_in) return needs("lesion-in", "lesion");
   if (knee.lesion_mm == 0 && knee.lesion_depth_mm != mean.lesion_depth_mm)
     return needs("lesion-depth", "lesion");
+  if (knee.lesion_mm == 0 && knee.lesion_at != mean.lesion_at) return needs("lesion-at", "lesion");
+  if (knee.lesion_mm == 0 && knee.visible != mean.visible) return needs("visible", "lesion");
+  if (const std::size_t places = knee_places(knee.lesion_in); knee.lesion_at >= places)
+    return refused(all,
+                   quoted("lesion-at") + " of " + std::to_string(knee.lesion_at) + " is no place on " +
+                       knee.lesion_in + ", which has " + std::to_string(places),
+                   "count them from 0; cartilages have several");
   if (knee.defect_mm == 0 && knee.defect_in != mean.defect_in) return needs("defect-in", "defect");
   const auto present = [&](const char* key, const std::string& structure) -> Result<void> {
     for (const std::string& name : knee.missing)

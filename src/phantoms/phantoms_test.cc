@@ -229,11 +229,30 @@ TEST(Phantoms, ALesionIsThereInEveryStructureOfEveryKnee) {
     for (int n = 0; n < 10; ++n) {
       const auto parts = knee_phantom_parts(knee_shape(n == 0 ? 0 : 1 + random() % 100000));
       const auto found = std::ranges::find(parts, part.name, &PhantomPart::name);
-      const KneeSite site = knee_site(part.name, found->shape);
-      EXPECT_NEAR(found->shape.distance_mm(site.point), 0, 1e-5) << part.name;
-      EXPECT_LT(found->shape.distance_mm(site.point - 0.3 * site.normal), 0) << part.name;
-      EXPECT_GT(found->shape.distance_mm(site.point + 0.3 * site.normal), 0) << part.name;
+      std::vector<KneeSite> sites;
+      for (std::size_t place = 0; place < knee_places(part.name); ++place) {
+        const KneeSite site = knee_site(part.name, found->shape, place);
+        EXPECT_NEAR(found->shape.distance_mm(site.point), 0, 1e-5) << part.name << place;
+        EXPECT_LT(found->shape.distance_mm(site.point - 0.3 * site.normal), 0) << part.name << place;
+        EXPECT_GT(found->shape.distance_mm(site.point + 0.3 * site.normal), 0) << part.name << place;
+        for (const KneeSite& other : sites)
+          EXPECT_GT((site.point - other.point).norm(), 5) << part.name << place;
+        sites.push_back(site);
+      }
+      EXPECT_EQ(sites.size(), part.name.ends_with("_cartilage") ? 4u : 1u) << part.name;
     }
+  }
+}
+
+TEST(Phantoms, ALesionThatIsNotVisibleIsInTheLabelsAlone) {
+  const Phantom without = made("knee-phantom:spacing=1.5,seed=5");
+  for (const char* at : {"", ",lesion-at=2"}) {
+    const std::string asked =
+        "knee-phantom:spacing=1.5,seed=5,lesion=4,lesion-in=patellar_cartilage" + std::string(at);
+    const Phantom hidden = made(asked + ",visible=no");
+    EXPECT_NE(hidden.labels.find("lesion"), nullptr);
+    EXPECT_EQ(hidden.scan.voxels(), without.scan.voxels());
+    EXPECT_NE(made(asked).scan.voxels(), without.scan.voxels());
   }
 }
 

@@ -18,7 +18,7 @@ inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
 inline constexpr std::uint32_t kFormatMajor = 4;
 /// Incremented when something is added that old readers can leave aside.
-inline constexpr std::uint32_t kFormatMinor = 10;
+inline constexpr std::uint32_t kFormatMinor = 11;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
@@ -34,7 +34,8 @@ inline constexpr std::size_t kMaxMethods = 256;      ///< their number is a byte
 inline constexpr std::size_t kTroubleBytes = 512;    ///< of one of them, as written here
 
 /// Fields that files of this format may lack.
-inline constexpr std::array<std::string_view, 2> kLaterFields{"feel", "tissue_coarsened"};
+inline constexpr std::array<std::string_view, 5> kLaterFields{"feel", "tissue_coarsened", "task", "task_hash",
+                                                              "task_seed"};
 /// Everything of the header but the script and the structures: attributes of the group /header.
 template <class Header, class Visit>
 void visit_header(Header& header, Visit&& visit) {
@@ -58,6 +59,9 @@ void visit_header(Header& header, Visit&& visit) {
   visit("scheduler", header.scheduler);
   visit("feel", header.feel);
   visit("tissue_coarsened", header.tissue_coarsened);
+  visit("task", header.task.name);
+  visit("task_hash", header.task.hash);
+  visit("task_seed", header.task.seed);
 }
 
 /// A row of format 3's /summary/model_changes: version, tissue, and its values in the order of the struct.

@@ -241,6 +241,12 @@ TEST_F(Hostile, RecordingsFromBeforeSettingsWereToldAreRead) {
   const auto read = read_recording(file_);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->header.feel, "");
+  // nor do those from before tasks were told
+  EXPECT_EQ(error_after([](hid_t f) {
+              for (const char* name : {"task", "task_hash", "task_seed"})
+                H5Adelete_by_name(f, "header", name, H5P_DEFAULT);
+            }),
+            "no error");
   const std::int32_t number = 1;
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "feel", H5T_NATIVE_INT32, &number); }),
               HasSubstr("feel"));

@@ -459,7 +459,7 @@ TEST(Recording, HoldsTheLongestHeaderAndTheEmptiest) {
   for (std::string* text :
        {&longest.palpate_version, &longest.commit, &longest.build_type, &longest.compiler,
         &longest.simd_target, &longest.started_utc, &longest.data_set, &longest.scene_title, &longest.device,
-        &longest.hand, &longest.scheduler, &longest.feel})
+        &longest.hand, &longest.scheduler, &longest.feel, &longest.task.name, &longest.task.seed})
     *text = std::string(4096, 'w');
   longest.script_text = std::string(3'000'000, 's');
   for (int i = 0; i < 500; ++i)

@@ -209,6 +209,7 @@ RecordingHeader example_header(int devices, double rate_hz) {
   header.clock = "real";
   header.scheduler = "SCHED_FIFO 80";
   header.feel = "output.blend_s 0.1\n";
+  header.task = {"find-the-nodule", 0x0123456789abcdefu, "7"};
   header.script_text = "[[step]]\napproach = \"femur\"\npress_N = 1.5\n";
   header.structures = {{7, "femur", "bone", {221, 200, 170}}, {65535, "knorpel-größe", "", {0, 255, 1}}};
   return header;
@@ -387,6 +388,7 @@ std::string first_difference(const RecordingHeader& a, const RecordingHeader& b)
   if (a.clock != b.clock) return "clock";
   if (a.scheduler != b.scheduler) return "scheduler";
   if (a.feel != b.feel) return "feel";
+  if (a.task != b.task) return "task";
   if (a.script_text != b.script_text) return "script_text";
   const auto same_structure = [](const auto& x, const auto& y) {
     return x.label == y.label && x.name == y.name && x.tissue == y.tissue && x.colour == y.colour;

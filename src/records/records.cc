@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "palpate/base/file.h"
-#include "palpate/base/printable.h"
+#include "palpate/base/learner.h"
 #include "records/sqlite.h"
 
 namespace palpate {
@@ -373,14 +373,6 @@ Result<std::unique_ptr<Records>> Records::open(const std::filesystem::path& file
 
 Result<std::unique_ptr<Records>> Records::open_to_read(const std::filesystem::path& file) {
   return open_records(file, false);
-}
-
-Result<void> check_learner(const std::string& learner) {
-  constexpr std::size_t kMost = 64;
-  if (learner.empty() || learner.size() > kMost || printable_name(learner) != learner)
-    return Error{ErrorKind::kBadInput, "\"" + printable_name(learner) + "\" cannot be a learner's pseudonym",
-                 "", "1 to 64 bytes of letters, digits and marks on one line, such as L042"};
-  return {};
 }
 
 bool looks_like_a_person(const std::string& learner) {

@@ -14,6 +14,7 @@
 #include "base/test_folder.h"
 #include "base/test_seed.h"
 #include "palpate/base/file.h"
+#include "palpate/base/learner.h"
 
 namespace palpate {
 namespace {

@@ -224,6 +224,20 @@ std::string text_of(const PlanRegion& region, const PlanFile& plan) {
 
 }  // namespace
 
+// comments and what is empty between them, up to the last comment before the first key
+static std::string heading_of(std::string_view text) {
+  std::size_t end = 0;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t next = std::min(text.find('\n', at), text.size() - 1) + 1;
+    const std::string_view line = text.substr(at, next - at);
+    const std::size_t first = line.find_first_not_of(" \t\r\n");
+    if (first != line.npos && line[first] != '#') break;
+    at = next;
+    if (first != line.npos) end = next;
+  }
+  return std::string(text.substr(0, end));
+}
+
 Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   if (text.find_first_not_of(" \t\r\n") != std::string_view::npos &&
       text[text.find_first_not_of(" \t\r\n")] == '{')
@@ -240,6 +254,7 @@ Result<PlanFile> parse_plan(std::string_view text, const std::string& source) {
   Problems problems(source);
   PlanFile plan;
   plan.source = source;
+  plan.heading = heading_of(text);
   hash_bytes(plan.text_hash = kHashSeed, text.data(), text.size());
   plan.text_hash = hash_finish(plan.text_hash);
   const TableReader top(&*document, plan_key_tables().top, problems);
@@ -265,7 +280,7 @@ Result<PlanFile> load_plan(const std::string& name_or_file, const std::filesyste
 }
 
 std::string plan_text(const PlanFile& plan) {
-  std::string text = "title = " + toml_string(plan.title) + "\n";
+  std::string text = plan.heading + "title = " + toml_string(plan.title) + "\n";
   for (const PlanTrajectory& trajectory : plan.trajectories) text += text_of(trajectory);
   for (const PlanRegion& region : plan.regions) text += text_of(region, plan);
   for (const PlanDistance& distance : plan.distances)

@@ -99,6 +99,16 @@ TEST(ParsePlan, ReadsEveryKey) {
   EXPECT_EQ(plan->distances[0].distance_mm, 2.5);
 }
 
+TEST(ParsePlan, KeepsTheCommentsAtItsBeginning) {
+  const std::string heading = "# For Monday's list.\n\n  # Second line, not \"title\"\r\n";
+  const auto plan = parse_plan(heading + "\n" + kWholePlan + "\n# the end\n", "plan.toml");
+  ASSERT_TRUE(plan) << plan.error().message();
+  EXPECT_EQ(plan->heading, heading);
+  EXPECT_EQ(plan_text(*plan).substr(0, heading.size() + 8), heading + "title = ");
+  EXPECT_EQ(parse_plan(plan_text(*plan), "again.toml")->heading, heading);
+  EXPECT_EQ(parse_plan(kWholePlan, "plan.toml")->heading, "");
+}
+
 TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
   const auto plan = parse_plan(kWholePlan, "plan.toml");
   ASSERT_TRUE(plan);

@@ -168,7 +168,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
   while (!session.tip.done()) {
-    result.stopped_by_user = progress.stopped();
+    result.stopped_by_user = progress.stopped() || session.viewed.is_over();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
     supervisor.look();
@@ -283,14 +283,17 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
   return Supervisor::start(settings);
 }
 
-// on the real clock there is one scripted hand
+// A scope is a tool that turns, and the simulated device on the real clock is a tip that a hand leads: what
+// turns here is a device that somebody holds.
 Result<void> check_script(const Script& script) {
   for (std::size_t n = 0; n < script.steps.size(); ++n)
     if (std::holds_alternative<ScopeStep>(script.steps[n]))
-      return Error{ErrorKind::kUsage, "explore has no second hand that could lead a scope",
-                   script.source + ":" + std::to_string(script.lines[n]),
-                   "run the script by palpate simulate, or take the step out and hold the scope by a second "
-                   "--device"};
+      return Error{
+          ErrorKind::kUsage,
+          "explore has no second hand that could lead a scope: on the real clock a script moves one tip",
+          script.source + ":" + std::to_string(script.lines[n]),
+          "run the script by palpate simulate, or take the step out and hold the scope by a second device: "
+          "--device simulated --device NAME"};
   return {};
 }
 

@@ -50,7 +50,7 @@ Result<void> PlayedTask::finish(bool is_whole) {
   trace_.finish(run);
   score_ = reader_.score(is_whole);
   FinishedRun finished{
-      {name_, kOnlyRun, run.ended() ? RunEnd::kTask : RunEnd::kSession, score_, ticks_, 0, nullptr}, {}};
+      {name_, kOnlyRun, run.ended() ? RunEnd::kTask : RunEnd::kSession, {}, score_, ticks_, 0, nullptr}, {}};
   finished.history = history_of(run.task().file, {finished.run});
   debriefing_ = std::make_shared<const ViewedDebriefing>(debriefed(run, trace_, finished));
   return {};

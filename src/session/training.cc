@@ -6,6 +6,8 @@
 #include <system_error>
 #include <utility>
 
+#include "palpate/base/learner.h"
+
 namespace palpate {
 namespace {
 
@@ -43,7 +45,7 @@ RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs) {
 
 Training::Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed)
     : options_(std::move(options)), in_scene_(std::move(in_scene)), viewed_(std::move(viewed)) {
-  state_.keeps = options_.keeps;
+  lesson_.learner = options_.learner;
   for (const TaskInScene& task : in_scene_)
     if (task.plan) gone_ = task.plan->untouched;
   keeper_ = std::thread([this] { keep(); });
@@ -81,7 +83,7 @@ void Training::begin_session(const RecordingHeader& header) {
 
 // ---- a run
 
-Result<void> Training::begin(const std::string& name) {
+Result<void> Training::begin(const std::string& name, const std::string& learner) {
   const auto found = std::ranges::find(options_.tasks, name, &OfferedTask::name);
   if (found == options_.tasks.end())
     return Error{ErrorKind::kBadInput, "this session has no task of that name", "begin",
@@ -93,7 +95,8 @@ Result<void> Training::begin(const std::string& name) {
                                           TaskEvaluator(in_scene_[place]),
                                           RunTrace(in_scene_[place].forces.size()),
                                           {0, 0},
-                                          RecordingSummary{}.run_hash});
+                                          RecordingSummary{}.run_hash,
+                                          learner});
   const std::lock_guard lock(mutex_);
   if (ending_) return cannot_train("the session is over", "", "");
   if (live_) return cannot_train("a run is under way", "begin", "end it first");
@@ -101,6 +104,10 @@ Result<void> Training::begin(const std::string& name) {
   if (runs_ == kMostRunsOfSession)
     return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
                         "start another one");
+  if (!lesson_.task.empty() && name != lesson_.task)
+    return cannot_train("another task is chosen for now", "begin",
+                        "begin that one, or ask a teacher for this one");
+  if (learner.empty()) live->learner = lesson_.learner;
   if (in_scene_[place].plan) {
     if (!gone_->removed().by_label_mm3().empty())
       return cannot_train("something is taken off already", "begin",
@@ -131,9 +138,28 @@ Result<void> Training::begin_or_end() {
     }
     if (options_.tasks.empty())
       return cannot_train("there is no task to be begun", "", "start palpate explore with --task");
-    name = options_.tasks[last_task_].name;
+    name = lesson_.task.empty() ? options_.tasks[last_task_].name : lesson_.task;
   }
   return begin(name);
+}
+
+Result<void> Training::teach(const LessonRequest& request) {
+  if (request.learner && !request.learner->empty())
+    if (auto named = check_learner(*request.learner); !named) return named;
+  const std::lock_guard lock(mutex_);
+  if (live_ && (request.learner || request.task))
+    return cannot_train("a run is under way", request.learner ? "learner" : "task", "end it first");
+  if (request.task && !request.task->empty() &&
+      std::ranges::find(options_.tasks, *request.task, &OfferedTask::name) == options_.tasks.end())
+    return cannot_train("this session has no task of that name", "task", "choose one of those that it has");
+  lesson_.learner = request.learner.value_or(lesson_.learner);
+  lesson_.task = request.task.value_or(lesson_.task);
+  return {};
+}
+
+ViewedState::Lesson Training::lesson() const {
+  const std::lock_guard lock(mutex_);
+  return lesson_;
 }
 
 void Training::see(const TickRecord& tick, std::span<const RecordingEvent> told) noexcept {
@@ -169,6 +195,7 @@ void Training::over(RunEnd end) {
   run.task = options_.tasks[live_->task].name;
   run.number = live_->number;
   run.end = end;
+  run.learner = live_->learner;
   run.score = live_->evaluator.score(false);
   if (end == RunEnd::kTrouble) run.score.in_band = false;
   run.ticks = live_->ticks;
@@ -198,7 +225,8 @@ void Training::keep() {
     const TaskFile& task = options_.tasks[over.live->task].file;
     std::vector<TaskRun> runs;
     for (const FinishedRun& earlier : finished_)
-      if (earlier.run.task == over.run.task) runs.push_back(earlier.run);
+      if (earlier.run.task == over.run.task && earlier.run.learner == over.run.learner)
+        runs.push_back(earlier.run);
     lock.unlock();
     FinishedRun finished{over.run, {}};
     std::shared_ptr<const ViewedDebriefing> told;
@@ -206,7 +234,7 @@ void Training::keep() {
       runs.push_back(over.run);
       finished.history = history_of(task, runs);
       // one without a tick is none
-      if (options_.over && over.run.score.ticks > 0) {
+      if (keeps(over.run.learner) && over.run.score.ticks > 0) {
         const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
         finished.history.kept = history.kept;
@@ -252,13 +280,17 @@ void Training::end() {
 // with the lock
 ViewedTraining Training::seen(const Live& live) const {
   ViewedTraining state = viewed_run(live.evaluator, options_.tasks[live.task].name, live.number);
-  state.keeps = options_.keeps;
+  state.keeps = keeps(live.learner);
+  state.learner = live.learner;
   return state;
 }
 
 ViewedTraining Training::state() const {
   const std::lock_guard lock(mutex_);
-  return live_ ? seen(*live_) : state_;
+  if (live_) return seen(*live_);
+  ViewedTraining state = state_;
+  if (state.phase != ViewedTraining::Phase::kKeeping) state.keeps = keeps(lesson_.learner);
+  return state;
 }
 
 std::shared_ptr<const ViewedDebriefing> Training::debriefing() const {

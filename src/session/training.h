@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "palpate/link/viewed_training.h"
+#include "palpate/link/viewer_server.h"
 #include "palpate/session/training.h"
 #include "session/viewed_run.h"
 
@@ -38,12 +39,21 @@ class Training {
   void end();
 
   /// Errors: kBadInput for a name that no task has, kUsage where a run is under way or the last one is being
-  /// kept, and where something is taken off already of which the task has a plan.
-  Result<void> begin(const std::string& task);
+  /// kept, where something is taken off already of which the task has a plan, and where a lesson is of
+  /// another task. @param learner  whose it is; empty: that of the session or of the lesson
+  Result<void> begin(const std::string& task, const std::string& learner = "");
   /// Error kUsage where none is under way.
   Result<void> end_run();
   /// Ends the run that is under way, else begins the task that was done last, or the first.
   Result<void> begin_or_end();
+
+  /// Whose the runs are from now on, and which task alone may be begun. Errors: kUsage while a run is under
+  /// way and for a task that there is not; those of check_learner.
+  Result<void> teach(const LessonRequest& request);
+  ViewedState::Lesson lesson() const;
+  /// Those of TrainingOptions.
+  bool keeps_runs() const { return static_cast<bool>(options_.curves); }
+  Result<std::string> curves(const std::string& learner) const { return options_.curves(learner); }
 
   ViewedTraining state() const;
   std::shared_ptr<const ViewedDebriefing> debriefing() const;
@@ -58,11 +68,13 @@ class Training {
     RunTrace trace;
     TickRange ticks{0, 0};
     std::uint64_t run_hash;
+    std::string learner;
   };
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
   void over(RunEnd end);
   ViewedTraining seen(const Live& live) const;
+  bool keeps(const std::string& learner) const { return options_.over && !learner.empty(); }
   void keep();
 
   TrainingOptions options_;
@@ -82,6 +94,7 @@ class Training {
   bool keeping_ = false, ending_ = false;
   std::uint32_t runs_ = 0;
   std::size_t last_task_ = 0;
+  ViewedState::Lesson lesson_;
   ViewedTraining state_;  // of a run that is not under way
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::vector<FinishedRun> finished_;

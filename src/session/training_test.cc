@@ -387,7 +387,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   TrainingOptions options;
   std::vector<std::uint32_t> kept;
   std::atomic<bool> may_go{true};
-  options.keeps = true;
+  options.learner = "L042";
   options.over = [&](const TaskFile& task, const TaskRun& run) {
     while (!may_go.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     kept.push_back(run.number);
@@ -433,6 +433,47 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   training->end();
   EXPECT_EQ(kept, (std::vector<std::uint32_t>{1, 2}));
   EXPECT_FALSE(training->begin("ball").ok());
+}
+
+TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
+  TrainingOptions options;
+  std::vector<std::string> kept;
+  options.over = [&](const TaskFile&, const TaskRun& run) {
+    kept.push_back(run.learner);
+    return RunHistory{};
+  };
+  const auto training = this->training(options);
+  std::uint64_t n = 0;
+  const auto do_run = [&](const std::string& learner) {
+    ASSERT_TRUE(training->begin("ball", learner).ok());
+    for (const std::uint64_t end = n + 400; n < end; ++n) training->see(tick(n, 0.4));
+    EXPECT_FALSE(training->teach({"L043", {}, {}, false}).ok()) << "not in the middle of a run";
+    ASSERT_TRUE(training->end_run().ok());
+    wait_until_kept(*training);
+  };
+  // nobody's is kept nowhere, and each learner has a history of his or her own
+  do_run("");
+  EXPECT_FALSE(training->debriefing()->kept);
+  EXPECT_FALSE(training->state().keeps);
+  do_run("L007");
+  EXPECT_EQ(training->debriefing()->learner, "L007");
+  do_run("L042");
+  EXPECT_EQ(training->debriefing()->runs, 1);
+  do_run("L007");
+  EXPECT_EQ(training->debriefing()->runs, 2);
+  // a teacher chooses whose what is begun without a name is
+  ASSERT_TRUE(training->teach({"L042", {}, {}, false}).ok());
+  EXPECT_TRUE(training->state().keeps);
+  EXPECT_EQ(training->lesson().learner, "L042");
+  do_run("");
+  ASSERT_TRUE(training->teach({"", {}, {}, false}).ok());
+  do_run("");
+  EXPECT_EQ(kept, (std::vector<std::string>{"L007", "L042", "L007", "L042"}));
+  // and what may be begun
+  EXPECT_EQ(training->teach({{}, "none", {}, false}).error().where, "task");
+  EXPECT_EQ(training->teach({"two\nlines", {}, {}, false}).error().kind, ErrorKind::kBadInput);
+  ASSERT_TRUE(training->teach({{}, "ball", {}, false}).ok());
+  EXPECT_TRUE(training->begin("ball").ok());
 }
 
 TEST_F(HandMade, AKeyBeginsAndEnds) {

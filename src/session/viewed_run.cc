@@ -170,6 +170,7 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   const TaskScore& score = run.score;
   ViewedDebriefing told;
   told.run = run.number;
+  told.learner = run.learner;
   told.task = run.task;
   told.end = end_text(run.end);
   told.in_band = score.in_band;

@@ -395,6 +395,7 @@ ViewedState ViewedSession::state() const {
   const Eigen::Quaterniond& q = now.rotation_target;
   state.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
   state.armed = physical() && loop && !state.stop;
+  if (parts_.training != nullptr) state.lesson = parts_.training->lesson();
   state.recording = parts_.recording;
   const std::lock_guard lock(mutex_);
   if (awaited_) state.method_awaited = name_of(*awaited_);
@@ -1044,7 +1045,22 @@ Result<void> ViewedSession::train(const TaskRequest& request) {
   if (parts_.training == nullptr) return ViewerHost::train(request);
   // ticks come when the loop runs
   if (!loop_.load()) return not_running();
-  return request.begin ? parts_.training->begin(*request.begin) : parts_.training->end_run();
+  return request.begin ? parts_.training->begin(*request.begin, request.learner) : parts_.training->end_run();
+}
+
+Result<void> ViewedSession::teach(const LessonRequest& request) {
+  if (request.learner || request.task) {
+    if (parts_.training == nullptr)
+      return refused("there is no task here that a lesson could be of", "",
+                     "start palpate explore with --task");
+    if (auto taught = parts_.training->teach(request); !taught) return taught;
+  }
+  if (request.end) is_over_ = true;
+  return {};
+}
+
+Result<std::string> ViewedSession::curves(const std::string& learner) const {
+  return keeps_runs() ? parts_.training->curves(learner) : ViewerHost::curves(learner);
 }
 
 Result<void> ViewedSession::task_here() {

@@ -119,6 +119,9 @@ class ViewedSession final : public ViewerHost {
   ViewedTraining training() const override;
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
   Result<void> train(const TaskRequest& request) override;
+  Result<void> teach(const LessonRequest& request) override;
+  bool keeps_runs() const override { return parts_.training != nullptr && parts_.training->keeps_runs(); }
+  Result<std::string> curves(const std::string& learner) const override;
   std::shared_ptr<const ViewedPlan> plan() const override;
   Result<void> change(const PlanRequest& request) override;
 
@@ -148,6 +151,8 @@ class ViewedSession final : public ViewerHost {
   /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
   void change_stroke_by_script(StrokeAction action);
   void change_law_by_script(TissueLaw law);
+  /// A teacher has ended the session.
+  bool is_over() const { return is_over_; }
   /// Errors: those of Training::begin_or_end; kUsage where there are no tasks.
   Result<void> task_here();
   /// HandCommands::stroke_led_to and law_led_to, of the last of them.
@@ -225,7 +230,7 @@ class ViewedSession final : public ViewerHost {
   const ExploreWatch* watch_ = nullptr;  // set before loop_
   mutable std::mutex stop_mutex_;        // of who stops, and of what is stopped before there is a loop
   AskedBy stopped_by_;                   // of the mutex above
-  std::atomic<bool> stopped_early_{false}, pointer_taken_{false};
+  std::atomic<bool> stopped_early_{false}, pointer_taken_{false}, is_over_{false};
   Consent consent_;
 
   mutable std::mutex mutex_;  // of what follows

@@ -384,6 +384,92 @@ class Quiz(Trainee):
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
 
 
+class Lesson(Trainee):
+    """The same block, before a learner and a teacher with tokens: what is theirs, and nothing else."""
+
+    scene_name = Quiz.scene_name
+    LEARNER, TEACHER = "learner-token-0123456789", "teacher-token-0123456789"
+
+    @classmethod
+    def options(cls):
+        tokens = os.path.join(cls.folder.name, "tokens")
+        with open(os.open(tokens, os.O_WRONLY | os.O_CREAT, 0o600), "w", encoding="utf-8") as file:
+            file.write(f"learner {cls.LEARNER} L042\nteacher {cls.TEACHER}\n")
+        return ["--task", "find-the-nodule", "--records", cls.records, "--token-file", tokens]
+
+    def setUp(self):
+        self.expected = ("401",)
+
+    def come(self, token):
+        # the page keeps a token as long as its tab is open
+        self.page.run("try { sessionStorage.clear(); } catch { /* the browser's first page has none */ }")
+        self.open_page(wait="document.querySelector('#token-dialog').open")
+        self.page.run("document.getElementById('token').value = arguments[0]", token)
+        self.page.click("#token-form button")
+        self.page.wait(viewer_test.LOADED)
+
+    def is_shown(self, *ids):
+        return [self.page.run("return document.getElementById(arguments[0]).checkVisibility()", one) for one in ids]
+
+    def test_each_sees_and_does_what_is_theirs(self):
+        self.come(self.LEARNER)
+        self.page.wait("palpateViewer.state.lesson.veiled && document.getElementById('training').hidden === false")
+        self.assertEqual(self.text("#who"), "Learner L042")
+        self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "lesson-learner", "method", "limit", "pause"), [True, True, False, False, False, False, True])
+        # no name and no place of it has come to this page
+        names = [structure["name"] for structure in self.page.run("return palpateViewer.scene.structures")]
+        self.assertNotIn("nodule", names)
+        self.assertNotIn("soft_tissue", names)
+        whole = json.loads(self.server.get("api/scene", self.TEACHER))
+        labels = viewer_test.numpy.frombuffer(self.server.get("api/volume/labels/" + whole["volume"]["hash"], self.TEACHER), whole["volume"]["labels"]["type"])
+        nodule = next(s["label"] for s in whole["structures"] if s["name"] == "nodule")
+        affine = viewer_test.numpy.array(whole["volume"]["patient_from_voxel"])
+        voxel = viewer_test.numpy.argwhere(labels.reshape(whole["volume"]["dims"][::-1]).transpose(2, 1, 0) == nodule).mean(0)
+        middle = (affine[:3, :3] @ voxel + affine[:3, 3]).tolist()
+        at = f"palpateViewer.structureAt({json.dumps(middle)})"
+        place = next(n for n, s in enumerate(whole["structures"]) if s["name"] == "nodule")
+        self.assertNotEqual(self.page.run("return " + at), place)
+        self.assertEqual(self.barriers(), [])
+        # a run is kept as his or hers, and so are the curves
+        self.page.click("#task-begin")
+        self.page.wait(f"{TRAINING}.view === 'running'")
+        self.assertIn("kept in the learner's records", self.text("#task-note"))
+        time.sleep(0.3)
+        self.page.click("#task-end")
+        self.page.wait(f"{TRAINING}.view === 'debriefing' && {TRAINING}.debriefing.kept === 1", 60)
+        self.page.click("#curves-show")
+        self.page.wait("!document.getElementById('curves').hidden")
+        curves = "document.getElementById('curves-page').shadowRoot"
+        self.assertIn("L042", self.page.run(f"return {curves}.querySelector('.task').innerText"))
+        self.assertEqual(self.page.run(f"return getComputedStyle({curves}.querySelector('.curves')).display"), "grid", "in its own style")
+        stop = self.page.run("""const { left, top, width, height } = document.getElementById("stop").getBoundingClientRect();
+            return document.elementFromPoint(left + width / 2, top + height / 2).id""")
+        self.assertEqual(stop, "stop", "nothing lies over the emergency stop")
+        self.assertEqual(self.barriers(), [])
+        self.page.press("\ue00c")
+        self.assertEqual(self.is_shown("curves"), [False])
+
+        # who teaches sees what is to be found, chooses whose the runs are and begins them without the hand
+        self.come(self.TEACHER)
+        self.page.wait("document.getElementById('training').hidden === false && palpateViewer.state.lesson.veiled === false")
+        self.assertEqual(self.text("#who"), "Teacher")
+        self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "method"), [True, True, True, True])
+        self.page.wait(f"{at} === {place}")
+        self.assertEqual(self.barriers(), [])
+        self.page.run("const name = document.getElementById('lesson-learner'); name.value = 'L007'; name.dispatchEvent(new Event('change'))")
+        self.page.wait("palpateViewer.state.lesson.learner === 'L007'")
+        self.assertIn("L007", self.text("#lesson-note"))
+        self.page.click("#lesson-names")
+        self.page.wait("palpateViewer.state.lesson.names")
+        # the learner sees it now, and that it is another's turn
+        self.come(self.LEARNER)
+        self.page.wait("palpateViewer.state.lesson.of_another")
+        self.assertIn("nodule", [structure["name"] for structure in self.page.run("return palpateViewer.scene.structures")])
+        self.page.wait(f"{at} === {place}")
+        self.assertTrue(self.page.run("return document.getElementById('task-begin').disabled || document.getElementById('task-begin').hidden"))
+        self.assertIn("somebody else's", self.text("#lesson-note"))
+
+
 class Played(viewer_test.Viewer):
     """A recording that is looked at as a run of a task: the card shows what was done by the place that is shown."""
 

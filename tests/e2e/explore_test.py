@@ -116,7 +116,7 @@ class Terminal:
 class Viewer:
     """A viewer that is a program: the WebSocket of docs/reference/viewer-protocol.md, and what is served beside it."""
 
-    def __init__(self, address):
+    def __init__(self, address, token=None):
         self.address = address
         host, port = re.fullmatch(r"http://([\d.]+):(\d+)/", address).groups()
         self.socket = socket.create_connection((host, int(port)), timeout=300)
@@ -129,7 +129,7 @@ class Viewer:
             head += self._take(1)
         assert head.startswith(b"HTTP/1.1 101 "), head
         self.texts, self.poses, self.state, self.last_id = [], 0, {}, 0
-        self.send({"type": "hello", "protocol": 3})
+        self.send({"type": "hello", "protocol": 3, **({"token": token} if token else {})})
 
     def _take(self, count):
         data = b""
@@ -562,6 +562,66 @@ class Explore(cli.PalpateTest):
         out, error = process.communicate(timeout=300)
         self.assertEqual(process.returncode, cli.OK, error)
         self.assert_replays(recording, out, self.scene)
+
+    def test_a_plan_that_was_not_saved_is_told_when_the_session_is_interrupted(self):
+        plan = self.folder / "plan.toml"
+        text = '# for Monday\ntitle = "p"\n[[trajectory]]\nname = "way"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\n# of no use\n'
+        for saves in (False, True):
+            plan.write_text(text)
+            process, viewer, _ = self.viewed("explore", self.scene, "--device", "pointer", "--port", "0", "--plan", plan)
+            self.assertEqual(viewer.ask(type="plan", version=1, trajectory=0, name="other")["type"], "done")
+            if saves:
+                self.assertEqual(viewer.ask(type="plan", version=2, save=True)["type"], "done")
+            process.send_signal(signal.SIGINT)
+            _, error = process.communicate(timeout=300)
+            self.assertEqual(process.returncode, cli.OK, error)
+            self.assertEqual("plan.toml: what was changed of the plan in the page was not saved" in error, not saves, error)
+            if saves:
+                self.assertRegex(plan.read_text(), r'(?s)^# for Monday\ntitle = "p"\n.*name = "other"')
+            else:
+                self.assertEqual(plan.read_text(), text)
+
+    def test_a_teacher_ends_the_session_and_a_learner_s_run_is_his_own(self):
+        tokens, records = self.folder / "tokens", self.folder / "records.db"
+        lines = cli.run("token", "--role", "teacher").stdout + cli.run("token", "--role", "learner", "--learner", "L042").stdout
+        tokens.write_text(lines)
+        tokens.chmod(0o600)
+        (_, teacher), (_, learner, _) = (line.split() for line in lines.splitlines())
+        process, _, told = self.viewed("explore", self.scene, "--device", "pointer", "--port", "0", "--token-file", tokens, "--records", records,
+                                       "--task", "hold-steady")
+        address = re.search(r"open (http://\S+)$", told, re.M).group(1)
+
+        def get(token):
+            opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+            with opener.open(urllib.request.Request(address + "api/curves", headers={"Authorization": f"Bearer {token}"}), timeout=300) as answer:
+                return answer.read().decode()
+
+        pupil, leader = Viewer(address, learner), Viewer(address, teacher)
+        self.addCleanup(pupil.close)
+        self.addCleanup(leader.close)
+        begun = pupil.ask(type="task", begin="hold-steady")
+        self.assertEqual(begun["type"], "done", begun)
+        refused = pupil.ask(type="set", max_force_N=0.5)
+        self.assertEqual(refused["where"], "role")
+        self.assertIn("only a viewer with control or a teacher", refused["what"])
+        time.sleep(0.3)
+        self.assertEqual(pupil.ask(type="task", end=True)["type"], "done")
+        # curves are of whoever asks
+        until = time.monotonic() + 60
+        while "L042" not in get(learner):
+            self.assertLess(time.monotonic(), until)
+        # whom the teacher chooses, with whatever device
+        until = time.monotonic() + 60
+        while leader.ask(type="lesson", learner="L007")["type"] != "done" or leader.ask(type="task", begin="hold-steady")["type"] != "done":
+            self.assertLess(time.monotonic(), until)
+        self.assertEqual(pupil.ask(type="task", end=True)["where"], "learner")
+        time.sleep(0.3)
+        self.assertEqual(leader.ask(type="lesson", end=True)["type"], "done")
+        out, error = process.communicate(timeout=300)
+        self.assertEqual(process.returncode, cli.OK, error)
+        self.assertIn("run 2", out)
+        rows = cli.run("records", "list", "--records", records, "--json").stdout.splitlines()
+        self.assertEqual([json.loads(row)["learner"] for row in rows], ["L042", "L007"])
 
     def test_a_pointer_feels_and_rests_when_its_page_is_gone(self):
         recording = self.folder / "run.h5"

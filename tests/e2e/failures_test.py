@@ -75,8 +75,11 @@ class Failures(cli.PalpateTest):
             os.close(reader)
 
     def test_signals_end_a_recording_that_is_shown(self):
-        for number in (signal.SIGTERM, signal.SIGINT):
-            with subprocess.Popen([cli.PALPATE, "replay", self.recording, self.scene, "--view", "--port", "0"], stdin=subprocess.DEVNULL,
+        plan, task = self.folder / "plan.toml", self.folder / "task.toml"
+        plan.write_text('title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\n')
+        task.write_text('title = "t"\n[[region]]\nname = "r"\nstructures = ["patella"]\n[[step]]\nname = "s"\nregion = "r"\n[[metric]]\nname = "time"\n')
+        for number, beside in ((signal.SIGTERM, []), (signal.SIGINT, ["--plan", plan, "--task", task])):
+            with subprocess.Popen([cli.PALPATE, "replay", self.recording, self.scene, "--view", "--port", "0", *beside], stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as shown:
                 told = ""
                 while "Ctrl-C ends it" not in told:

@@ -16,12 +16,12 @@ class Tasks(cli.PalpateTest):
     def setUpClass(cls):
         cli.keep_what_is_prepared()
 
-    def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK):
+    def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK, says=()):
         script, recording = self.folder / f"{name}.toml", self.folder / f"{name}.h5"
         script.write_text(trainees.script_text(task, kind, seed), encoding="utf-8")
         data_set = data_set or f"knee-phantom:spacing={cli.KNEE_MM}"
-        done = cli.run("-q", "simulate", data_set, "--script", script, "-o", recording, "--max-force", "6")
-        self.assertEqual(done.returncode, status, done.stderr)
+        done = cli.run("-q", "simulate", data_set, "--script", script, "-o", recording, "--max-force", "6", *says)
+        self.assertIn(done.returncode, (cli.OK, cli.LIMIT) if status is None else (status,), done.stderr)
         return recording
 
     def score(self, *recordings, task=TASK, status=cli.OK):
@@ -42,7 +42,7 @@ class Tasks(cli.PalpateTest):
         self.assertRegex(drawn, r"^palpation-block:seed=7,diameter=[\d.]+,depth=[\d.]+,stiffness=\d+\n$")
         self.assertEqual(drawn, self.succeed("task", "draw", "find-the-nodule", "--seed", 7).stdout)
         soft = self.succeed("task", "draw", "find-the-softened-cartilage", "--seed", 7).stdout
-        self.assertRegex(soft, r"^knee-phantom:seed=7,lesion=[\d.]+,lesion-in=\w+_cartilage\n$")
+        self.assertRegex(soft, r"^knee-phantom:seed=7,lesion=[\d.]+,lesion-in=\w+_cartilage,lesion-at=[0-3],visible=no\n$")
         # a plan is one patient's
         self.assertEqual(self.succeed("task", "draw", "bone-to-plan", "--seed", 7).stdout, "knee-phantom:burr=4\n")
         self.assertIn("mm3", self.succeed("plan", "show", "femur-pocket", "--scene", f"knee-phantom:burr=4,spacing={cli.KNEE_MM}").stdout)
@@ -113,6 +113,24 @@ class Tasks(cli.PalpateTest):
         self.assertEqual(len(self.succeed("records", "list", "--records", file, "--json").stdout.splitlines()), 3)
         self.fail_clearly(cli.BAD_INPUT, "records", "erase", "DOE^CANARY", "--records", file, "--yes", says="no learner")
 
+    def test_a_recording_says_of_which_task_it_is(self):
+        run = self.simulate("run", says=("--task", TASK))
+        plain = self.score(run)
+        said = json.loads(self.succeed("task", "score", run, "--json").stdout)
+        self.assertEqual(said, plain)
+        self.succeed("report", run, "-o", self.folder / "run.html")
+        self.assertIn("Task: Hold a force steady", (self.folder / "run.html").read_text(encoding="utf-8"))
+        # another text still holds, and it is told; a file of the user's is to be named, and its name stays where it is
+        own = self.folder / "DOE^CANARY.toml"
+        own.write_text(self.succeed("task", "show", TASK).stdout + "# mine\n", encoding="utf-8")
+        self.assertIn("in another text", self.succeed("task", "score", run, "--task", own).stderr)
+        mine = self.simulate("mine", says=("--task", own))
+        self.fail_clearly(cli.USAGE, "task", "score", mine, says='run of "Hold a force steady"')
+        self.assertNotIn(b"CANARY", mine.read_bytes())
+        self.assertEqual(self.succeed("task", "score", mine, "--task", own).stderr.count("another text"), 0)
+        self.fail_clearly(cli.USAGE, "task", "score", self.simulate("none"), says="does not say of which task")
+        self.fail_clearly(cli.USAGE, "task", "score", run, mine, says="mine.h5")
+
     def test_a_probe_is_watched_by_the_scope_in_the_other_hand(self):
         watched = self.score(self.simulate("watched", task="scope-and-probe"), task="scope-and-probe")["runs"][0]
         metrics = {metric["name"]: metric["value"] for metric in watched["metrics"]}
@@ -155,8 +173,10 @@ class Tasks(cli.PalpateTest):
         volumes = {volume["name"]: volume for volume in json.loads((self.folder / "done.json").read_text())["volumes"]}
         self.assertAlmostEqual(volumes["femur"]["taken_mm3"], metrics["removed_in_plan"], delta=1e-9)
         self.assertAlmostEqual(sum(volume["outside_mm3"] for volume in volumes.values()), metrics["removed_outside"], delta=1e-9)
-        deep = self.score(self.simulate("deep", "heavy", task="bone-to-plan", data_set=knee), task="bone-to-plan", status=cli.LIMIT)["runs"][0]
-        self.assertGreater({metric["name"]: metric["value"] for metric in deep["metrics"]}["depth_past_plan"], metrics["depth_past_plan"] + 1)
+        deep = self.score(self.simulate("deep", "heavy", task="bone-to-plan", data_set=knee, status=None), task="bone-to-plan", status=cli.LIMIT)["runs"][0]
+        past = {metric["name"]: metric["value"] for metric in deep["metrics"]}
+        self.assertGreater(past["depth_past_plan"], metrics["depth_past_plan"] + 1)
+        self.assertGreater(past["protected_removed"], 1)
         # a report has the score, and a probe takes nothing off
         self.succeed("report", self.folder / "made.h5", "--task", "bone-to-plan", "-o", self.folder / "made.html")
         self.assertIn("Task: Take off bone to a plan", (self.folder / "made.html").read_text(encoding="utf-8"))

@@ -36,6 +36,17 @@ class Token(cli.PalpateTest):
         self.assertEqual(file.read_text(), text)
         self.fail_clearly(cli.OUTPUT, "token", "-o", self.folder / "none" / "tokens")
 
+    def test_one_of_a_role(self):
+        self.assertRegex(self.succeed("token", "--role", "teacher").stdout, r"^teacher [a-z2-9]{26}\n$")
+        line = self.succeed("token", "--role", "learner", "--learner", "L042").stdout
+        self.assertRegex(line, r"^learner [a-z2-9]{26} L042\n$")
+        self.fail_clearly(cli.USAGE, "token", "--role", "learner", says="--learner L042")
+        self.fail_clearly(cli.USAGE, "token", "--learner", "L042", says="--role learner")
+        self.fail_clearly(cli.BAD_INPUT, "token", "--role", "learner", "--learner", "a\nb", says="pseudonym")
+        self.fail_clearly(cli.USAGE, "token", "--role", "admin", says="--role")
+        # records are of somebody
+        self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--records", self.folder / "r.db", says="--learner")
+
     def test_explore_takes_them(self):
         file = self.folder / "tokens"
         self.succeed("token", "-o", file)

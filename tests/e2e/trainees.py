@@ -100,10 +100,17 @@ def watched(draw, kind):
 
 
 def pocket(draw, kind):
-    """A pocket is milled; a heavy hand goes too deep, who does half of it takes too little off."""
+    """A pocket is milled; a heavy hand goes too deep and then into the cartilage beside it, who does half of it takes too little off."""
     hold_s = {"heavy": 1.5, "incomplete": 0.4}.get(kind, draw["within"](1.3, 1.6))
-    return [[{"approach": [37.5, -3.7, 23.6], "speed": draw["speed"]}, {"motor": True}, {"press": 3.0 if kind == "heavy" else 1.0, "settle": 0.1},
-             {"hold": hold_s}, {"motor": False}, {"leave": True}]]
+
+    def mill(where, force_N, how_long_s):
+        return [{**where, "speed": draw["speed"]}, {"motor": True}, {"press": force_N, "settle": 0.1}, {"hold": how_long_s}, {"motor": False}, {"leave": True}]
+    parts = [mill({"approach": [37.5, -3.7, 23.6]}, 3.0 if kind == "heavy" else 1.0, hold_s)]
+    if kind == "heavy":
+        beside = [draw["within"](35.2, 35.6), draw["within"](-7.2, -6.8), draw["within"](18.1, 18.5)]
+        # the cartilage is soon gone there, and the bone beneath it is touched: a step that fails, as a slip does
+        parts.append(mill({"approach": "femoral_cartilage", "nearest": beside, "from": [1, -0.3, -0.2]}, 1.0, 0.3))
+    return parts
 
 
 # task: what is done, most force of the session, N

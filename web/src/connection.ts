@@ -12,8 +12,11 @@ import { words } from "./words.js";
 
 /** "ended": it is not tried, or not again, before open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
+export type Role = "view" | "control" | "learner" | "teacher";
+/** What a viewer may do, as palpate says it (docs/viewer-protocol.md). */
+export type Right = "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
 export interface Refusal { what: string; where?: string; how?: string }
-export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task" | "plan"; [value: string]: unknown }
+export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task" | "plan" | "lesson"; [value: string]: unknown }
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
@@ -59,7 +62,9 @@ export interface Listener {
 
 export class Connection {
   link: Link = "ended";
-  role: "view" | "control" = "view";
+  role: Role = "view";
+  learner: string | null = null; // one's own pseudonym
+  private may: ReadonlySet<Right> = new Set();
   pose: Pose | null = null;
   /** performance.now() when the latest pose came */
   poseAt_ms = -Infinity;
@@ -95,6 +100,10 @@ export class Connection {
     this.token = token;
   }
 
+  /** Whether this viewer may do something now. */
+  allows(right: Right): boolean {
+    return this.link === "connected" && this.may.has(right);
+  }
   /** Of the latest pose. */
   age_ms(): number {
     return performance.now() - this.poseAt_ms;
@@ -183,6 +192,8 @@ export class Connection {
     switch (message.type) {
       case "welcome":
         this.role = message.role;
+        this.learner = message.learner;
+        this.may = new Set(message.may as Right[]);
         this.unanswered = 0;
         this.pose = null;
         this.setLink("connected");

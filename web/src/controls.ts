@@ -57,7 +57,10 @@ export class Controls {
   }
 
   private get isAllowed(): boolean {
-    return this.connection.link === "connected" && this.connection.role === "control" && !this.session.scene?.recording;
+    return this.connection.allows("hand") && !this.session.scene?.recording && this.session.state?.lesson.of_another !== true;
+  }
+  private get mayChangeFeel(): boolean {
+    return this.connection.allows("feel") && !this.session.scene?.recording;
   }
 
   private listen(): void {
@@ -317,7 +320,7 @@ export class Controls {
     touch.hidden = scene.device.input !== "pointer";
     this.structures.build(scene);
     // the first thing to do with a pointer is to touch
-    const isPointer = scene.device.input === "pointer" && scene.role === "control";
+    const isPointer = scene.device.input === "pointer" && scene.may.includes("hand");
     if (isPointer && this.wasPointer !== true) this.setTool("touch");
     else if (!isPointer && this.session.tool === "touch") this.setTool("window");
     this.wasPointer = isPointer;
@@ -369,12 +372,15 @@ export class Controls {
     says(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
     write(byId("viewers"), [state.viewers === 1 ? words.viewer : words.viewers(String(state.viewers)),
       ...(state.pointer_by === null ? [] : [state.pointer ? words.youHold : words.viewerHolds]), ...(state.recording ? [words.sessionRecorded] : []), ...(state.armed ? [words.deviceArmed] : [])].join(" · "));
-    this.structures.show(state, this.isAllowed);
+    this.structures.show(state, this.mayChangeFeel);
     this.allow();
   }
   /** Enables what this viewer may do now. */
   allow(): void {
-    for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit", "motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
+    for (const id of ["motor", "pause", "unturn"]) byId<HTMLInputElement>(id).disabled = !this.isAllowed;
+    for (const id of ["method", "law", "friction", "viscosity", "passivity", "limit"]) byId<HTMLInputElement>(id).disabled = !this.mayChangeFeel;
+    // who may do more than look on is not shown what a task lays down
+    byId("feel-settings").hidden = this.connection.allows("hand") && !this.connection.allows("feel");
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
     byId("arm-line").hidden = !(this.wantsCode && this.isAllowed && this.session.state?.stop != null);
     const { state } = this.session;
@@ -433,7 +439,7 @@ export class Controls {
     document.body.classList.toggle("stale", !session.isFresh);
     const age = session.age_ms >= 1e6 ? "" : session.age_ms > 250 ? ` · ${words.dataAge(`${(session.age_ms / 1000).toFixed(1)} s`)}` : ` · ${Math.round(session.age_ms)} ms`;
     const trip = Number.isFinite(connection.roundTrip_ms) ? ` · ${words.answerTook(`${connection.roundTrip_ms.toFixed(0)} ms`)}` : "";
-    const role = connection.role === "view" ? ` · ${words.viewOnly}` : "";
+    const role = connection.allows("hand") ? "" : ` · ${words.viewOnly}`;
     write(byId("link-text"), words.link[connection.link] +
       (connection.link === "connected" ? role + age + trip : pose ? age : ""));
     byId("link").dataset.link = connection.link === "connected" && !session.isFresh ? "stale" : connection.link;

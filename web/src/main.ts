@@ -7,6 +7,7 @@ import { Cuts } from "./cuts.js";
 import { Displacement, type Nodes } from "./displacement.js";
 import { byId, element, press, toast, write } from "./dom.js";
 import { History } from "./history.js";
+import { Lesson } from "./lesson.js";
 import type { Measure } from "./measure.js";
 import { Measures } from "./measures_panel.js";
 import { NearPanel } from "./near_panel.js";
@@ -66,6 +67,7 @@ class Page {
   readonly requests: Requests;
   readonly timeline: Timeline;
   readonly training: Training;
+  readonly lesson: Lesson;
   readonly nearPanel: NearPanel;
   readonly planPanel: PlanPanel;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
@@ -125,7 +127,7 @@ class Page {
     session.movedAt = (place) => this.yields.movedAt(place);
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     session.plans = new PlanStore(this.history, (request) => this.requests.once({ type: "plan", ...request }),
-      () => this.connection.link === "connected" && this.connection.role === "control");
+      () => this.connection.allows("plan"));
     this.pointer = new PointerDevice(session, this.connection);
     this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.slicer.mostSide, this.pointer, this.history, (rotation, gesture) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
@@ -153,6 +155,7 @@ class Page {
     this.timeline = new Timeline(session, this.connection, this.requests);
     this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
       ({ optics_deg, back_mm }) => this.scope.standAs(optics_deg, back_mm));
+    this.lesson = new Lesson(this.connection, this.requests, () => this.token);
     const orient = this.addHeads();
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
@@ -343,6 +346,7 @@ class Page {
         this.nearPanel.show(scene);
         this.timeline.show(scene.recording);
         this.training.show(scene);
+        this.lesson.show(scene);
         if (this.session.state) this.onState(this.session.state);
         break;
       } catch (error) {
@@ -473,15 +477,23 @@ class Page {
     this.controls.allow();
     this.timeline.allow();
     this.training.allow();
+    this.lesson.allow();
     this.nearPanel.sound();
     this.session.touch();
   }
   private onState(state: State): void {
+    // what a quiz hides was shown, or is hidden again: other names and other voxels
+    const isOtherFace = this.session.state !== null && this.session.state.lesson.veiled !== state.lesson.veiled;
     this.session.state = state;
+    if (isOtherFace) {
+      this.isOutdated = true;
+      void this.load();
+    }
     this.nearPanel.sound();
     this.controls.showState(state);
     this.timeline.showState(state);
-    this.training.allow();
+    this.training.showLesson(state.lesson);
+    this.lesson.showState(state);
     // without a word where another viewer has it: then the tool says so when it is chosen
     if (!this.askedForHand && this.session.tool === "touch") {
       this.askedForHand = true;
@@ -520,7 +532,7 @@ class Page {
   private turn(rotation: Quaternion): void {
     const now = this.session.pose?.rotation;
     const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > LEAST_TURN_DEG;
-    if (isOther && this.connection.role === "control") void this.requests.once({ type: "set", rotation_wxyz: rotation });
+    if (isOther && this.connection.allows("hand")) void this.requests.once({ type: "set", rotation_wxyz: rotation });
   }
 
   /** The planes rest there. */

@@ -1,6 +1,6 @@
 // What /api/scene and the state messages say, and the volumes that belong to them.
 
-import type { Refusal } from "./connection.js";
+import type { Refusal, Right, Role } from "./connection.js";
 import { troubleOf, versionTrouble } from "./trouble.js";
 import { PROTOCOL } from "./wire.js";
 import { apply, compose, invert, type Affine, type Quaternion, type Vec3 } from "./geometry.js";
@@ -33,7 +33,9 @@ export type TissueState = Pick<Tissue, "stiffness_N_per_mm" | "static_friction" 
 export interface Scene {
   protocol: number;
   palpate: string;
-  role: "view" | "control";
+  role: Role;
+  learner: string | null;
+  may: Right[];
   side: "left" | "right" | "both" | "unknown";
   oriented: boolean;
   modality: "ct" | "mr" | "unknown";
@@ -130,6 +132,15 @@ export interface State {
   viewers: number;
   pointer: boolean;
   pointer_by: "you" | "viewer" | null; // who moves the tip
+  lesson: Lesson;
+}
+/** What a teacher has chosen, as this viewer is told it. */
+export interface Lesson {
+  learner: string | null; // whose the runs are; told to the teacher and to that learner
+  of_another: boolean; // to a learner: not his or hers
+  task: string | null; // the only one that may be begun
+  names: boolean; // learners are shown what a quiz hides
+  veiled: boolean; // this one is not
 }
 
 

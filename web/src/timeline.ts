@@ -72,7 +72,7 @@ export class Timeline {
     this.allow();
   }
   allow(): void {
-    const isAllowed = this.connection.link === "connected" && this.connection.role === "control";
+    const isAllowed = this.connection.allows("play");
     for (const id of ["play", "tick-back", "tick-on", "play-speed", "place", "marks"]) byId<HTMLInputElement>(id).disabled = !isAllowed;
   }
 

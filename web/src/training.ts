@@ -8,7 +8,7 @@ import type { Vec3 } from "./geometry.js";
 import { onLanguage } from "./language.js";
 import { Plot } from "./plots.js";
 import { refusalText, type Requests } from "./requests.js";
-import type { Scene } from "./scene.js";
+import type { Lesson, Scene } from "./scene.js";
 import { readable, type Session } from "./session.js";
 import { drawPatches, drawPlace, drawRegion, drawWay } from "./training_marks.js";
 import type { VolumeView } from "./volume_view.js";
@@ -230,11 +230,21 @@ export class Training {
   /** Enables what this viewer may do now. */
   allow(): void {
     const { connection, session } = this;
-    const isAllowed = connection.link === "connected" && connection.role === "control";
-    const isOthers = session.state?.pointer_by === "viewer";
+    const isAnothers = session.state?.lesson.of_another === true;
+    const isAllowed = connection.allows("hand") && !isAnothers;
+    // whoever leads the lesson needs no hand for it
+    const isOthers = session.state?.pointer_by === "viewer" && !connection.allows("lesson");
     for (const id of ["task-begin", "task-end", "task-again"]) byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
-    const note = this.isPlayed ? words.taskPlayed : connection.role === "view" && connection.link === "connected" ? words.taskWatch : isOthers ? words.taskOthers : this.run?.keeps ? words.taskKept : words.taskNotKept;
+    const keeps = connection.allows("own_runs") || this.run?.keeps === true;
+    const note = this.isPlayed ? words.taskPlayed : connection.link === "connected" && !connection.allows("hand") ? words.taskWatch : isAnothers ? words.lessonOfAnother
+      : isOthers ? words.taskOthers : keeps ? words.taskKept : words.taskNotKept;
     write(byId("task-note"), note);
+  }
+
+  /** The only task that may be begun is the one that is shown; and what a quiz hides may be shown. */
+  showLesson({ task }: Lesson): void {
+    if (task !== null && task !== this.chosen && this.tasks.some(({ name }) => name === task)) this.choose(task);
+    else this.update();
   }
 
   /** A recording is looked at, and the run at its places. */
@@ -256,10 +266,11 @@ export class Training {
     const hadFocus = byId("training").contains(document.activeElement) || this.tookFocus;
     // a browser takes the focus from the button that is disabled while the run is kept
     this.tookFocus = run?.phase === "keeping" && hadFocus;
-    this.hide(task?.quiz && this.view !== "debriefing" ? task.to_find : null);
+    const isShown = this.view === "debriefing" || this.session.state?.lesson.names === true || this.connection.allows("lesson");
+    this.hide(task?.quiz && !isShown ? task.to_find : null);
 
     const { view } = this;
-    byId<HTMLSelectElement>("task").disabled = view === "running";
+    byId<HTMLSelectElement>("task").disabled = view === "running" || (this.session.state?.lesson.task ?? null) !== null;
     byId<HTMLSelectElement>("task").value = task?.name ?? "";
     for (const [ids, where] of [[["task-briefing", "task-rules", "task-begin"], ["briefing"]], [["task-time", "task-forces", "task-end"], ["running"]],
       [["debriefing", "task-again", "task-other"], ["debriefing"]], [["task-title", "task-steps", "task-note"], ["briefing", "running", "debriefing"]]])

@@ -39,7 +39,7 @@ function connection() {
   made.open();
   return { made, sockets, timers, sent, links, told, yields, tasks, nears, tracks, isAnswered };
 }
-const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", protocol: 3 }) };
+const WELCOME = { data: JSON.stringify({ type: "welcome", role: "control", learner: null, may: ["look", "stop", "hand"], protocol: 3 }) };
 function pose(version: number): { data: ArrayBuffer } {
   const view = new DataView(new ArrayBuffer(392));
   "PLPT".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));

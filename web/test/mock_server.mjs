@@ -30,6 +30,9 @@ for (let i = 2; i < process.argv.length; i += 2) options[process.argv[i].replace
 const protocol = Number(options.protocol);
 const tokens = new Map(options["token-file"]
   ? readFileSync(options["token-file"], "utf8").split("\n").filter(Boolean).map((line) => line.split(" ").reverse()) : []);
+// as palpate says it; the mock has no tasks
+const rights = { view: ["look", "stop", "unseen"], control: ["look", "stop", "unseen", "hand", "feel", "plan", "play"] };
+const whoIs = (role) => ({ role, learner: null, may: rights[role] });
 const roleOf = (token) => (tokens.size === 0 ? "control" : tokens.get(token) ?? null);
 
 // a knee of simple shapes, mm about the joint; what comes first wins
@@ -145,7 +148,7 @@ const tissues = [
 const tool = { name: options.tool, radius_mm: 1, cuts: options.tool === "burr", burr: options.tool === "burr" ? options.burr : null, shaver: false, points_mm: [[0, 0, 0]], capsules: isRamp || options.shaft === "yes" ? [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 3, end_radius_mm: 3 }] : options.tool === "burr" && options.burr !== "ball" ? [{ from_mm: [0, 0, 0], to_mm: HEAD, radius_mm: 1, end_radius_mm: END_RADIUS }] : [] };
 const second = options.second === "yes" ? [{ name: "ball", radius_mm: 4, cuts: false, burr: null, points_mm: [[0, 0, 0]], capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 30], radius_mm: 2, end_radius_mm: 2 }], tip: [20, -52, 20] }] : [];
 const scene = (role) => ({
-  protocol, palpate: "0.0.0-mock", role, side: "left", oriented: true, modality: "mr",
+  protocol, palpate: "0.0.0-mock", ...whoIs(role), side: "left", oriented: true, modality: "mr",
   volume: { hash, dims: servedDims, patient_from_voxel: X_PatientServed, scan: isRamp ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] } : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
   // supine, seen from the feet: right is the patient's left, forward superior, up anterior
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
@@ -312,7 +315,7 @@ function pose() {
 const sockets = new WebSocketServer({ server, path: options.refuse ? "/none" : "/ws", perMessageDeflate: false, maxPayload: 4096, handleProtocols: (offered) => (offered.has("palpate.v1") ? "palpate.v1" : false) });
 const viewers = new Map();
 const tellState = () => {
-  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket, pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer" }));
+  for (const [socket, viewer] of viewers) socket.send(JSON.stringify({ type: "state", ...state, stopped_by: state.stop === null ? null : stopper === socket ? "you" : "viewer", viewers: viewers.size, pointer: pointer === socket, pointer_by: pointer === null ? null : pointer === socket ? "you" : "viewer", lesson: { learner: null, of_another: false, task: null, names: false, veiled: false } }));
 };
 function refusal(message, viewer) {
   if (message.type === "stop") return null;
@@ -344,7 +347,7 @@ sockets.on("connection", (socket) => {
       const role = roleOf(message.token ?? "");
       if (!role) return socket.close(4401);
       viewers.set(socket, { role, yielded: message.yielded === true });
-      socket.send(JSON.stringify({ type: "welcome", role, protocol }));
+      socket.send(JSON.stringify({ type: "welcome", ...whoIs(role), protocol }));
       if (strokes.length > 0) socket.send(cutFrom(0));
       if (message.yielded) for (const { told, bytes } of yields.values()) if (told) socket.send(bytes);
       return tellState();

@@ -85,7 +85,9 @@ struct ViewedTraining {
   double missing_s = 0;
   std::vector<ViewedTaskEvent> events;  ///< the last ones
   std::uint64_t events_before = 0;      ///< that came before these
-  bool keeps = false;                   ///< runs are kept in records
+  bool keeps =
+      false;  ///< the run under way, or the next one of the session's own learner, is kept in records
+  std::string learner;  ///< whose the run is, a pseudonym, which is told to nobody; empty: nobody's
 };
 
 /// A run that is over.
@@ -124,12 +126,14 @@ struct ViewedDebriefing {
   int runs = 0, in_a_row = 0;
   std::optional<std::int64_t> kept;
   std::optional<Error> not_kept;
+  std::string learner;  ///< whose the run was, as ViewedTraining has it
 };
 
 /// A run is to begin, or to end.
 struct TaskRequest {
   std::optional<std::string> begin;
   bool end = false;
+  std::string learner = {};  ///< whose run it is to be; empty: the session's own learner's
 };
 
 }  // namespace palpate

@@ -195,6 +195,14 @@ struct ViewedState {
     std::optional<Error> failure;  ///< why no more of it can be shown
   };
   std::optional<Playback> playback;
+  /// What a teacher has chosen.
+  struct Lesson {
+    std::string learner;  ///< whose the runs are, a pseudonym; empty: nobody's
+    std::string task;     ///< ViewedTask::name of the only one that may be begun; empty: any may
+    /// Whether somebody may begin a run as that learner.
+    bool is_for(const std::string& other) const { return learner.empty() || learner == other; }
+  };
+  Lesson lesson;
 };
 
 /// How soft tissue has yielded around a device's tool: places moved by so much, on a grid of their own.
@@ -239,6 +247,13 @@ struct RearmRequest {
   std::uint32_t stop = 0;  ///< which stop it answers: that of the state that whoever rearms has seen
   ViewerIdentity by;
   std::string code = {};  ///< that is shown where a device that may push is; empty: none was given
+};
+
+/// What is chosen for a lesson; what is left out stays.
+struct LessonRequest {
+  std::optional<std::string> learner, task;  ///< as ViewedState::Lesson has them
+  std::optional<bool> names;                 ///< learners are shown what a quiz hides
+  bool end = false;                          ///< the session ends
 };
 
 /// What is to be seen of a recording.
@@ -318,6 +333,17 @@ class ViewerHost {
   virtual Result<void> train(const TaskRequest& /*request*/) {
     return Error{ErrorKind::kUsage, "there are no tasks here", "", ""};
   }
+  /// Of a lesson, but for the names, which are the server's to show.
+  virtual Result<void> teach(const LessonRequest& /*request*/) {
+    return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
+  }
+  /// Runs of learners are kept, and curves can be made of them.
+  virtual bool keeps_runs() const { return false; }
+  /// A page of HTML with the curves of a learner's runs, or of everybody's (empty). On any thread; may take
+  /// long.
+  virtual Result<std::string> curves(const std::string& /*learner*/) const {
+    return Error{ErrorKind::kUsage, "no runs are kept here", "", "start palpate explore with --learner"};
+  }
   /// That is rehearsed, another object after each change; null: there is none.
   virtual std::shared_ptr<const ViewedPlan> plan() const { return nullptr; }
   /// All of what is asked, or an error. Of saving the disk is waited for.
@@ -326,18 +352,32 @@ class ViewerHost {
   }
 };
 
-/// The lines of a token file with a new token for control and one for looking on, each with 130 bits of the
-/// kernel's random numbers. Error kUnavailable where it gives none.
-Result<std::string> new_viewer_tokens();
-/// Writes them to a new file that its owner alone may read. Errors: kOutput for a file that is there already
-/// or cannot be written; nothing of it is left then.
-Result<void> write_viewer_tokens(const std::filesystem::path& file);
+/// Whom new tokens are for.
+struct NewTokens {
+  std::string role;  ///< "view", "control", "learner", "teacher"; empty: one for control and one to look on
+  std::string learner;  ///< of a learner, whose pseudonym it is
+};
+/// The lines of a token file, each with a new token of 130 bits of the kernel's random numbers. Errors:
+/// kBadInput for what cannot be a pseudonym, kUsage for a pseudonym without the role or the role without one,
+/// kUnavailable where there are no random numbers.
+Result<std::string> new_viewer_tokens(const NewTokens& wanted = {});
+/// Writes such lines to a new file that its owner alone may read. Errors: kOutput for a file that is there
+/// already or cannot be written; nothing of it is left then.
+Result<void> write_viewer_tokens(const std::filesystem::path& file, const std::string& lines);
+/// Whose tokens a file has.
+struct TokenHolders {
+  std::vector<std::string> learners;
+  bool teacher = false;
+};
+/// Errors: those of reading it.
+Result<TokenHolders> holders_of_tokens(const std::filesystem::path& file);
 
 struct ViewerServerOptions {
   std::string address = "127.0.0.1";  ///< a numeric one; other than loopback wants tokens
   int port = kViewerPort;             ///< 0: any that is free
-  /// Lines "control TOKEN" and "view TOKEN", of at least 16 printable characters without blanks, and comments
-  /// that begin with '#'; empty: none. Tokens that could be guessed are warned of in `log`, or refused.
+  /// Lines "control TOKEN", "view TOKEN", "teacher TOKEN" and "learner TOKEN PSEUDONYM", tokens of at least
+  /// 16 printable characters without blanks, and comments that begin with '#'; empty: none. Tokens that could
+  /// be guessed are warned of in `log`, or refused.
   std::filesystem::path token_file;
   std::filesystem::path tls_certificate, tls_key;  ///< PEM; both or neither
   /// Further names by which the server is asked for, NAME or, behind a tunnel, NAME:PORT.

@@ -36,6 +36,7 @@ struct SimulationOptions {
   std::optional<std::uint64_t> seed;
   std::optional<double> rate_hz;
   std::optional<ForceMethod> method;  ///< at first; default the scene's
+  RecordedTask task = {};             ///< that the recording says it is a run of
 };
 
 /// A force counts as held within this part of what was asked for.

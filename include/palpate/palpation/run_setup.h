@@ -25,6 +25,7 @@ struct RunSetup {
   /// Known before the first tick, a sentence each: stiffness that no hand holds, presses that the limit or
   /// the tissue cannot give.
   std::vector<std::string> trouble;
+  RecordedTask task = {};
 };
 
 /// Errors: an unknown device or hand, with the script's line; those of with_methods.

@@ -46,7 +46,9 @@ struct KneeParameters {
   double defect_mm = 0;                         ///< radius of a full-thickness defect; 0: none
   std::string defect_in = "femoral_cartilage";  ///< cartilage
   std::vector<std::string> missing{};           ///< cartilages, menisci, ligaments; ascending
-  double burr_mm = 0;  ///< diameter of the burr that the phantom's own scene has for a tool; 0: none
+  double burr_mm = 0;           ///< diameter of the burr that the phantom's own scene has for a tool; 0: none
+  std::uint64_t lesion_at = 0;  ///< which of its structure's places; cartilages have several
+  bool visible = true;          ///< whether the scan shows the lesion; labels always do
 };
 
 /// A closed hollow ball, air inside and outside.

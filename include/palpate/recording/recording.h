@@ -26,6 +26,15 @@ template <class T>
 class SpscRing;
 
 /// What is known before the first tick.
+/// Of which task a recording is a run, as it was said when it began.
+struct RecordedTask {
+  /// By which palpate task list has it; of a file of the user's its title; empty: of none.
+  std::string name;
+  std::uint64_t hash = 0;  ///< TaskFile::text_hash
+  std::string seed;        ///< by which palpate task draw draws this data set; empty: by none
+  friend bool operator==(const RecordedTask&, const RecordedTask&) = default;
+};
+
 struct RecordingHeader {
   std::string palpate_version, commit, build_type, compiler;
   std::string simd_target;
@@ -43,6 +52,7 @@ struct RecordingHeader {
   std::string scheduler;          ///< what the servo thread got; empty on the virtual clock
   double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in files from before it was told
   std::string feel;         ///< feel_text() (palpate/servo/feel.h); empty in files from before it was told
+  RecordedTask task;        ///< none in files from before it was told
   std::string script_text;  ///< the script as run
   struct Structure {
     LabelId label;

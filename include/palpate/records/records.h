@@ -60,7 +60,8 @@ class Records {
   virtual ~Records() = default;
 
   /// In the file, and on the disk, before it returns; whole or not at all. The same run of the same learner
-  /// scored by the same task again is there once: its id. Errors: those of check_learner, kOutput.
+  /// scored by the same task again is there once: its id. Errors: those of check_learner
+  /// (palpate/base/learner.h), kOutput.
   virtual Result<std::int64_t> add(const RunRecord& run) = 0;
   /// In the order of their ids. `take` may end it by an error.
   virtual Result<void> list(const RunFilter& filter,
@@ -73,8 +74,6 @@ class Records {
   virtual Result<Erased> erase(const std::string& learner) = 0;
 };
 
-/// 1 to 64 bytes of UTF-8 that can be shown on a line.
-Result<void> check_learner(const std::string& learner);
 /// Whether it looks like somebody's name rather than a pseudonym: "Doe^Jane", "Jane Doe", "jane@example.org".
 bool looks_like_a_person(const std::string& learner);
 

@@ -64,6 +64,8 @@ struct PlanDistance {
 };
 
 struct PlanFile {
+  /// The lines of comments at its beginning, as they stand there: who made it, for what.
+  std::string heading;
   std::string title;
   std::vector<PlanTrajectory> trajectories;
   std::vector<PlanRegion> regions;

@@ -148,7 +148,7 @@ struct ExploreResult {
   std::vector<std::string> trouble;  ///< what is known not to be reached, and steps that failed, in words
   std::optional<Error> recording_failure;
   std::vector<FinishedRun> runs;  ///< of tasks
-  bool stopped_by_user = false;   ///< by progress.stopped()
+  bool stopped_by_user = false;   ///< by progress.stopped(), or by a teacher in the page
   bool device_lost = false;       ///< the driver gave up, which ended the session
 };
 

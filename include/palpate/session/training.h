@@ -40,6 +40,7 @@ struct TaskRun {
   std::string task;          ///< OfferedTask::name
   std::uint32_t number = 0;  ///< in this session, from 1
   RunEnd end = RunEnd::kTask;
+  std::string learner;  ///< whose it is, a pseudonym; empty: nobody's
   TaskScore score;
   TickRange ticks;             ///< its first and its last, which `palpate task score` is to be told
   std::uint64_t run_hash = 0;  ///< over these, as RecordingSummary::run_hash over all
@@ -70,10 +71,13 @@ struct TrainingOptions {
   std::vector<OfferedTask> tasks;
   bool have_to_fit = false;  ///< a task that the scene has no structures for is an error; else it is left out
   bool begins_at_once = false;  ///< the first task begins with the first tick
-  bool keeps = false;           ///< viewers are told that runs are kept in records
-  /// Keeps a run that is over, and tells what there is of those before it. On a thread of its own, one run
-  /// after the other; may take long. Empty: nothing is kept, and the session's own runs are its history.
+  std::string learner;          ///< whose runs they are at first, a pseudonym; empty: nobody's
+  /// Keeps a learner's run that is over, and tells what there is of those before it. On a thread of its own,
+  /// one run after the other; may take long. Empty: nothing is kept. Of what is not kept the session's own
+  /// runs are the history.
   std::function<RunHistory(const TaskFile& task, const TaskRun& run)> over;
+  /// ViewerHost::curves, of what is kept; empty: there are none.
+  std::function<Result<std::string>(const std::string& learner)> curves;
 };
 
 }  // namespace palpate
