@@ -46,8 +46,7 @@ def plan(page, folder):
     """The tool on its way to what is planned, the card open."""
     page.resize(1440, 900)
     page.dark(True)
-    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('plan-card').open = true;"
-             "document.querySelector('[data-look=left]').click()")
+    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('plan-card').open = true;")
     page.wait("palpateViewer.pose.devices[0].label > 0 && /mm/.test(document.getElementById('plan-lateral').innerText)", 120)
     page.wait("palpateViewer.isVolumeSharp && palpateViewer.pose.devices[0].label > 0", 300)
     page.run("document.getElementById('plan-card').scrollIntoView(); palpateViewer.draw()")
