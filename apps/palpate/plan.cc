@@ -352,7 +352,7 @@ void add_plan(CLI::App& app, Run& run) {
       "  palpate plan compare run.h5 --plan plan.toml --scene scene.toml --json done.json\n"
       "  palpate report run.h5 --plan plan.toml                 the same figures in the page\n\n"
       "Exit code 3: something that the plan asks was not kept, the recording was cut short, or ticks are "
-      "missing.\ndocs/rehearsal.md says what each figure is.");
+      "missing.\ndocs/guide/rehearsal.md says what each figure is.");
   when(comparison, compare);
 }
 
