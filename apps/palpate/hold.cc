@@ -228,7 +228,7 @@ void add_hold(CLI::App& app, Run& run) {
       "  palpate hold scene.toml --voxel 238,272,43 --device touch --hand firm-grip --delay 3\n\n"
       "The hand goes to the place within a second and rests for two; the figures are of the last one.\n"
       "Neither the scene's [workspace] nor the limit of stiffness of a palpation is applied.\n"
-      "docs/concepts/contact.md shows the gap between two bones before and after.");
+      "docs/results/between-bones.md shows the gap between two bones.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return hold_target(*options, console); }; });
 }

@@ -22,7 +22,7 @@ constexpr const char* kVerifyExamples =
     "  palpate verify removal                           what a burr takes out of bone\n"
     "  palpate verify tissue                            soft tissue against analytic cases\n"
     "\n"
-    "Exit code 3 when a figure is beyond its limit. See docs/results/verify.md.";
+    "Exit code 3 when a figure is beyond its limit. See docs/reference/verify.md.";
 
 struct VerifyOptions {
   std::string suite, json;

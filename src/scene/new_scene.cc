@@ -203,7 +203,7 @@ Result<std::string> threshold_text(const Volume<float>& scan) {
 }
 
 /// A millimetre, or as much as the widest voxel: a narrower Gaussian does not close the steps between
-/// slices, and the force points out of these instead of the surface (docs/results/verify.md).
+/// slices, and the force points out of these instead of the surface (docs/results/accuracy.md).
 std::string preparation_text(const GridGeometry* labels, const GridGeometry* scan) {
   const KeySpec& key = *scene_key_tables().preparation.find("sigma");
   const double widest_mm = widest_voxel_mm(labels, scan);

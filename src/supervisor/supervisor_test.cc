@@ -256,7 +256,7 @@ class BareThreads {
 
 // as supervise.cc asks for
 constexpr int kSupervisorPriority = 95;
-// from the last tick to a device without force, and what a bare thread was late by (docs/concepts/servo.md)
+// from the last tick to a device without force, and what a bare thread was late by (docs/results/deaths.md)
 constexpr double kPromise_ms = 10;
 
 struct End {

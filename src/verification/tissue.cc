@@ -104,7 +104,7 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
     if (progress.stopped()) return Progress::interrupted();
     add("milled-beside", speed, mill_beside(**model, speed), 1.5);
   }
-  // faster than that, the ripple of a surface that sinks through cells is more (docs/concepts/tissue.md)
+  // faster than that, the ripple of a surface that sinks through cells is more (docs/results/tissue.md)
   for (const double speed : {2.0, 5.0}) {
     if (progress.stopped()) return Progress::interrupted();
     add("trimmed-under", speed, trim_under(**model, speed), speed < 3 ? std::optional(1.5) : std::nullopt);
@@ -292,7 +292,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back(
       {"tissue/kernel/times-floor", frame.kernel_ns / frame.floor_ns, "times", frame.cells, {}});
   report.notes = {
-      {"cases", "docs/concepts/tissue.md; a sphere's contact has the radius of 1, 2 and 4 cells"},
+      {"cases", "docs/results/tissue.md; a sphere's contact has the radius of 1, 2 and 4 cells"},
       {"frame",
        "two iterations from the last solution while a sphere slides at 20 mm/s, 60 frames a second, "
        "39 105 cells that yield; processor time of one thread"},

@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-/// Soft tissue against analytic cases, and how fast this machine solves it. docs/concepts/tissue.md.
+/// Soft tissue against analytic cases, and how fast this machine solves it. docs/results/tissue.md.
 Result<SuiteReport> run_tissue(const Progress& progress);
 
 }  // namespace palpate

@@ -7,7 +7,7 @@
 
 #include "palpate/tissue/elastic_grid.h"
 
-/// Soft tissue against what is known of elastic bodies; docs/concepts/tissue.md has a table of the cases.
+/// Soft tissue against what is known of elastic bodies; docs/results/tissue.md has a table of the cases.
 namespace palpate {
 
 /// What comes out beside what should.

@@ -142,7 +142,7 @@ struct TouchFeel {
   }
 };
 
-/// The passivity controller (docs/concepts/servo.md, "Passivity"). Steps are those of the device's encoder.
+/// The passivity controller (docs/concepts/passivity.md). Steps are those of the device's encoder.
 struct PassivityFeel {
   /// A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is
   /// rest.

@@ -3,7 +3,7 @@
 #include "palpate/geometry/geometry.h"
 
 /// Time-domain passivity (Hannaford & Ryu 2002): what is felt gives the hand no more energy than the hand has
-/// put in. docs/concepts/servo.md, "Passivity", has the choices and their figures.
+/// put in. docs/concepts/passivity.md has the choices.
 namespace palpate {
 
 /// What the passivity observer remembers of one device.

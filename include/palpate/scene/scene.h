@@ -189,7 +189,7 @@ std::optional<std::string_view> embedded_scene(std::string_view name);
 /// where they are equal. Either may be null, not both.
 const GridGeometry& field_grid(const GridGeometry* labels, const GridGeometry* scan);
 /// The widest voxel of the grids behind the field, mm: labels stand in steps of their own grid, the field is
-/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/results/verify.md).
+/// interpolated on field_grid(). A sigma below it leaves these steps to be felt (docs/results/accuracy.md).
 double widest_voxel_mm(const GridGeometry* labels, const GridGeometry* scan);
 /// The force deep inside a tissue under a union Gaussian, N: stiffness * sigma * sqrt(2 pi), the height of a
 /// ramp that a Gaussian leaves of a step and that is as steep as the stiffness at the surface. Without

@@ -57,7 +57,7 @@ struct OutputFeel {
   }
 };
 
-/// A turning object (docs/concepts/servo.md, "A turning object").
+/// A turning object (docs/concepts/passivity.md, "A turning object").
 struct TurningFeel {
   /// From a command to where it leads.
   double interval_s = 0.1;

@@ -8,8 +8,8 @@
 #include "palpate/device/simulated_device.h"
 #include "palpate/haptics/haptics.h"
 
-/// How restless a tip is that a simulated hand holds still. See docs/concepts/contact.md and
-/// docs/results/verify.md, "Buzz".
+/// How restless a tip is that a simulated hand holds still. See
+/// docs/results/between-bones.md and docs/results/stability.md, "Buzz".
 namespace palpate {
 
 /// How restless a held tip is, over a second.

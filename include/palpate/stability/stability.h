@@ -4,8 +4,7 @@
 #include "palpate/device/bounds.h"
 #include "palpate/device/simulated_device.h"
 
-/// How stiff a wall may be felt, found with the simulated hand and device. See docs/results/verify.md, suite
-/// `stability`.
+/// How stiff a wall may be felt, found with the simulated hand and device. See docs/results/stability.md.
 namespace palpate {
 
 /// What a wall is held with. SI, as the plant.

@@ -10,7 +10,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 
-/// Figures about this build on this machine that anybody can check. See docs/results/verify.md.
+/// Figures about this build on this machine that anybody can check. See docs/reference/verify.md.
 namespace palpate {
 
 struct Figure {
