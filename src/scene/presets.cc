@@ -53,7 +53,7 @@ TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surfa
   preset.values.viscosity_N_s_per_mm = surface.viscosity_N_s_per_mm;
   preset.values.opacity = opacity;
   std::array<char, 64> stiffness{};
-  std::snprintf(stiffness.data(), stiffness.size(), "; under the probe %.3g N/mm", tissue_N_per_mm);
+  std::snprintf(stiffness.data(), stiffness.size(), ". Under the probe %.3g N/mm", tissue_N_per_mm);
   preset.source = source + stiffness.data();
   preset.name = std::move(name);
   preset.kind_words = std::move(kind_words);
@@ -67,7 +67,7 @@ std::vector<TissuePreset> make_presets() {
   std::vector<TissuePreset> presets;
   presets.push_back(
       make("bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1,
-           "Rho, Ashman, Turner 1993, J Biomech 26:111: cortical bone of the human tibia, E = 18.6 GPa by "
+           "Rho, Ashman, Turner 1993, J Biomech 26:111. Cortical bone of the human tibia, E = 18.6 GPa by "
            "microtensile test; nu = 0.3",
            {"bone", "bony", "trabecular", "osseous", "vertebral body"},
            {"femur",      "tibia",     "fibula",     "patella",    "rib",        "ribs",      "vertebra",
@@ -82,33 +82,33 @@ std::vector<TissuePreset> make_presets() {
             "costae",     "hipbone",   "collarbone", "kneecap",    "shinbone",   "heel bone"}));
   presets.push_back(
       make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1,
-           "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88: human patellar cartilage, mean aggregate "
+           "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88. Human patellar cartilage, mean aggregate "
            "modulus 0.79 MPa at equilibrium; nu = 0.1, E = 0.77 MPa",
            {"cartilage", "cartilago", "chondral"}, {"labrum"}));
   presets.back().source +=
       ". Friction: Bonnevie et al. 2011, Tribol Lett 41:83: 0.025 under a probe that slides at 1 to 5 mm/s";
   presets.push_back(
       make("meniscus", punch_stiffness(0.12, 0), {0.05, 0.002, 0.2, 0.001}, 1,
-           "Sweigart et al. 2004, Ann Biomed Eng 32:1569: human medial meniscus, aggregate modulus "
+           "Sweigart et al. 2004, Ann Biomed Eng 32:1569. Human medial meniscus, aggregate modulus "
            "0.16 MPa in front, 0.10 MPa in the middle and behind; their mean 0.12 MPa, nu = 0",
            {"meniscus", "menisci", "meniscal"}, {}));
   // E = H_A (1 + nu)(1 - 2 nu)/(1 - nu), as of cartilage
   const double disc_MPa = 1.01 * 1.1 * 0.8 / 0.9;
   presets.push_back(
       make("disc", punch_stiffness(disc_MPa, 0.1), {0.05, 0.002, 0.2, 0.001}, 1,
-           "Johannessen, Elliott 2005, Spine 30:E724: nucleus of human lumbar discs that are not degenerate, "
+           "Johannessen, Elliott 2005, Spine 30:E724. Nucleus of human lumbar discs that are not degenerate, "
            "effective aggregate modulus 1.01 MPa; nu = 0.1, E = 0.99 MPa",
            {"intervertebral disc", "intervertebral disk", "disc", "disk", "discus"},
            {"annulus fibrosus", "nucleus pulposus"}));
   presets.push_back(
       make("ligament", punch_stiffness(11.0, 0.5), {0.1, 0.003, 0.3, 0.001}, 1,
-           "Quapp, Weiss 1998, J Biomech Eng 120:757: human medial collateral ligament across its fibres, "
+           "Quapp, Weiss 1998, J Biomech Eng 120:757. Human medial collateral ligament across its fibres, "
            "tangent modulus 11.0 MPa (332 MPa along them); nu = 0.5",
            {"ligament", "ligamentum", "tendon", "tendo", "aponeurosis", "retinaculum", "fascia"},
            {"iliotibial tract", "iliotibial band", "acl", "pcl", "mcl", "lcl"}));
   presets.push_back(make(
       "muscle", punch_stiffness(3 * 0.0045, 0.5), {0.1, 0.003, 0.2, 0.003}, 0.6,
-      "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873: nine human thigh muscles at rest, shear "
+      "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Nine human thigh muscles at rest, shear "
       "modulus 3.9 to 6.2 kPa; taken 4.5 kPa, E = 3 mu, nu = 0.5",
       {"muscle", "muscular", "musculus", "musculature"},
       {"gluteus", "autochthon", "iliopsoas", "psoas", "quadriceps", "sartorius", "gastrocnemius", "soleus",
@@ -125,55 +125,55 @@ std::vector<TissuePreset> make_presets() {
        "soft tissue", "soft tissues"}));
   presets.push_back(
       make("fat", punch_stiffness(3 * 0.00304, 0.5), {0.05, 0.002, 0.1, 0.002}, 0.4,
-           "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873: fat under the skin of the human "
+           "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Fat under the skin of the human "
            "thigh, shear modulus 3.04 kPa; E = 3 mu, nu = 0.5",
            {"fat", "fatty", "adipose", "hoffa"}, {"omentum"}));
   presets.push_back(
       make("skin", punch_stiffness(0.0563, 0.5), {0.3, 0.003, 0.3, 0.001}, 0.4,
-           "Briot et al. 2022, Clin Biomech 99:105743: skin of the human breast by suction in vivo, "
+           "Briot et al. 2022, Clin Biomech 99:105743. Skin of the human breast by suction in vivo, "
            "E = 56.3 kPa; nu = 0.5",
            {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
   presets.push_back(make(
       "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1,
-      "Riley et al. 1992, Stroke 23:952: wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
-      "years; as a tube without pressure (tourniquet) of radius 3 mm and wall 1 mm",
+      "Riley et al. 1992, Stroke 23:952. Wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
+      "years. As a tube without pressure (tourniquet) of radius 3 mm and wall 1 mm",
       {"artery", "arteries", "arteria", "arteriole", "vein", "vena", "venae", "venous", "arterial", "vessel",
        "vascular", "choroid plexus"},
       {"aorta", "brachiocephalic trunk", "celiac trunk", "coeliac trunk", "pulmonary trunk", "vena cava",
        "saphenous", "carotid", "jugular"}));
   presets.push_back(
       make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
-           "Main et al. 2011, J Biomech 44:863: human median nerve compressed across, first-order Ogden "
+           "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
            "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
            {"nerve", "nervus", "plexus", "optic disc"}, {"sciatic", "optic chiasm"}));
   presets.push_back(
       make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Venkatesh et al. 2014, J Magn Reson Imaging 39:1: human liver by MR elastography at 60 Hz, shear "
+           "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
            "stiffness 2.09 kPa; E = 3 mu, nu = 0.5",
            {}, {"liver", "hepatic", "hepar", "caudate lobe", "quadrate lobe"}));
   presets.push_back(
       make("kidney", punch_stiffness(3 * 0.0049, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Rouviere et al. 2011, J Magn Reson Imaging 34:880: human renal parenchyma by MR elastography at "
+           "Rouviere et al. 2011, J Magn Reson Imaging 34:880. Human renal parenchyma by MR elastography at "
            "45 Hz, shear modulus 4.9 kPa; E = 3 mu, nu = 0.5",
            {}, {"kidney", "renal"}));
   presets.push_back(
       make("spleen", punch_stiffness(3 * 0.003565, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Mannelli et al. 2010, AJR 195:387: spleen of volunteers by MR elastography at 60 Hz, shear "
+           "Mannelli et al. 2010, AJR 195:387. Spleen of volunteers by MR elastography at 60 Hz, shear "
            "stiffness 3.565 kPa with the driver on the right; E = 3 mu, nu = 0.5",
            {}, {"spleen", "splenic", "lien"}));
   presets.push_back(
       make("lung", punch_stiffness(3 * 0.00114, 0.5), {0.05, 0.002, 0.1, 0.001}, 0.4,
-           "Mariappan et al. 2011, J Magn Reson Imaging 33:1351: human lung by MR elastography, shear "
+           "Mariappan et al. 2011, J Magn Reson Imaging 33:1351. Human lung by MR elastography, shear "
            "stiffness 1.14 kPa at residual volume; E = 3 mu, nu = 0.5",
            {}, {"lung", "pulmo"}));
   presets.push_back(
       make("heart", punch_stiffness(0.0034, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Wen et al. 2005, Magn Reson Med 54:538: lateral wall of the left ventricle of dogs in diastole, "
+           "Wen et al. 2005, Magn Reson Med 54:538. Lateral wall of the left ventricle of dogs in diastole, "
            "E = 3.40 kPa by MRI; nu = 0.5",
            {"myocardium", "myocardial"}, {"heart", "cardiac", "atrium", "atrial appendage"}));
   presets.push_back(
       make("brain", punch_stiffness(0.001895, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Budday et al. 2015, J Mech Behav Biomed Mater 46:318: bovine white matter under a flat punch, "
+           "Budday et al. 2015, J Mech Behav Biomed Mater 46:318. Bovine white matter under a flat punch, "
            "E = 1.895 kPa; nu = 0.5",
            {"white matter", "gray matter", "grey matter"},
            {"brain",        "cerebrum",          "cerebral",        "cerebellum",    "cerebellar",
@@ -183,19 +183,19 @@ std::vector<TissuePreset> make_presets() {
             "frontal lobe", "parietal lobe",     "temporal lobe",   "occipital lobe"}));
   presets.push_back(
       make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
-           "Arda et al. 2011, AJR 197:532: submandibular glands of volunteers by shear wave elastography, "
+           "Arda et al. 2011, AJR 197:532. Submandibular glands of volunteers by shear wave elastography, "
            "E = 10.92 kPa (parotid 10.38, thyroid 10.97, pancreas 4.8); nu = 0.5",
            {"gland", "glandula", "glandular"},
            {"thyroid", "parathyroid", "parotid", "submandibular", "sublingual", "salivary", "adrenal",
             "pituitary", "hypophysis", "prostate", "pancreas", "thymus", "breast", "mammary", "testis"}));
   presets.push_back(
       make("lymph node", punch_stiffness(0.0214, 0.5), {0.05, 0.002, 0.1, 0.002}, 1,
-           "Bhatia et al. 2012, Ultrasound Med Biol 38:195: benign human cervical lymph nodes by shear wave "
+           "Bhatia et al. 2012, Ultrasound Med Biol 38:195. Benign human cervical lymph nodes by shear wave "
            "elastography, median E = 21.4 kPa; nu = 0.5",
            {"lymph node", "lymphnode", "lymphonodus"}, {"tonsil"}));
   presets.push_back(make(
       "tumour", punch_stiffness(0.04252, 0.5), {0.1, 0.003, 0.2, 0.002}, 1,
-      "Samani, Zubovits, Plewes 2007, Phys Med Biol 52:1565: high-grade invasive ductal carcinoma of the "
+      "Samani, Zubovits, Plewes 2007, Phys Med Biol 52:1565. High-grade invasive ductal carcinoma of the "
       "human breast, E = 42.52 kPa; nu = 0.5",
       {"tumour", "tumor", "lesion", "carcinoma", "cancer", "metastasis", "metastases", "neoplasm", "nodule",
        "adenoma", "fibroadenoma", "sarcoma", "glioma", "meningioma", "lymphoma", "gtv"},
@@ -222,7 +222,7 @@ constexpr std::array kElasticPresets{
     ElasticPreset{"meniscus",
                   {120, 0},
                   {100, 250},
-                  "at equilibrium, across its fibres; along them it is up to a thousand times stiffer, which "
+                  "at equilibrium, across its fibres. Along them it is up to a thousand times stiffer, which "
                   "a body that is the same in all directions does not have"},
     ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
     ElasticPreset{"ligament",
@@ -235,7 +235,7 @@ constexpr std::array kElasticPresets{
     ElasticPreset{"vessel",
                   {12, 0.45},
                   {6, 24},
-                  "(E) of a solid body that gives as much under the probe as the tube does: labels hold the "
+                  "(E) of a solid body that gives as much under the probe as the tube does. Labels hold the "
                   "blood as well, and the wall's 771 kPa would be far too hard"},
     ElasticPreset{"nerve", {39, 0.45}, {19, 77}, "range (E)"},
     ElasticPreset{"liver",
@@ -266,7 +266,7 @@ constexpr std::string_view kLimbRange = "part 0.03 … 0.28, time 0.05 … 8.9 s
 constexpr std::array kRelaxationPresets{
     RelaxationPreset{
         "muscle", kLimb, kLimbRange,
-        "Zheng, Mak 1999, J Biomech Eng 121:330: indentation of the lower limb in vivo, skin, fat "
+        "Zheng, Mak 1999, J Biomech Eng 121:330. Indentation of the lower limb in vivo, skin, fat "
         "and muscle together, eight subjects, four sites, three postures. Pig's muscle by itself "
         "lost half when it was compressed (Van Loocke, Lyons, Simms 2008, J Biomech 41:1555)"},
     RelaxationPreset{"fat", kLimb, kLimbRange, "the same limbs"},
