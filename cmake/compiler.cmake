@@ -53,7 +53,7 @@ if(PALPATE_SANITIZE)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fsanitize-ignorelist=${CMAKE_CURRENT_LIST_DIR}/sanitizer_ignores.txt)
   endif()
-  # What g++'s checks cost beside what they alone would find (docs/contributing/development.md has the figures). AddressSanitizer
+  # What g++'s checks cost beside what they alone would find (docs/decisions/0014-units.md has the figures). AddressSanitizer
   # sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped around; release
   # builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these for the
   # parsers, where bytes and offsets come from outside.

@@ -15,7 +15,7 @@
 #include "palpate/tissue/yield_solver.h"
 
 /// Random patients, tools and hands on tissue that yields, and a searcher that has nothing but force and
-/// place. PALPATE_TEST_SCENES and PALPATE_TEST_SEARCHES take more of them; docs/contributing/development.md.
+/// place. PALPATE_TEST_SCENES and PALPATE_TEST_SEARCHES take more of them; docs/contributing/testing.md.
 namespace palpate {
 namespace {
 
