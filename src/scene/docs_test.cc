@@ -48,10 +48,10 @@ TEST(Docs, ScriptListsEveryKey) {
 }
 
 TEST(Docs, TasksListEveryKey) {
-  check_section("guide/tasks.md", "keys", task_keys());
+  check_section("reference/task-keys.md", "keys", task_keys());
 }
 TEST(Docs, TasksListEveryMetric) {
-  check_section("guide/tasks.md", "metrics", metric_table());
+  check_section("reference/metrics.md", "metrics", metric_table());
 }
 
 TEST(Docs, RehearsalListsEveryKey) {
