@@ -55,7 +55,7 @@ TEST(Docs, TasksListEveryMetric) {
 }
 
 TEST(Docs, RehearsalListsEveryKey) {
-  check_section("guide/rehearsal.md", "keys", plan_keys());
+  check_section("reference/plan-keys.md", "keys", plan_keys());
 }
 
 /// The fenced TOML blocks of a document.
