@@ -51,14 +51,14 @@ TEST(Docs, ScriptListsEveryKey) {
 }
 
 TEST(Docs, TasksListEveryKey) {
-  check_section("guide/tasks.md", "keys", task_keys());
+  check_section("reference/task-keys.md", "keys", task_keys());
 }
 TEST(Docs, TasksListEveryMetric) {
-  check_section("guide/tasks.md", "metrics", metric_table());
+  check_section("reference/metrics.md", "metrics", metric_table());
 }
 
 TEST(Docs, RehearsalListsEveryKey) {
-  check_section("guide/rehearsal.md", "keys", plan_keys());
+  check_section("reference/plan-keys.md", "keys", plan_keys());
 }
 
 /// A fenced TOML block of a page of the manual.
