@@ -124,7 +124,7 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
   for (const auto& [option, is_given] : needed)
     if (!is_given)
       return Error{ErrorKind::kUsage, "is missing, without which there is no tracked tool", option,
-                   "give --tracker, --transform, --tip and --registration (docs/navigation.md)"};
+                   "give --tracker, --transform, --tip and --registration (docs/guide/navigation.md)"};
   auto tip = read_tip(stream.tip);
   if (!tip) return tip.error();
   const auto text = read_file(options.registration, kMostResult_bytes);

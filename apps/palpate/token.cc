@@ -42,7 +42,7 @@ void add_token(CLI::App& app, Run& run) {
       "Lines as `palpate explore --token-file FILE` takes them: without --role two, one for who may change "
       "things,\n"
       "one for who may look on. Each has 26 characters, drawn from the kernel's random numbers (130 bits).\n"
-      "What each role may: docs/viewer-protocol.md.\n"
+      "What each role may: docs/reference/viewer-protocol.md.\n"
       "\n"
       "Examples:\n"
       "  palpate token -o tokens\n"

@@ -75,7 +75,7 @@ Json asked(TestViewer& viewer, Json message) {
 }
 
 TEST(Rights, TheTableOfTheDocsIsTheServers) {
-  const std::string path = PALPATE_SOURCE_DIR "/docs/viewer-protocol.md";
+  const std::string path = PALPATE_SOURCE_DIR "/docs/reference/viewer-protocol.md";
   const std::string begin = "<!-- rights begin -->\n", end = "<!-- rights end -->";
   std::string text = *read_file(path);
   const std::size_t first = text.find(begin) + begin.size(), last = text.find(end);

@@ -38,7 +38,7 @@ class TrackerDriver::Core {
   Result<void> open() {
     if (is_known_) return stream_.open();
     return Error{ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
-                 "give --tracker HOST:PORT, --transform, --tip and --registration (docs/navigation.md)"};
+                 "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
   }
   std::optional<Error> trouble() const { return stream_.trouble(); }
 

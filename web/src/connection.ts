@@ -13,7 +13,7 @@ import { words } from "./words.js";
 /** "ended": it is not tried, or not again, before open() is called. */
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended";
 export type Role = "view" | "control" | "learner" | "teacher";
-/** What a viewer may do, as palpate says it (docs/viewer-protocol.md). */
+/** What a viewer may do, as palpate says it (docs/reference/viewer-protocol.md). */
 export type Right = "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
 export interface Refusal { what: string; where?: string; how?: string }
 export interface Request { type: "set" | "tissue" | "stop" | "rearm" | "pointer" | "play" | "undo" | "redo" | "task" | "plan" | "lesson"; [value: string]: unknown }
