@@ -9,7 +9,8 @@
 
 #include "palpate/base/result.h"
 
-/// Who may what: one table, by which the server grants and refuses, and which docs/reference/viewer-protocol.md shows.
+/// Who may what: one table, by which the server grants and refuses, and which
+/// docs/reference/viewer-protocol.md shows.
 namespace palpate::link {
 
 enum class Role : std::uint8_t { kView, kControl, kLearner, kTeacher };

@@ -37,8 +37,9 @@ class TrackerDriver::Core {
   std::span<const DeviceInfo> devices() const { return {&info_, 1}; }
   Result<void> open() {
     if (is_known_) return stream_.open();
-    return Error{ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
-                 "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
+    return Error{
+        ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
+        "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
   }
   std::optional<Error> trouble() const { return stream_.trouble(); }
 

@@ -9,8 +9,8 @@
 #include "palpate/navigation/navigated_tip.h"
 #include "palpate/navigation/surface_registration.h"
 
-/// The files that `palpate pivot` and `palpate register` write (JSON, docs/guide/navigation.md), and what is read
-/// of them again. Lengths are mm, places of the scan LPS.
+/// The files that `palpate pivot` and `palpate register` write (JSON, docs/guide/navigation.md), and what is
+/// read of them again. Lengths are mm, places of the scan LPS.
 namespace palpate {
 
 std::string tip_text(const PivotCalibration& found);
