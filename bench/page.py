@@ -36,7 +36,7 @@ from hour_recording import VISIT  # noqa: E402
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing"]
 SIZE = (1440, 900)
-SWITCHES, EMERGENCY_STOP = 45, 8  # of a pose (docs/reference/viewer-protocol.md)
+SWITCHES, EMERGENCY_STOP = 45, 8  # of a pose (docs/reference/viewer-messages.md)
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 # What is drawn into the two pictures, by any version of the page: when, and of how many pixels. A section counts that is not
 # of one colour all over.

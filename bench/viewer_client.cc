@@ -15,7 +15,7 @@
 namespace palpate::bench {
 namespace {
 
-// where the sequence and the server's clock stand in a pose, docs/reference/viewer-protocol.md
+// where the sequence and the server's clock stand in a pose, docs/reference/viewer-messages.md
 constexpr std::size_t kSequenceAt = 8, kClockAt = 32, kPoseHead_bytes = 96;
 
 }  // namespace

@@ -108,7 +108,7 @@ void add_doctor(CLI::App& app, Run& run) {
       "The exit code is 1 where something is missing: rights of the account, a clock that is punctual, what "
       "a\n"
       "device needs. Where no --device says which one is to be there, any one is enough.\n"
-      "docs/reference/devices.md says what each device needs.");
+      "docs/reference/doctor.md says more; docs/reference/devices.md what each device needs.");
   verb->callback([options, &run] {
     run = [options](Console& console) -> int {
       // a weight that the device carries adds to what the trial pushes with

@@ -9,7 +9,7 @@
 namespace palpate::link {
 
 /// What is near the tools of one tick and what keeps them away as viewers get it, in the layout of
-/// docs/reference/viewer-protocol.md.
+/// docs/reference/viewer-messages.md.
 class NearMessage {
  public:
   static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMostNearTold;

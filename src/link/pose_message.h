@@ -11,7 +11,7 @@ namespace palpate::link {
 
 inline constexpr int kProtocol = 3;
 
-/// One pose as viewers get it, in the layout of docs/reference/viewer-protocol.md.
+/// One pose as viewers get it, in the layout of docs/reference/viewer-messages.md.
 class PoseMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96, kDevice_bytes = 296;

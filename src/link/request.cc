@@ -96,7 +96,7 @@ class Fields {
   void refuse(std::string_view key, std::string what) {
     if (!refusal_)
       refusal_ = Error{ErrorKind::kUsage, std::move(what), std::string(key),
-                       "see docs/reference/viewer-protocol.md"};
+                       "see docs/reference/viewer-requests.md"};
   }
   const std::optional<Error>& refusal() const { return refusal_; }
 

@@ -9,7 +9,7 @@
 
 #include "palpate/link/viewer_server.h"
 
-/// What viewers say, from text to types (docs/reference/viewer-protocol.md).
+/// What viewers say, from text to types (docs/reference/viewer-requests.md).
 namespace palpate::link {
 
 /// No message of a viewer's is longer.

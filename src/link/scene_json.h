@@ -9,7 +9,7 @@
 #include "palpate/base/result.h"
 #include "palpate/link/viewer_server.h"
 
-/// The texts that the server sends (docs/reference/viewer-protocol.md).
+/// The texts that the server sends (docs/reference/viewer-http.md, docs/reference/viewer-messages.md).
 namespace palpate::link {
 
 /// How the voxels of the scene are sent, found once.

@@ -5,7 +5,7 @@
 
 #include "palpate/link/viewed_training.h"
 
-/// What viewers are told of tasks (docs/reference/viewer-protocol.md).
+/// What viewers are told of tasks (docs/reference/viewer-messages.md).
 namespace palpate::link {
 
 nlohmann::ordered_json task_json(const ViewedTask& task);

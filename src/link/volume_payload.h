@@ -7,7 +7,7 @@
 
 #include "palpate/volume/bricks.h"
 
-/// Voxels as viewers get them: docs/reference/viewer-protocol.md, "HTTP". Little-endian, i fastest, then j,
+/// Voxels as viewers get them: docs/reference/viewer-http.md, "Volumes". Little-endian, i fastest, then j,
 /// then k.
 namespace palpate::link {
 

@@ -28,7 +28,7 @@ struct PictureKey {
   bool gzip = false;
   const Veil* veil = nullptr;  ///< through which it is seen; outlives the store
 };
-/// From a query as docs/reference/viewer-protocol.md has it, `view=...&looks=...&cut=...`; nothing where it
+/// From a query as docs/reference/viewer-http.md has it, `view=...&looks=...&cut=...`; nothing where it
 /// is none.
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures);
 

@@ -12,7 +12,7 @@
 namespace palpate::link {
 
 /// How tissue has yielded around a device's tool as viewers get it, in the layout of
-/// docs/reference/viewer-protocol.md: of the grid's nodes the smallest box around those that moved, in whole
+/// docs/reference/viewer-messages.md: of the grid's nodes the smallest box around those that moved, in whole
 /// steps.
 class YieldMessage {
  public:

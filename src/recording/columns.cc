@@ -57,9 +57,9 @@ constexpr std::array kEventColumns{
         "model: the version that it became; settings: which one, from 1; stop and rearm: which one of both, "
         "from 1; tissue solved: which solution, from 1"},
     Column{"tissue", kU32, 1, PALPATE_EVENT(change.tissue), "1", "-",
-           "model: place of the changed tissue in the scene, from 0; 4294967295: the fields of the direct "
-           "methods were made anew; 4294967294: it was cut by the sweeps before; 4294967293: the last stroke "
-           "was undone; 4294967292: the last one that was undone was done again; 4294967280 ... 4294967283: "
+           "model: place of the changed tissue in the scene, from 0. 4294967295: the fields of the direct "
+           "methods were made anew. 4294967294: it was cut by the sweeps before. 4294967293: the last stroke "
+           "was undone; 4294967292: the last one that was undone was done again. 4294967280 ... 4294967283: "
            "soft tissue goes by the law layers, elastic, neo-hookean, chainmail from then on"},
     Column{
         "stiffness_N_per_mm", kF64, 1, PALPATE_EVENT(change.stiffness_N_per_mm), "N/mm", "-",

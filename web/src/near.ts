@@ -1,4 +1,4 @@
-// What is near each tool and what keeps it away, as palpate tells it (docs/reference/viewer-protocol.md). Lengths in mm, forces in N.
+// What is near each tool and what keeps it away, as palpate tells it (docs/reference/viewer-messages.md). Lengths in mm, forces in N.
 
 import { PROTOCOL, WireError, WireVersion } from "./wire.js";
 import { words } from "./words.js";

@@ -1,4 +1,4 @@
-// The volume's pictures where the browser has no WebGL 2: palpate draws them (docs/reference/viewer-protocol.md, "Pictures"), by the messages by
+// The volume's pictures where the browser has no WebGL 2: palpate draws them (docs/reference/viewer-http.md, "Pictures"), by the messages by
 // which a worker would. One is asked for at a time, and when it has come the newest that is wanted.
 
 import type { Vec3 } from "./geometry.js";
@@ -13,7 +13,7 @@ type Draw = Extract<Asked, { type: "draw" }>;
 const HEAD_BYTES = 24;
 const AGAIN_MS = 500; // after one that could not be had
 
-/** What is asked for: docs/reference/viewer-protocol.md. @param looks  RGBA of each structure */
+/** What is asked for: docs/reference/viewer-http.md. @param looks  RGBA of each structure */
 export function pictureQuery(view: View, looks: Uint8Array): string {
   const { width, height, corner, across, down, eye, cut, into } = view;
   const numbers = (values: readonly number[]): string => values.map((value) => String(Number(value.toPrecision(9)))).join(",");

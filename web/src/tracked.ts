@@ -1,4 +1,4 @@
-// How wrong the place may be at which a tracked tool's tip is shown, as palpate tells it (docs/reference/viewer-protocol.md).
+// How wrong the place may be at which a tracked tool's tip is shown, as palpate tells it (docs/reference/viewer-messages.md).
 
 import { byId, write } from "./dom.js";
 import { words } from "./words.js";

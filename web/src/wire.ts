@@ -1,4 +1,4 @@
-// The binary pose of docs/reference/viewer-protocol.md, decoded. Positions and lengths in mm, forces in N.
+// The binary pose of docs/reference/viewer-messages.md, decoded. Positions and lengths in mm, forces in N.
 
 import type { Quaternion, Vec3 } from "./geometry.js";
 import { words } from "./words.js";

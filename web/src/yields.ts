@@ -1,4 +1,4 @@
-// How palpate says that soft tissue has yielded (docs/reference/viewer-protocol.md), and what the pictures look up of it: palpate says where the tissue
+// How palpate says that soft tissue has yielded (docs/reference/viewer-messages.md), and what the pictures look up of it: palpate says where the tissue
 // of a place went, pictures want to know where the tissue that is seen at a place came from.
 
 import type { Nodes } from "./displacement.js";

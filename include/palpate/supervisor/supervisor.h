@@ -17,8 +17,8 @@
 ///      its end      ── pidfd ──────────────────►  └─ number on its halt file ──► no force
 ///
 /// A device whose library lives in the session's process is not reached from here: when that process is gone
-/// its handle is closed, and what happens then is the maker's own watchdog's (docs/reference/devices.md,
-/// driver by driver). So a process that holds such a device and stands still is ended.
+/// its handle is closed, and what happens then is the maker's own watchdog's
+/// (docs/reference/device-port.md). So a process that holds such a device and stands still is ended.
 namespace palpate {
 
 struct SupervisorSettings {
