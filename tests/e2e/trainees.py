@@ -100,17 +100,18 @@ def watched(draw, kind):
 
 
 def pocket(draw, kind):
-    """A pocket is milled; a heavy hand goes too deep and then into the cartilage beside it, who does half of it takes too little off."""
-    hold_s = {"heavy": 1.5, "incomplete": 0.4}.get(kind, draw["within"](1.3, 1.6))
-
-    def mill(where, force_N, how_long_s):
-        return [{**where, "speed": draw["speed"]}, {"motor": True}, {"press": force_N, "settle": 0.1}, {"hold": how_long_s}, {"motor": False}, {"leave": True}]
-    parts = [mill({"approach": [37.5, -3.7, 23.6]}, 3.0 if kind == "heavy" else 1.0, hold_s)]
-    if kind == "heavy":
-        beside = [draw["within"](35.2, 35.6), draw["within"](-7.2, -6.8), draw["within"](18.1, 18.5)]
-        # the cartilage is soon gone there, and the bone beneath it is touched: a step that fails, as a slip does
-        parts.append(mill({"approach": "femoral_cartilage", "nearest": beside, "from": [1, -0.3, -0.2]}, 1.0, 0.3))
-    return parts
+    """A pocket is milled, and the bone above it is felt; a heavy hand goes too deep, and comes to the cartilage below with the motor on.
+    Who does half of it takes too little off."""
+    heavy = kind == "heavy"
+    hold_s = {"heavy": 0.8, "incomplete": 0.4}.get(kind, draw["within"](1.3, 1.6))
+    below = [draw["within"](35.2, 35.6), draw["within"](-7.2, -6.8), draw["within"](18.1, 18.5)]
+    # what is milled there is soon gone, and the bone beneath it is touched: a step that fails, as a slip does
+    then = ([{"approach": "femoral_cartilage", "nearest": below, "from": [1, -0.3, -0.2], "speed": draw["speed"]}, {"motor": True},
+             {"press": 1.0, "settle": 0.1}, {"motor": False}] if heavy
+            else [{"approach": [37.0, -3.0, 29.0], "speed": draw["speed"]}, {"press": 0.12, "settle": 0.1}])
+    return [[{"approach": [37.5, -3.7, 23.6], "speed": draw["speed"]}, {"motor": True}, {"press": 3.0 if heavy else 1.0, "settle": 0.1},
+             {"hold": hold_s}, {"motor": False}, {"leave": True}],
+            then + [{"leave": True}]]
 
 
 # task: what is done, most force of the session, N
