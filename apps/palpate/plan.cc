@@ -321,7 +321,7 @@ void add_plan(CLI::App& app, Run& run) {
   markups->footer(
       "Example: palpate plan from-markups tunnel.mrk.json -o plan.toml\n\n"
       "Curves, regions of interest and planes are refused. What is allowed, what is to be taken off and what "
-      "to keep\naway from is then written into the plan by hand: docs/guide/rehearsal.md has every key.");
+      "to keep\naway from is then written into the plan by hand: docs/reference/plan-keys.md has every key.");
   when(markups, from_markups);
 
   CLI::App* show = verb->add_subcommand("show", "What a plan asks, and what it is in a scene");

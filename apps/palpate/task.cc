@@ -260,8 +260,8 @@ void add_task(CLI::App& app, Run& run) {
       "  palpate task score monday.h5 tuesday.h5 friday.h5 --task my-task.toml --json\n"
       "  palpate task score run.h5 --task hold-steady --from-tick 5120 --to-tick 20833\n\n"
       "A pass takes as many runs in a row as the task says, each with every counted metric in its band.\n"
-      "Exit code 3: the last run has one out of its band. docs/guide/tasks.md says what each metric is, and\n"
-      "what is known of its validity: of most, nothing yet.");
+      "Exit code 3: the last run has one out of its band. docs/reference/metrics.md says what each metric\n"
+      "is, and what is known of its validity: of most, nothing yet.");
   when(score, score_runs);
 
   CLI::App* calibration =

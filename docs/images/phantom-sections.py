@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws docs/images/phantom-sections.png: python3 phantom-sections.py FOLDER
+"""Draws sections of the generated knee: python3 phantom-sections.py FOLDER PICTURE.png
 
 FOLDER is where `palpate data fetch knee-phantom -o FOLDER` put the two volumes. Needs NumPy.
 """
@@ -73,7 +73,7 @@ def main():
             tile[: image.shape[0], : image.shape[1]] = image[:200, :183]
             tiles.append(tile)
         rows.append(np.hstack(tiles))
-    write_png(Path(__file__).with_name("phantom-sections.png"), np.vstack(rows))
+    write_png(Path(sys.argv[2]), np.vstack(rows))
 
 
 main()

@@ -1,10 +1,6 @@
 """Takes docs/guide/viewer.md's, viewer-looking.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
 
 usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
-
-The manual's are of knee-phantom: explore with --repeat, and simulate's recording. viewer-no-go.png has [distances] structures = "all" and
-the patella in a [[no_go]] that keeps 4 mm away. viewer-training.png is of --task trace-an-edge -s trace.toml --repeat --max-force 6, with
-trace.toml as tests/e2e/trainees.py makes it of an expert.
 """
 
 import os
@@ -12,7 +8,7 @@ import sys
 import time
 
 sys.dont_write_bytecode = True
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tests", "browser"))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "..", "tests", "browser"))
 import browser  # noqa: E402
 
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
@@ -50,8 +46,7 @@ def plan(page, folder):
     """The tool on its way to what is planned, the card open."""
     page.resize(1440, 900)
     page.dark(True)
-    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('plan-card').open = true;"
-             "document.querySelector('[data-look=left]').click()")
+    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('plan-card').open = true;")
     page.wait("palpateViewer.pose.devices[0].label > 0 && /mm/.test(document.getElementById('plan-lateral').innerText)", 120)
     page.wait("palpateViewer.isVolumeSharp && palpateViewer.pose.devices[0].label > 0", 300)
     page.run("document.getElementById('plan-card').scrollIntoView(); palpateViewer.draw()")

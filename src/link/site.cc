@@ -171,10 +171,10 @@ std::string Site::hash_for(const Who& who) const {
 
 SiteAnswer Site::curves(const Who& who) const {
   const bool all = may(who.role, Right::kAllRuns, true);
-  if (!all && !may(who.role, Right::kOwnRuns, true)) {
-    const Error lacks = lacks_right(who.role, Right::kOwnRuns);
-    return refusal(403, "only a learner, of his or her own, or a teacher may see curves; " + lacks.remedy);
-  }
+  if (!all && !may(who.role, Right::kOwnRuns, true))
+    return refusal(403,
+                   "only a learner, of his or her own, or a teacher may see curves: connect with a token for "
+                   "learner or teacher");
   if (!host_.keeps_runs()) return refusal(404, "no runs are kept in this session");
   CurvesWanted wanted;
   wanted.learner = all ? std::string() : who.learner;

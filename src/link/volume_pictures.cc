@@ -234,7 +234,8 @@ bool PictureStore::prepare(const PictureKey& key) {
     const LabelId as = key.veil->shown(static_cast<LabelId>(label));
     looks[label] = as < looks.size() ? looks[as] : StructureLook{{}, 0};
   }
-  const auto labels = host_.seen_labels();
+  // how tissue yields shows what is in it
+  const auto labels = key.veil != nullptr ? host_.labels() : host_.seen_labels();
   if (renderer_ && are_equal(looks, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
     if (changed.voxel_count() > 0) renderer_->change(*labels, changed);

@@ -187,5 +187,39 @@ TEST(ViewerServer, DrawsPicturesOfTheVolume) {
   EXPECT_EQ(request(test.port(), "GET", "/api/picture/00?view=64,48,0,0,0,1,0,0,0,1,0").status, 404);
 }
 
+TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
+  struct DentedHost : BallHost {
+    DentedHost() {
+      Volume<LabelId> smaller(ball.labels->geometry());
+      for (int k = 0; k < 40; ++k)
+        for (int j = 0; j < 40; ++j)
+          for (int i = 0; i < 40; ++i)
+            smaller.at(i, j, k) = Eigen::Vector3d(i - 20, j - 20, k - 20).norm() < 6 ? 2 : 0;
+      seen = label_bricks(smaller);
+    }
+    std::shared_ptr<const Bricks<LabelId>> seen_labels() const override { return seen; }
+    std::shared_ptr<const Bricks<LabelId>> seen;
+  };
+  const DentedHost host;
+  const Veil veil(host.scene());
+  PictureStore store(host);
+  const auto edge_at = [&](const Veil* through) {
+    auto key = parse_picture_query(kFront, 2);
+    key->veil = through;
+    std::promise<PictureStore::Payload> promise;
+    const auto asker = std::make_shared<int>(0);
+    store.want(*key, asker, [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
+    const auto payload = promise.get_future().get();
+    if (payload == nullptr) return -1;
+    const Seen seen(*payload);
+    int column = 24;
+    while (column < 48 && seen.place(column, 24) != 0) ++column;
+    return column - 24;
+  };
+  EXPECT_NEAR(edge_at(nullptr), 6, 1);
+  EXPECT_NEAR(edge_at(&veil), 12, 1) << "at rest";
+  EXPECT_NEAR(edge_at(nullptr), 6, 1);
+}
+
 }  // namespace
 }  // namespace palpate::link

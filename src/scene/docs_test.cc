@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
-#include <fstream>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <sstream>
 
 #include "palpate/base/file.h"
 #include "palpate/scene/plan_file.h"
@@ -48,62 +51,70 @@ TEST(Docs, ScriptListsEveryKey) {
 }
 
 TEST(Docs, TasksListEveryKey) {
-  check_section("guide/tasks.md", "keys", task_keys());
+  check_section("reference/task-keys.md", "keys", task_keys());
 }
 TEST(Docs, TasksListEveryMetric) {
-  check_section("guide/tasks.md", "metrics", metric_table());
+  check_section("reference/metrics.md", "metrics", metric_table());
 }
 
 TEST(Docs, RehearsalListsEveryKey) {
-  check_section("guide/rehearsal.md", "keys", plan_keys());
+  check_section("reference/plan-keys.md", "keys", plan_keys());
 }
 
-/// The fenced TOML blocks of a document.
-std::vector<std::string> examples(const std::string& file) {
-  const auto text = read_file(std::string(PALPATE_SOURCE_DIR "/docs/") + file);
-  std::vector<std::string> blocks;
-  if (!text) return blocks;
-  for (std::size_t at = text->find("```toml\n"); at != std::string::npos; at = text->find("```toml\n", at)) {
-    at += 8;
-    blocks.push_back(text->substr(at, text->find("```", at) - at));
+/// A fenced TOML block of a page of the manual.
+struct Example {
+  std::string where, text;
+};
+
+/// All of them that their page does not mark as not to be run.
+std::vector<Example> examples() {
+  std::vector<Example> blocks;
+  const std::filesystem::path docs = PALPATE_SOURCE_DIR "/docs";
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(docs)) {
+    if (entry.path().extension() != ".md") continue;
+    const auto text = read_file(entry.path().string());
+    if (!text) continue;
+    bool runs = true;
+    std::optional<std::string> block;
+    std::istringstream lines(*text);
+    for (std::string line; std::getline(lines, line);) {
+      if (block && line != "```") {
+        *block += line + "\n";
+      } else if (block) {
+        if (runs) blocks.push_back({std::filesystem::relative(entry.path(), docs).string(), *block});
+        block.reset();
+      } else if (line == "```toml") {
+        block.emplace();
+      } else if (!line.empty()) {
+        runs = !line.starts_with("<!-- not run:");
+      }
+    }
   }
   return blocks;
 }
 
-TEST(Docs, ExamplesOfScenesParse) {
-  const auto blocks = examples("guide/scene.md");
-  EXPECT_GE(blocks.size(), 2u);
-  for (const std::string& block : blocks) {
-    const auto scene = parse_scene(block, "guide/scene.md");
-    EXPECT_TRUE(scene.ok()) << scene.error().message() << "\n" << block;
-  }
+/// What a block is, by a table that only such a file has; then whether the program takes it.
+Result<std::string> read_by_its_parser(const Example& example) {
+  const auto has = [&](const char* table) { return ("\n" + example.text).find(table) != std::string::npos; };
+  const auto kind = [](const auto& parsed, const char* name) -> Result<std::string> {
+    if (!parsed) return parsed.error();
+    return std::string(name);
+  };
+  if (has("\n[[trajectory]]") || has("\n[[keep_away]]"))
+    return kind(parse_plan(example.text, example.where), "plan");
+  if (has("\n[[metric]]")) return kind(parse_task(example.text, example.where), "task");
+  if (has("\n[[tissue]]")) return kind(parse_scene(example.text, example.where), "scene");
+  return kind(parse_script(example.text, example.where), "script");
 }
 
-TEST(Docs, ExamplesOfTasksParse) {
-  const auto blocks = examples("guide/tasks.md");
-  EXPECT_GE(blocks.size(), 1u);
-  for (const std::string& block : blocks) {
-    const auto task = parse_task(block, "guide/tasks.md");
-    EXPECT_TRUE(task.ok()) << task.error().message() << "\n" << block;
+TEST(Docs, EveryExampleIsReadByItsParser) {
+  std::map<std::string, int> counts;
+  for (const Example& example : examples()) {
+    const auto kind = read_by_its_parser(example);
+    EXPECT_TRUE(kind.ok()) << kind.error().message() << "\n" << example.text;
+    if (kind) ++counts[*kind];
   }
-}
-
-TEST(Docs, ExamplesOfPlansParse) {
-  const auto blocks = examples("guide/rehearsal.md");
-  EXPECT_GE(blocks.size(), 1u);
-  for (const std::string& block : blocks) {
-    const auto plan = parse_plan(block, "guide/rehearsal.md");
-    EXPECT_TRUE(plan.ok()) << plan.error().message() << "\n" << block;
-  }
-}
-
-TEST(Docs, ExamplesOfScriptsParse) {
-  const auto blocks = examples("guide/script.md");
-  EXPECT_GE(blocks.size(), 1u);
-  for (const std::string& block : blocks) {
-    const auto script = parse_script(block, "guide/script.md");
-    EXPECT_TRUE(script.ok()) << script.error().message() << "\n" << block;
-  }
+  for (const char* kind : {"plan", "task", "scene", "script"}) EXPECT_GE(counts[kind], 1) << kind;
 }
 
 }  // namespace

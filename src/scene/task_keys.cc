@@ -188,7 +188,7 @@ TaskKeys declared_task_keys() {
              .max = 60,
              .meaning = "Touched for so long within 1.5 mm is resting."}}},
       .scope = {"[scope]",
-                "How the second device's scope is made. What it sees is said above; the page's view of it "
+                "How the second device's scope is made (docs/reference/metrics.md). The page's view "
                 "stands so when the task begins.",
                 {{.name = "optics",
                   .type = kNumber,

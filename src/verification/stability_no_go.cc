@@ -23,23 +23,6 @@ constexpr double kMostPast_mm = 0.5;
 // of the most that a hand holds (push_out_of)
 constexpr double kOfHeld = 0.9;
 
-// As flat_wall_labels(), and larger: where a slow loop allows little stiffness a hand sinks in by up to a
-// centimetre and more, and beyond the middle of what is kept away from the way out changes sides; nor may one
-// that slides come to its rim.
-LabelMap thick_wall_labels() {
-  GridGeometry grid;
-  grid.dims = {80, 61, 61};
-  grid.spacing_mm = Eigen::Vector3d::Ones();
-  grid.origin = Point<Patient>(-39.5, -30, -30);
-  LabelMap labels;
-  labels.layers.emplace_back(grid);
-  labels.segments = {{1, "wall", {}, 0, 1}};
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0] / 2; ++i) labels.layers[0].at(i, j, k) = 1;
-  return labels;
-}
-
 }  // namespace
 
 const char* name_of(NoGoPlace place) {
@@ -47,8 +30,7 @@ const char* name_of(NoGoPlace place) {
 }
 
 Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
-                                                const Progress& progress) {
-  const LabelMap labels = thick_wall_labels();
+                                                const LabelMap& labels, const Progress& progress) {
   Scene scene;
   scene.title = "what is kept away from";
   TissueSettings bone;
@@ -137,7 +119,7 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
   // stiffer than anybody holds: what is felt is what the device allows
   std::vector<std::pair<NoGoPlace, std::shared_ptr<const Model>>> walls;
   for (const NoGoPlace place : kNoGoPlaces) {
-    const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, progress);
+    const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, thick_wall_labels(), progress);
     if (!model) return model.error();
     walls.emplace_back(place, *model);
   }

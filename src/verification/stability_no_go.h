@@ -14,14 +14,15 @@ namespace palpate {
 /// What is kept away from: behind x = 0, from 0 mm on.
 enum class NoGoPlace : std::uint8_t {
   kPlane,      ///< a plane, where nothing is felt
-  kStructure,  ///< half a volume, 40 mm deep, which is not felt
+  kStructure,  ///< the labels of a wall, which are not felt
   kFelt,       ///< the same, which is felt as well, with friction
 };
 /// "plane", "structure", "felt-wall"
 const char* name_of(NoGoPlace place);
 /// A region of that kind with that stiffness, N/mm. Errors: kInterrupted.
+/// @param labels  a wall that ends at x = 0: flat_wall_labels(), thick_wall_labels()
 Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
-                                                const Progress& progress = {});
+                                                const LabelMap& labels, const Progress& progress = {});
 
 /// A hand that leads the tip against such a region.
 struct LedAgainst {

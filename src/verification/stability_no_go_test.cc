@@ -7,6 +7,7 @@
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
 #include "verification/stability_dropout.h"
+#include "verification/stability_wall.h"
 
 namespace palpate {
 namespace {
@@ -14,8 +15,10 @@ namespace {
 constexpr double kHeld_N_per_mm = 1.2, kFelt_N_per_mm = 0.9 * kHeld_N_per_mm;
 
 const Model& stiff_no_go(NoGoPlace place) {
-  static const std::array models{no_go_wall(NoGoPlace::kPlane, 20), no_go_wall(NoGoPlace::kStructure, 20),
-                                 no_go_wall(NoGoPlace::kFelt, 20)};
+  static const LabelMap labels = thick_wall_labels();
+  static const std::array models{no_go_wall(NoGoPlace::kPlane, 20, labels),
+                                 no_go_wall(NoGoPlace::kStructure, 20, labels),
+                                 no_go_wall(NoGoPlace::kFelt, 20, labels)};
   const auto& model = models[static_cast<std::size_t>(place)];
   PALPATE_CHECK(model.ok());
   return **model;
@@ -121,7 +124,7 @@ TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
 
 TEST(StabilityNoGo, HoldsAgainAfterADropout) {
   for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure}) {
-    const auto model = no_go_wall(place, 1);
+    const auto model = no_go_wall(place, 1, flat_wall_labels());
     ASSERT_TRUE(model.ok());
     for (const char* hand : {"light-grip", "firm-grip"}) {
       SCOPED_TRACE(std::string(name_of(place)) + ", " + hand);

@@ -4,21 +4,33 @@
 #include "palpate/scene/scene.h"
 
 namespace palpate {
+namespace {
 
-LabelMap flat_wall_labels() {
-  // deep enough for a hand that leans on it, the face between two voxels
-  constexpr double kSpacing_mm = 0.6;
+/// Half of it is wall, up to x = 0. @param across  voxels along y and z, odd
+LabelMap wall_labels(double spacing_mm, int deep, int across) {
   GridGeometry grid;
-  grid.dims = {40, 41, 41};
-  grid.spacing_mm = Eigen::Vector3d::Constant(kSpacing_mm);
-  grid.origin = Point<Patient>(-19.5 * kSpacing_mm, -20 * kSpacing_mm, -20 * kSpacing_mm);
+  grid.dims = {2 * deep, across, across};
+  grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
+  const double side_mm = 0.5 * (across - 1) * spacing_mm;
+  grid.origin = Point<Patient>((0.5 - deep) * spacing_mm, -side_mm, -side_mm);
   LabelMap labels;
   labels.layers.emplace_back(grid);
   labels.segments = {{1, "wall", {}, 0, 1}};
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) labels.layers[0].at(i, j, k) = i < grid.dims[0] / 2 ? 1 : 0;
+      for (int i = 0; i < grid.dims[0]; ++i) labels.layers[0].at(i, j, k) = i < deep ? 1 : 0;
   return labels;
+}
+
+}  // namespace
+
+// deep enough for a hand that leans on it, the face between two voxels
+LabelMap flat_wall_labels() {
+  return wall_labels(0.6, 20, 41);
+}
+
+LabelMap thick_wall_labels() {
+  return wall_labels(0.8, 45, 61);
 }
 
 Result<std::shared_ptr<const Model>> flat_wall(const Progress& progress) {

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Builds somebody else's program on palpate's core and looks at what it loads.
+"""Builds somebody else's program on palpate's core, as it is installed, and looks at what it loads.
 
-The core (base, geometry, volume, sampling, haptics, device, servo) must build with Eigen and Highway
-alone. Every object of it is linked, so that nothing hides because it was not called.
+The core must build with Eigen and Highway alone, and its headers must do without those of other rooms. Every object of
+it is linked, so that nothing hides because it was not called.
 """
 
 import argparse
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 
@@ -35,27 +36,34 @@ def main():
     parser.add_argument("--sanitize", default="")
     options = parser.parse_args()
 
-    # the consumer is a project of its own that takes palpate in as a folder; what it needs, it needs without
-    # optimisation, too, and then calls what would else be inlined; and for two widths of vectors as for all of them
-    consumer = pathlib.Path(__file__).parent / "core_consumer"
-    run([options.cmake, "-S", consumer, "-B", options.build, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0 '-DHWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3|HWY_AVX3_DL)'",
-         "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0", f"-DCMAKE_CXX_COMPILER={options.cxx}",
-         f"-DPALPATE_SOURCE={pathlib.Path(options.source).resolve()}", f"-DPALPATE_SANITIZE={options.sanitize}"])
-    run([options.cmake, "--build", options.build, "--parallel", "1"])
+    # what the consumer needs, it needs without optimisation, too, and then calls what would else be inlined; and for
+    # two widths of vectors as for all of them
+    flags = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0 '-DHWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3|HWY_AVX3_DL)'",
+             f"-DCMAKE_CXX_COMPILER={options.cxx}", f"-DPALPATE_SANITIZE={options.sanitize}"]
+    core, consumer = (pathlib.Path(options.build) / name for name in ("core", "consumer"))
+    installed = pathlib.Path(options.build).resolve() / "installed"
+    run([options.cmake, "-S", options.source, "-B", core, "-DPALPATE_CORE_ONLY=ON", "-DPALPATE_BUILD_TESTS=OFF",
+         "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0", *flags])
+    run([options.cmake, "--build", core, "--parallel", "1"])
+    # what an earlier version installed is not to be found
+    shutil.rmtree(installed, ignore_errors=True)
+    run([options.cmake, "--install", core, "--prefix", installed])
+    run([options.cmake, "-S", pathlib.Path(__file__).parent / "core_consumer", "-B", consumer, f"-DCMAKE_PREFIX_PATH={installed}", *flags])
+    run([options.cmake, "--build", consumer, "--parallel", "1"])
 
-    cache = (pathlib.Path(options.build) / "CMakeCache.txt").read_text()
+    cache = "".join((folder / "CMakeCache.txt").read_text() for folder in (core, consumer))
     sought = [name for name in FORBIDDEN_IN_CACHE if re.search(rf"^{name}", cache, re.MULTILINE)]
     if sought:
         sys.exit(f"configuring the core looked for: {', '.join(sought)}")
 
     # how somebody else's program is linked is his own affair
-    rules = (pathlib.Path(options.build) / "build.ninja").read_text()
+    rules = (consumer / "build.ninja").read_text()
     linking = rules[rules.index("build core_consumer: "):].split("\n\n", 1)[0]
     forced = re.findall(r"-Wl,-z,?\S*|-z \w+", linking)
     if forced:
         sys.exit(f"who links the core gets flags of ours: {', '.join(forced)}")
 
-    program = os.path.join(options.build, "core_consumer")
+    program = consumer / "core_consumer"
     print(run([program]).strip())
     loaded = [line.split()[0] for line in run(["ldd", program]).splitlines() if line.strip()]
     strangers = [name for name in loaded if not ALLOWED.match(os.path.basename(name))]

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """tools/check_docs must see what is wrong with a page, and nothing else."""
 
+import contextlib
 import importlib.machinery
 import importlib.util
+import io
 import pathlib
-import subprocess
 import sys
 import tempfile
 import textwrap
@@ -22,6 +23,9 @@ def load_tool():
     return module
 
 
+tool = load_tool()
+
+
 def run(files, *options):
     """Exit code, and the lines that the tool prints of a tree of such files."""
     with tempfile.TemporaryDirectory() as folder:
@@ -29,9 +33,10 @@ def run(files, *options):
         for name, text in files.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
-        done = subprocess.run([sys.executable, TOOL, *options, root], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                              check=False)
-    return done.returncode, done.stdout.splitlines()
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            code = tool.main([*options, str(root)])
+    return code, said.getvalue().splitlines()
 
 
 def faults(text, **others):
@@ -54,7 +59,7 @@ class Links(unittest.TestCase):
         self.assertEqual(faults("# Page\n[a](other.md) [b](other.md#a-key-twice) [c](other.md#a-key-twice-1) [d](#page)\n"
                                 "[wrapped over\ntwo lines](other.md) ![text](../a.png) <https://example.org> [e](https://example.org/x)\n"
                                 "`src/room/thing.cc` `src/ROOM/NAME_test.cc` `thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
-                                "    room_test --gtest_filter='Suite.P*'   [f](gone.md)\n\n```sh\n[g](gone.md)\n```\n"), [])
+                                "```sh\nroom_test --gtest_filter='Suite.P*'   [f](gone.md)\n```\n\n```sh\n[g](gone.md)\n```\n"), [])
 
     def test_what_is_not(self):
         for text, what in (("[a](gone.md)", "there is no gone.md"), ("[a](../../../etc)", "there is no ../../../etc"),
@@ -63,7 +68,7 @@ class Links(unittest.TestCase):
                            ("[![ ](../a.png)](other.md)", "the picture ../a.png has no text in place of it"),
                            ("<img src=\"../a.png\">", "write pictures and links as [text](path)"),
                            ("`src/room/gone.cc`", "there is no src/room/gone.cc"), ("`gone.cc`", "there is no source gone.cc"),
-                           ("`palpate/room/gone.h`", "there is no palpate/room/gone.h"), ("\n    tools/gone --all", "there is no tools/gone"),
+                           ("`palpate/room/gone.h`", "there is no palpate/room/gone.h"), 
                            ("```sh\ntools/gone\n```", "there is no tools/gone"), ("`--gtest_filter=Suite.F*`", "no test is Suite.F*")):
             with self.subTest(text):
                 found = faults(text + "\n")
@@ -74,6 +79,13 @@ class Links(unittest.TestCase):
             with self.subTest(name):
                 self.assertEqual(run({name: "text\n\n[a](gone)\n"}), (1, [f"{name}:3: links: there is no gone"]))
         self.assertEqual(run({})[0], 1)
+
+
+class Code(unittest.TestCase):
+    def test_blocks_say_what_they_are(self):
+        self.assertEqual(faults("text\n\n```sh\nls\n```\n\n1. item\n\n   ```text\n   x\n   ```\n"), [])
+        self.assertEqual([fault.partition(" code: ")[2][:15] for fault in faults("text\n\n    ls\n    ls\n\n```\nls\n```\n\n```bash\nls\n```\n")],
+                         ["a block without", "a block of '': ", "a block of 'bas"])
 
 
 class Prose(unittest.TestCase):
@@ -111,7 +123,7 @@ class Prose(unittest.TestCase):
     def test_histories(self):
         for text in ("It is no longer so.", "It is now so.", "It used to be so.", "Formerly it was so."):
             self.assertEqual(self.kinds(text), ["history"], text)
-        for text in ("It is used to measure.", "What is known.", "`now`", "```\nnow\n```"):
+        for text in ("It is used to measure.", "What is known.", "`now`", "```sh\nnow\n```"):
             self.assertEqual(self.kinds(text), [], text)
 
     def test_glossary(self):
@@ -120,7 +132,7 @@ class Prose(unittest.TestCase):
         self.assertEqual(faults("A God\nobject here.\n", **others), ["1: glossary: 'god object': proxy"])
         self.assertEqual(faults("A ghostly `ghost` and a ghost-writer.\n", **others), [])
         # that of this tree is read
-        self.assertIn("no-go region", [instead for _, _, instead in load_tool().Manual(TOOL.parent.parent).not_used])
+        self.assertIn("no-go region", [instead for _, _, instead in tool.Manual(TOOL.parent.parent).not_used])
         # its own table may name what is not used, its text may not
         self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
         self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)
@@ -139,7 +151,7 @@ class Prose(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             page = pathlib.Path(folder) / "README.md"
             page.write_text(text, encoding="utf-8")
-            subprocess.run([sys.executable, TOOL, "--fix", folder], check=True)
+            tool.main(["--fix", folder])
             fixed = page.read_text(encoding="utf-8")
         self.assertEqual(fixed.split(), text.split())
         self.assertEqual(fixed.splitlines()[-6:], text.splitlines()[-6:])
@@ -153,6 +165,23 @@ class Prose(unittest.TestCase):
         self.assertEqual(code, 0)
         self.assertEqual([line.split() for line in lines[1:]], [["0", "0", "0", "0", "0", "README.md"],
                                                                 ["1", "0", "0", "2", "0", "docs/page.md"]])
+
+
+class Pictures(unittest.TestCase):
+    FILES = {"docs/images/a.png": "", "docs/page.md": "![a](images/a.png)\n"}
+    HEAD = "# Pictures\n\n| picture | made by | data | commit |\n|---|---|---|---|\n"
+
+    def faults(self, *rows, **others):
+        files = {**self.FILES, **others, "docs/help/pictures.md": self.HEAD + "".join(rows)}
+        return [line.partition("pictures: ")[2] for line in run(files, "--links")[1] if "pictures: " in line]
+
+    def test_the_list(self):
+        a, b = ("| [{0}.png](../images/{0}.png) | `x` | none | 1 |\n".format(name) for name in "ab")
+        self.assertEqual(self.faults(a), [])
+        self.assertEqual(self.faults(), ["a.png has no row"])
+        self.assertEqual(self.faults(a, b), ["there is no b.png"])
+        self.assertEqual(self.faults(a, b, **{"docs/images/b.png": ""}), ["no page shows b.png"])
+        self.assertEqual(run(self.FILES, "--links")[1], ["docs/help/pictures.md:1: pictures: there is no list"])
 
 
 class Decisions(unittest.TestCase):

@@ -31,5 +31,5 @@ export function showTracked(tracked: Tracked | null): void {
   line.hidden = tracked === null;
   if (!tracked) return;
   write(line, trackedText(tracked));
-  line.classList.toggle("warning", tracked.far || !tracked.seen);
+  line.classList.toggle("doubtful", tracked.far || !tracked.seen);
 }

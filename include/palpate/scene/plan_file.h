@@ -10,7 +10,7 @@
 
 /// The plan file, TOML: what is to be done in a scene and rehearsed there: trajectories, what is to be taken
 /// off, and from what to keep away. Read as scenes and tasks are: unknown keys, wrong types and values out of
-/// range are errors with their line. docs/guide/rehearsal.md documents every key. Structures are named and
+/// range are errors with their line. docs/reference/plan-keys.md has every key. Structures are named and
 /// looked up later, where a scene is at hand (palpate/rehearsal/plan_in_scene.h).
 namespace palpate {
 
@@ -87,7 +87,7 @@ const std::vector<EmbeddedFile>& embedded_plans();
 /// The plan as a text that parse_plan reads as the same plan, every number to its last bit. Names are UTF-8.
 std::string plan_text(const PlanFile& plan);
 
-/// Every key of a plan file as Markdown tables: those of docs/guide/rehearsal.md.
+/// Every key of a plan file as Markdown tables: those of docs/reference/plan-keys.md.
 std::string plan_keys();
 
 }  // namespace palpate

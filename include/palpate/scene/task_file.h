@@ -15,9 +15,9 @@
 #include "palpate/scene/scene.h"
 
 /// The task file, TOML: what a trainee is to do in a scene, and what of it counts. Read as scenes and scripts
-/// are: unknown keys, wrong types and values out of range are errors with their line. docs/guide/tasks.md
-/// documents every key. Structures are named and looked up later, where a scene is at hand
-/// (palpate/tasks/task.h).
+/// are: unknown keys, wrong types and values out of range are errors with their line.
+/// docs/reference/task-keys.md has every key. Structures are named and looked up later, where a scene is at
+/// hand (palpate/tasks/task.h).
 namespace palpate {
 
 inline constexpr std::size_t kMaxTaskParts = 200;  ///< of steps, regions, metrics, ... each
@@ -172,7 +172,8 @@ const std::vector<EmbeddedFile>& embedded_tasks();
 /// is, for a plan is one patient's. Empty where the task names none.
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed);
 
-/// Every key of a task file, and every metric, as Markdown tables: those of docs/guide/tasks.md.
+/// Every key of a task file, and every metric, as Markdown tables: those of docs/reference/task-keys.md and
+/// docs/reference/metrics.md.
 std::string task_keys();
 std::string metric_table();
 

@@ -27,8 +27,8 @@ struct TrackedToolSettings {
 ///     to patient X_PatientTracker X_TrackerTool tip, in the same thread
 ///     tip        ___/‾‾‾‾‾‾‾‾\______         led on evenly by the servo's thread (LedPose)
 ///
-/// Its pose is stale, and no contact is answered, from LedPose::kHeld_s after the last one that was seen;
-/// the lost connection is a fault.
+/// Its pose is stale, and no contact is answered, from LedPose::kHeld_s after the last one that was seen,
+/// whether the markers are hidden or the connection is lost: trouble() says which.
 ///
 /// The tool's z axis goes from the tip to the origin of its markers: the shaft, of a straight stylus whose
 /// markers are on it. How it is turned about that is not calibrated.

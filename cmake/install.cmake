@@ -1,0 +1,32 @@
+# What `cmake --install` brings. Two components: `core` is what another simulator builds on (headers, libraries, the CMake
+# package palpate), `program` is palpate with its page compiled in, and its man pages.
+include(CMakePackageConfigHelpers)
+
+# palpate_install_core(ROOM...): the rooms as targets palpate::ROOM, all of them together as palpate::core
+function(palpate_install_core)
+  foreach(room ${ARGN})
+    set_target_properties(palpate_${room} PROPERTIES EXPORT_NAME ${room})
+    install(TARGETS palpate_${room} EXPORT palpate ARCHIVE DESTINATION lib COMPONENT core)
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/palpate/${room} DESTINATION include/palpate COMPONENT core)
+  endforeach()
+  set_target_properties(palpate_core PROPERTIES EXPORT_NAME core)
+  target_compile_features(palpate_core INTERFACE cxx_std_20)
+  install(TARGETS palpate_core EXPORT palpate)
+
+  set(package ${PROJECT_BINARY_DIR}/generated)
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/palpate-config.cmake.in ${package}/palpate-config.cmake
+    INSTALL_DESTINATION lib/cmake/palpate NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
+  write_basic_package_version_file(${package}/palpate-config-version.cmake COMPATIBILITY SameMinorVersion)
+  install(EXPORT palpate NAMESPACE palpate:: FILE palpate-targets.cmake DESTINATION lib/cmake/palpate COMPONENT core)
+  install(FILES ${package}/palpate-config.cmake ${package}/palpate-config-version.cmake DESTINATION lib/cmake/palpate
+    COMPONENT core)
+endfunction()
+
+# palpate_install_program(TARGET): the program, and a man page for each verb, made of what its --help says
+function(palpate_install_program target)
+  find_package(Python3 COMPONENTS Interpreter REQUIRED)
+  install(TARGETS ${target} RUNTIME DESTINATION bin COMPONENT program)
+  install(CODE "
+    execute_process(COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/make_man_pages $<TARGET_FILE:${target}>
+      \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/man/man1\" COMMAND_ERROR_IS_FATAL ANY)" COMPONENT program)
+endfunction()

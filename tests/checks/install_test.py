@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""What `cmake --install` brings of the program: it runs where it was put, reads DICOM there, and each verb has a man page.
+
+    install_test.py CMAKE BUILD
+"""
+
+import os
+import pathlib
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "docs"))
+import fixtures
+
+CMAKE, BUILD = sys.argv[1:3]
+
+
+class Install(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="palpate-install-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.root = pathlib.Path(folder.name)
+        subprocess.run([CMAKE, "--install", BUILD, "--component", "program", "--prefix", cls.root / "usr"], check=True,
+                       stdout=subprocess.DEVNULL)
+        cls.palpate = cls.root / "usr/bin/palpate"
+
+    def run_palpate(self, *arguments):
+        return subprocess.run([self.palpate, *arguments], stdout=subprocess.PIPE, text=True, check=True,
+                              env={**os.environ, "PALPATE_CACHE": ""}).stdout
+
+    def test_it_reads_dicom_by_the_library_beside_it(self):
+        sizes = [4, 4, 4]
+        fixtures.write_study(self.root / "study", (sizes, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], struct.pack("<64f", *range(64))))
+        self.assertIn("4 x 4 x 4", self.run_palpate("info", self.root / "study"))
+        (self.root / "usr/lib/palpate/libpalpate_dicom.so").rename(self.root / "elsewhere.so")
+        self.addCleanup((self.root / "elsewhere.so").rename, self.root / "usr/lib/palpate/libpalpate_dicom.so")
+        with self.assertRaises(subprocess.CalledProcessError):
+            self.run_palpate("info", self.root / "study")
+
+    def test_each_verb_has_a_man_page(self):
+        listed = self.run_palpate("--help").partition("\nSubcommands:\n")[2].partition("\n\n")[0]
+        verbs = re.findall(r"^  ([\w-]+)", listed, re.MULTILINE)
+        pages = {path.name: path.read_text(encoding="utf-8") for path in (self.root / "usr/share/man/man1").iterdir()}
+        self.assertEqual(sorted(pages), sorted(["palpate.1", *(f"palpate-{verb}.1" for verb in verbs)]))
+        for name, text in pages.items():
+            self.assertRegex(text, r'\A\.TH "PALPATE[A-Z\\-]*" 1 "" "palpate \d', name)
+            for head in ("NAME", "SYNOPSIS", "OPTIONS", "SEE ALSO"):
+                self.assertIn(f"\n.SH {head}\n", text, name)
+            # a line of the help that begins as a request does, and a plain hyphen, which is shown as another sign
+            self.assertNotRegex(text, r"(?m)^\.(?!TH|SH|B |nf|fi)", name)
+            self.assertNotRegex(text.replace("\\-", ""), r"(?m)^(?!\.TH).*[^\\]-", name)
+        self.assertIn("\\-\\-script", pages["palpate-simulate.1"])
+        self.assertIn("PALPATE SCENE CHECK", pages["palpate-scene.1"])
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,356 @@
+#!/usr/bin/env python3
+"""Runs the blocks of code of every page of the manual.
+
+    run_blocks.py PALPATE [PAGE...]
+    run_blocks.py PALPATE --update     writes docs/reference/command-line.md
+
+What a block is asked for, by its language:
+
+sh       its commands run in the page's own folder, in the order of the page. Files that examples take for granted are there
+         (fixtures.py). `palpate` is the program, as the page has it but for what makes it quick: phantoms are coarse, and a session
+         lasts for a moment. Exit code 3, a figure out of its band, is a result and no failure, as is what doctor finds missing.
+         The core of the program's build folder is installed in ~/palpate.
+console  the same of what stands behind `$ `, and what is printed is compared, figures aside; `...` stands for anything
+python   runs there
+json     is JSON
+sql      is asked of records.db, which commands of the page have made
+toml     is read by the program's own parsers, which is scene_test's (Docs.*)
+text     is a picture, a formula, or, after <!-- output -->, what the commands before it print
+
+Every other block says why it is not run (manual.py). Every option that is named exists; defaults in tables of options and versions are
+those of the program, and so is the page with all helps. Prints each fault with its page and line, and at the end how many blocks
+were run and why others were not; exit code 1 when there is any fault.
+"""
+
+import collections
+import concurrent.futures
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+
+sys.dont_write_bytecode = True
+import fixtures
+import manual
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall"
+COARSE = "spacing=2"
+# a temple of 2 mm has to be thicker than a voxel's diagonal
+FINER = "spacing=1.15"
+# a busy machine compiles for some time
+MOST_S = 240
+# options of other programs that the manual names by themselves
+OTHERS = {"--gtest_filter"}
+VERSION = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
+COMMAND_LINE = "docs/reference/command-line.md"
+COMMAND_LINE_HEAD = """# Command line
+
+What each verb of `palpate` takes, as `palpate help VERB` says it. What a verb is for, with examples, stands in the
+[guide](../README.md#guide). The program prints this page; a test compares it.
+"""
+# palpate as a page has it, made quick
+WRAPPER = f"""#!/bin/bash
+all=" $* "
+arguments=()
+for argument in "$@"; do
+  if [[ $argument =~ ^({PHANTOMS})(:.*)?$ && $argument != *spacing=* && $all != *" --voxel "* && $all != " data fetch "* ]]; then
+    coarse={COARSE}
+    [[ $argument != skull-* ]] || coarse={FINER}
+    argument=$argument$([[ $argument == *:* ]] && echo , || echo :)$coarse
+  fi
+  [[ $all != " data fetch "* ]] || argument=$(sed "s/spacing=[^,]*/{COARSE}/" <<<"$argument")
+  arguments+=("$argument")
+done
+case $all in
+  " explore "*)
+    [[ $all == *" --seconds "* ]] || arguments+=(--seconds 0.2)
+    [[ $all == *" --port "* || $all == *" --no-viewer "* ]] || arguments+=(--port 0) ;;
+  " simulate "*" --script "* | " simulate "*" -s "*) ;;
+  " simulate "*)
+    # the scenes of these files yield, which takes time
+    [[ ! $2 =~ ^(scene.toml|study|STUDY|labels.nii.gz)$ ]] || arguments+=(--script "$PALPATE_SHORT") ;;
+  " data fetch "*" --voxel "* | " data fetch "*:*) ;;
+  " data fetch "*-phantom*) arguments+=(--voxel 2) ;;
+esac
+code=0
+if [[ $all == *" --view "* ]]; then
+  timeout --signal=INT 1 "$PALPATE_PROGRAM" "${{arguments[@]}}" --port 0 || code=$?
+  # ended from outside, as by Ctrl-C
+  ((code != 124 && code != 130)) || code=0
+else
+  "$PALPATE_PROGRAM" "${{arguments[@]}}" || code=$?
+fi
+# what doctor finds missing is its result
+[[ $all != " doctor "* || $code != 1 ]] || code=0
+exit $((code == 3 ? 0 : code))
+"""
+
+
+def last_lines(text, count=8):
+    return "".join("\n    " + line for line in text.strip().splitlines()[-count:])
+
+
+class Program:
+    """palpate in a surrounding of its own, and what its helps say."""
+
+    def __init__(self, path, folder):
+        self.path, self.folder = path, folder
+        commands = folder / "commands"
+        commands.mkdir()
+        (commands / "palpate").write_text(WRAPPER, encoding="utf-8")
+        (commands / "palpate").chmod(0o755)
+        (commands / "python3").symlink_to(sys.executable)
+        self.environment = {"PATH": f"{commands}:{os.environ['PATH']}", "HOME": str(folder / "home"), "LANG": "C.UTF-8",
+                            "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": str(folder / "cache"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
+                            "PALPATE_SHORT": str(folder / "files" / "press.toml"), "PYTHONDONTWRITEBYTECODE": "1",
+                            **{name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}}
+        self.helps = {}
+        self._read_helps(())
+
+    def _read_helps(self, verb):
+        text = subprocess.run([self.path, *verb, "--help"], capture_output=True, text=True, check=True).stdout
+        self.helps[verb] = text
+        for name in re.findall(r"^  ([\w-]+)", (text.partition("\nSubcommands:\n")[2]).partition("\n\n")[0], re.MULTILINE):
+            self._read_helps((*verb, name))
+
+    def options(self, verb):
+        return set(re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", re.sub(r"\nExamples:.*", "", self.helps[verb], flags=re.DOTALL)))
+
+    def defaults(self, option):
+        """What the helps tell as its default, in whichever verb: after '=' behind its type, or in words."""
+        entry = rf"^ +(?:-\w,)?{option} (.*(?:\n {{20,}}.*)*)"
+        entries = [match for text in self.helps.values() for match in re.findall(entry, text, re.MULTILINE)]
+        return {value.rstrip(".,;") for entry in entries for value in
+                re.findall(r"^[^\n]*?=(\S+?)(?=\s\s|$|\n)", entry) + re.findall(r"default:? (\S+)", entry)}
+
+    def run(self, script, folder):
+        """Of a shell script in a folder: exit code and what it printed. It and what it began are ended after some minutes."""
+        with subprocess.Popen(["bash", "-e", "-o", "pipefail", "-c", script], cwd=folder, env=self.environment, text=True,
+                              errors="replace", stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              start_new_session=True) as process:
+            try:
+                printed, _ = process.communicate(timeout=MOST_S)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                printed = process.communicate()[0] + f"\nis not done after {MOST_S} s\n"
+        return process.returncode, printed
+
+    def install_core(self):
+        """What pages link, in ~/palpate: the core of the build folder that the program stands in."""
+        subprocess.run(["cmake", "--install", self.path.parents[2], "--component", "core", "--prefix", self.folder / "home/palpate"],
+                       stdout=subprocess.PIPE, check=True)
+        if shutil.which("ccache"):
+            self.environment |= {"CMAKE_CXX_COMPILER_LAUNCHER": "ccache", "CCACHE_BASEDIR": str(self.folder), "CCACHE_NOHASHDIR": "1",
+                                 "CCACHE_DIR": subprocess.run(["ccache", "-k", "cache_dir"], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()}
+
+    def must(self, folder, *arguments):
+        code, printed = self.run("palpate " + " ".join(map(str, arguments)), folder)
+        if code != 0:
+            sys.exit(f"run_blocks.py: palpate {' '.join(arguments)} failed:{last_lines(printed)}")
+
+
+def masked(line):
+    """A line of output without its figures, and without what made it quick."""
+    line = re.sub(rf"[:,_](?:{COARSE}|{FINER})\b", "", line)
+    line = re.sub(r"\b[0-9a-f]{16}\b", "#", line)
+    return " ".join(re.sub(r"-?\d+(?:[.,]\d+)*(?:e[+-]?\d+)?", "#", line).split())
+
+
+def differs(expected, printed):
+    """Where printed lines are not as expected: a text, or nothing. A line of '...' stands for any number of lines."""
+    pattern = ""
+    for line in expected:
+        if line.strip() == "...":
+            pattern += r"(?:.*\n)*"
+        else:
+            pattern += ".*".join(re.escape(masked(part)) for part in line.split("...")).replace(r"\ .*", ".*").replace(r".*\ ", ".*") + r"\n"
+    text = "".join(masked(line) + "\n" for line in printed if line.strip())
+    return "" if re.fullmatch(pattern, text) else "prints something else:" + last_lines("\n".join(printed), 12)
+
+
+def split_console(text):
+    """(command, lines that it prints) of a block with prompts."""
+    found = []
+    for line in re.sub(r"\\\n\s*", " ", text).splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], []))
+        elif found and line.strip():
+            found[-1][1].append(line)
+    return found
+
+
+def exit_fault(code, printed):
+    return [f"ends with exit code {code}:{last_lines(printed)}"] if code != 0 else []
+
+
+def run_console(block, program, folder):
+    """Faults of the commands behind prompts, and what the last of them printed."""
+    faults, printed = [], ""
+    for command, expected in split_console(block.text):
+        code, printed = program.run(command, folder)
+        # an error that is shown is what is wanted
+        wrong = [differs(expected, printed.splitlines())] if expected else exit_fault(code, printed)
+        faults += [f"{command}: {what}" for what in wrong if what]
+    return faults, printed
+
+
+def run_block(block, program, folder, printed):
+    """Its faults, and what it printed; `printed` is what the block before did."""
+    if block.output:
+        what = differs(block.text.splitlines(), printed.splitlines())
+        return [what] if what else [], printed
+    if block.language == "sh":
+        code, printed = program.run(block.text, folder)
+        return exit_fault(code, printed), printed
+    if block.language == "console":
+        return run_console(block, program, folder)
+    if block.language == "python":
+        (folder / "block.py").write_text(block.text, encoding="utf-8")
+        code, printed = program.run("python3 block.py", folder)
+        return exit_fault(code, printed), printed
+    if block.language == "json":
+        try:
+            json.loads(block.text)
+        except ValueError as error:
+            return [f"is no JSON: {error}"], ""
+    elif block.language == "sql":
+        try:
+            found = sqlite3.connect(f"file:{folder / 'records.db'}?mode=ro", uri=True).execute(block.text).fetchall()
+        except sqlite3.Error as error:
+            return [f"is not taken by SQLite: {error}"], ""
+        return [] if found else ["finds nothing in records.db"], ""
+    elif block.language not in ("toml", "text") and not block.file:
+        return [f"'{block.language}' is not run here: say why by <!-- not run: REASON -->"], ""
+    return [], ""
+
+
+def run_page(page, program, files):
+    """Faults of its blocks, and how many were run or, by their reason, not."""
+    faults, counts, printed = [], collections.Counter(), ""
+    folder = pathlib.Path(tempfile.mkdtemp(dir=program.folder))
+    shutil.copytree(files, folder, dirs_exist_ok=True)
+    shutil.copytree(ROOT / "docs/images", folder / "docs/images", ignore=shutil.ignore_patterns("*.png", "*.svg"))
+    # where the program stands for who has built it
+    (folder / "build/release/apps/palpate").mkdir(parents=True)
+    (folder / "build/release/apps/palpate/palpate").symlink_to(program.folder / "commands/palpate")
+    for block in manual.blocks(ROOT, page):
+        if block.file:
+            (folder / block.file).write_text(block.text, encoding="utf-8")
+        if block.not_run:
+            counts[block.not_run] += 1
+            continue
+        counts["run"] += 1
+        wrong = []
+        if block.before:
+            wrong += [f"what is run before it {what}" for what in exit_fault(*program.run(block.before, folder))]
+        of_block, printed = run_block(block, program, folder, printed)
+        faults += [f"{block.where()}: {what}" for what in wrong + of_block]
+    return faults, counts
+
+
+def verb_of(words, program):
+    """The verb that a command line of palpate begins, and the rest of it."""
+    verb = ()
+    rest = list(words)
+    while rest and (*verb, rest[0]) in program.helps:
+        verb = (*verb, rest.pop(0))
+    return verb, rest
+
+
+def wrong_names(page, program):
+    """Faults of the options and versions that a page names: of a command in its verb, by themselves in some verb."""
+    faults = []
+    everything = set().union(*(program.options(verb) for verb in program.helps))
+    for block in manual.blocks(ROOT, page):
+        if block.language not in ("sh", "console"):
+            continue
+        for command in manual.commands(block):
+            for call in re.findall(r"(?:^|[|&;(]\s*)(?:\$P|palpate)\s+([^|&;)]*)", command.split(" #")[0]):
+                verb, rest = verb_of([word for word in call.split() if word not in ("--no-cache", "-q", "--follow-links")], program)
+                if not verb and rest and not rest[0].startswith("-") and rest[0] not in ("help", "..."):
+                    faults.append(f"{block.where()}: palpate has no verb {rest[0]}")
+                    continue
+                for option in re.findall(r"(?:^|\s)(--[a-z][\w-]*)", " " + " ".join(rest)):
+                    if option not in program.options(verb) | program.options(()):
+                        faults.append(f"{block.where()}: palpate {' '.join(verb)} has no option {option}")
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for number, line in enumerate(text.splitlines(), 1):
+        for option in re.findall(r"`(--[a-z][\w-]*)[^`]*`", line):
+            if option not in everything and option not in OTHERS:
+                faults.append(f"{page}:{number}: palpate has no option {option}")
+        for version in re.findall(r"palpate[\"`]?:? [\"`]?(\d+\.\d+\.\d+)", line):
+            if version != VERSION:
+                faults.append(f"{page}:{number}: version {version}, this is {VERSION}")
+    return faults + wrong_defaults(page, text, program)
+
+
+def wrong_defaults(page, text, program):
+    """Where a table of options tells one number or word as a default, and no verb has it for that option."""
+    faults, column = [], None
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
+        if not cells:
+            column = None
+        elif cells[0] == "option":
+            column = cells.index("default") if "default" in cells else None
+        elif column is not None and column < len(cells):
+            option = re.match(r"`(--[\w-]+)", cells[0])
+            told = re.match(r"`?([\w.-]+)`?(?::|$)", cells[column])
+            known = program.defaults(option[1]) if option else set()
+            if told and known and told[1] not in known:
+                faults.append(f"{page}:{number}: the default of {option[1]} is {' or '.join(sorted(known))}")
+    return faults
+
+
+def command_line(program):
+    """The page with the help of every verb."""
+    text = COMMAND_LINE_HEAD
+    for verb, shown in program.helps.items():
+        head = "###" if len(verb) > 1 else "##"
+        text += f"\n{head} {' '.join(('palpate', *verb))}\n\n```text\n{shown.rstrip()}\n```\n"
+    return text
+
+
+def try_page(page, program, files):
+    faults, counts = run_page(page, program, files)
+    return faults + wrong_names(page, program), counts
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    faults, counts = [], collections.Counter()
+    update = sys.argv[2:] == ["--update"]
+    asked = sys.argv[2:] or manual.pages(ROOT)
+    with tempfile.TemporaryDirectory(prefix="palpate-docs-") as folder:
+        program = Program(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(folder))
+        if update:
+            (ROOT / COMMAND_LINE).write_text(command_line(program), encoding="utf-8")
+            return 0
+        if command_line(program) != (ROOT / COMMAND_LINE).read_text(encoding="utf-8"):
+            faults.append(f"{COMMAND_LINE}: is not what the program says; write it anew: tests/docs/run_blocks.py PALPATE --update")
+        program.install_core()
+        files = pathlib.Path(folder) / "files"
+        files.mkdir()
+        fixtures.make(files, lambda *arguments: program.must(files, *arguments))
+        # a session waits for the clock: two pages at a time
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:
+            for page, (lines, taken) in zip(asked, pool.map(lambda page: try_page(page, program, files), asked)):
+                faults += lines
+                counts += taken
+    print("".join(fault + "\n" for fault in faults), end="")
+    print(f"{counts.pop('run')} blocks run; not run: {sum(counts.values())}")
+    for reason, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
+        print(f"  {count}  {reason}")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
