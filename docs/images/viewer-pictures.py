@@ -1,10 +1,6 @@
 """Takes docs/guide/viewer.md's, viewer-looking.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
 
 usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
-
-The manual's are of knee-phantom: explore with --repeat, and simulate's recording. viewer-no-go.png has [distances] structures = "all" and
-the patella in a [[no_go]] that keeps 4 mm away. viewer-training.png is of --task trace-an-edge -s trace.toml --repeat --max-force 6, with
-trace.toml as tests/e2e/trainees.py makes it of an expert.
 """
 
 import os
