@@ -416,10 +416,9 @@ SceneKeys declared_keys() {
              .choices = names_of(kTissueLaws),
              .meaning =
                  "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: likewise, and stiffen "
-                 "where they are squeezed far; beside the servo it takes three times the work. Both by the "
-                 "proxy alone. `chainmail`: they are felt as by layers, and seen to move as in the chain "
-                 "mail of "
-                 "Gibson 1997."},
+                 "where they are squeezed far; beside the servo a frame takes twice the processor time. Both "
+                 "by the proxy alone. `chainmail`: they are felt as by layers, and seen to move as in the "
+                 "chain mail of Gibson 1997."},
             {.name = "cell",
              .type = kNumber,
              .unit = "mm",
