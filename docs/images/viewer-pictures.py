@@ -1,6 +1,8 @@
 """Takes docs/guide/viewer.md's, viewer-looking.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
+usage: viewer-pictures.py URL FOLDER [LANGUAGE]    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
+
+LANGUAGE is one of the page's, as 'de'; en where none is named.
 """
 
 import os
@@ -54,7 +56,9 @@ def plan(page, folder):
     page.screenshot(os.path.join(folder, "viewer-plan.png"))
 
 
-def main(url, folder):
+def main(url, folder, language="en"):
+    # what a browser asks for, which the page follows
+    browser.ARGUMENTS.append(f"--accept-lang={language}")
     with browser.Browser() as page:
         page.post("/url", {"url": url})
         page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
@@ -81,7 +85,7 @@ def main(url, folder):
             if layout != "inside":
                 # a busy machine takes a while
                 page.wait("palpateViewer.isVolumeSharp", 300)
-            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8" + (" && /ahead: .*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""), 60)
+            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8" + (" && /·.*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""), 60)
             if layout == "inside":
                 # what goes along with a hand is coarse where the processor draws it, until the hand rests
                 page.run(play)
@@ -92,6 +96,6 @@ def main(url, folder):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
+    if len(sys.argv) not in (3, 4):
         sys.exit(__doc__)
     main(*sys.argv[1:])
