@@ -3756,6 +3756,9 @@ distance = 6
         page.wait("palpateViewer.draw(), document.querySelector('#picture-oblique canvas').width > 500 && palpateViewer.areSectionsSharp")
         page.press("e")
         page.wait("palpateViewer.plan.isShared && document.querySelector('[data-tool=plan]').ariaChecked === 'true'")
+        # and the section has come to rest, in its place and in what it shows
+        page.wait("palpateViewer.draw(), (() => { const before = window.seenBefore; window.seenBefore = JSON.stringify([palpateViewer.pixelOf('oblique', [0, 0, 0]), "
+                  "document.querySelector('#picture-oblique .stack').getBoundingClientRect()]); return window.seenBefore === before; })()")
         # two presses in the section
         left, top, width, height = self.box("#picture-oblique .stack")
         points = [(round(left + a * width), round(top + b * height)) for a, b in ((0.3, 0.3), (0.45, 0.6))]
