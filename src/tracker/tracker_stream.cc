@@ -113,7 +113,7 @@ class TrackerStream::Core {
     for (bool was_connected = false; !has_what_is_awaited();) {
       if (progress.stopped()) return Progress::interrupted();
       if (monotonic_ns() > until_ns)
-        if (auto missing = trouble()) return *std::move(missing);
+        if (auto missing = missing_pose("")) return *std::move(missing);
       // from there on the tool is waited for
       if (is_connected() && !std::exchange(was_connected, true)) until_ns = monotonic_ns() + patience_ns;
       std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
@@ -121,15 +121,32 @@ class TrackerStream::Core {
     return {};
   }
 
-  std::optional<Error> trouble() const {
+  std::optional<Error> trouble() const { return missing_pose("; it is tried again, and goes on by itself"); }
+
+  std::vector<std::string> heard() const {
+    const std::lock_guard lock(mutex_);
+    std::vector<std::string> names;
+    for (const std::string& name : heard_) names.push_back(printable_name(name));
+    return names;
+  }
+
+ private:
+  struct Seen {
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    Eigen::Vector3d shift_mm = Eigen::Vector3d::Zero();
+    std::uint64_t stamp = 0;
+    std::int64_t at_ns = -kSecond_ns;
+  };
+
+  /// @param goes_on  what is said of a connection that is tried again
+  std::optional<Error> missing_pose(const char* goes_on) const {
     const std::lock_guard lock(mutex_);
     const auto unavailable = [this](std::string what, std::string cure) {
       return Error{ErrorKind::kUnavailable, std::move(what), "tracker " + settings_.address.text(),
                    std::move(cure)};
     };
     const std::int64_t now_ns = monotonic_ns();
-    if (!is_connected_)
-      return unavailable(why_not_, why_not_cure_ + "; it is tried again, and goes on by itself");
+    if (!is_connected_) return unavailable(why_not_, why_not_cure_ + goes_on);
     if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
     if (heard_.empty())
       return unavailable("sends no transforms",
@@ -154,21 +171,6 @@ class TrackerStream::Core {
                            printable_name(settings_.reference) + " of different moments",
                        "let its server send both of one frame (of PLUS: from one data collection device)");
   }
-
-  std::vector<std::string> heard() const {
-    const std::lock_guard lock(mutex_);
-    std::vector<std::string> names;
-    for (const std::string& name : heard_) names.push_back(printable_name(name));
-    return names;
-  }
-
- private:
-  struct Seen {
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-    Eigen::Vector3d shift_mm = Eigen::Vector3d::Zero();
-    std::uint64_t stamp = 0;
-    std::int64_t at_ns = -kSecond_ns;
-  };
 
   bool is_connected() const {
     const std::lock_guard lock(mutex_);
