@@ -34,7 +34,7 @@ function(palpate_room name)
   if(ROOM_SOURCES)
     add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD})
     # a function that no fuzzer calls, and what it would call, are left out when one is linked
-    if(name IN_LIST PALPATE_TYPES_ALONE)
+    if(name IN_LIST PALPATE_TYPES_ALONE OR (PALPATE_BUILD_FUZZERS AND ROOM_FUZZED))
       target_compile_options(${library} PRIVATE -ffunction-sections)
     endif()
     set(scope PUBLIC)

@@ -8,9 +8,9 @@ namespace palpate::internal::volume_picture {
 namespace {
 
 /// Intermediate pixels are as large as the picture's, but in these bounds, in the grid's shortest spacing:
-/// finer ones show nothing more, coarser ones would leave out voxels; below 1, samples are looked up by
-/// vectors.
-constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995;
+/// finer ones show nothing more, coarser ones would leave out voxels. Along a line, samples that are less
+/// than 1 apart are looked up by vectors, which is worth more than fewer of them; lines may be farther apart.
+constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995, kNearestLine = 0.95, kFarthestLine = 1.25;
 /// Planes nearer to the eye than this part of the way to the intermediate picture are not sampled.
 constexpr double kNearest = 1e-3;
 /// Empty pixels around the intermediate picture.
@@ -153,9 +153,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   ys.intersect(all_y);
   if (!(xs.low <= xs.high) || !(ys.low <= ys.high)) return {};
 
-  const double mm = std::clamp(pixel_mm, kFinestPixel * h, kCoarsestPixel * h);
-  f.x_ref_per_u = mm / grid.spacing_mm[x];
-  f.y_ref_per_v = mm / grid.spacing_mm[y];
+  f.x_ref_per_u = std::clamp(pixel_mm, kFinestPixel * h, kCoarsestPixel * h) / grid.spacing_mm[x];
+  f.y_ref_per_v = std::clamp(pixel_mm, kNearestLine * h, kFarthestLine * h) / grid.spacing_mm[y];
   f.x_ref_0 = xs.low - kRim * f.x_ref_per_u;
   f.y_ref_0 = ys.low - kRim * f.y_ref_per_v;
   f.width = static_cast<int>(std::ceil((xs.high - xs.low) / f.x_ref_per_u)) + 2 * kRim + 1;

@@ -150,14 +150,12 @@ Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clippe
 MixingRoom mixing_room(std::vector<float>& floats, LitBlocks& lit, int row_voxels) {
   const std::size_t room = static_cast<std::size_t>(row_voxels) +
                            2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
-  floats.resize(4 * (internal::volume_picture::kMostRows + kMostLines) * room);
+  floats.resize(4 * internal::volume_picture::kMostRows * room);
   MixingRoom rows{};
   rows.lit = &lit;
   float* next = floats.data();
   for (auto& pair : rows.pair)
     for (float*& channel : pair) channel = next, next += room;
-  for (auto& line : rows.line)
-    for (float*& channel : line) channel = next, next += room;
   return rows;
 }
 

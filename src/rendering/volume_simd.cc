@@ -6,8 +6,9 @@
 //     blocks   which are there of the rows of voxels around the lines, by bits: runs of them
 //     pixels   of a run, in chunks, those that still see something
 //     rows     of each of the lines' rows the two before and behind the plane become one, in float
-//     line     the two of these that it lies between become one: weights are the same all along it
-//     samples  between two voxels of that, and what each adds
+//     samples  between the two of these that the line lies between, by weights that are the same all along
+//     it,
+//              and two voxels of that; and what each adds
 //
 // These are functions of their own, not inlined: in one body there are too few registers for any of them, and
 // it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
@@ -218,19 +219,12 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
   }
 }
 
-/// Voxels begin ... end - 1 of two mixed rows as one, or of one by its weight alone where the other is null.
-HWY_NOINLINE void mix_lines(const float* const* near, float near_weight, const float* const* far,
-                            float far_weight, int begin, int end, float* const* to) {
-  const DF d;
-  const auto a = hn::Set(d, near_weight), b = hn::Set(d, far_weight);
-  for (int c = 0; c < 4; ++c)
-    for (int n = begin; n < end; n += lanes()) {
-      VF sum = hn::Zero(d);
-      if (near != nullptr) sum = hn::Mul(hn::LoadU(d, near[c] + n), a);
-      if (far != nullptr) sum = hn::Add(sum, hn::Mul(hn::LoadU(d, far[c] + n), b));
-      hn::StoreU(sum, d, to[c] + n);
-    }
-}
+/// A line between two mixed rows, which weigh so much: the same all along it.
+struct MixedLine {
+  const float* const* near;
+  const float* const* far;
+  float near_weight, far_weight;
+};
 
 /// So far from sample to sample, in voxels, that the cells of a vector's samples begin within a vector of
 /// voxels.
@@ -240,11 +234,12 @@ constexpr float kClose = 0.999f;
 /// row
 /// @returns whether nothing more is seen by any
 template <bool kIsClose>
-HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, int at, float place, float step,
+HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int at, float place, float step,
                                float plane) {
   const DF d;
   const DI di;
-  const auto scale = hn::Set(d, 1 / kDepthSteps);
+  const auto scale = hn::Set(d, 1 / kDepthSteps), near_weight = hn::Set(d, mixed.near_weight),
+             far_weight = hn::Set(d, mixed.far_weight);
   auto any = hn::FirstN(d, 0);
   for (int n = 0; n < kChunk; n += lanes()) {
     const VF x = hn::Add(hn::Set(d, place), hn::Mul(hn::Iota(d, static_cast<float>(n)), hn::Set(d, step)));
@@ -253,21 +248,27 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, in
     const int first = static_cast<int>(hn::GetLane(low));
     const auto table =
         hn::IndicesFromVec(d, hn::Min(hn::Sub(low, hn::Set(di, first)), hn::Set(di, lanes() - 1)));
-    const auto between = [&](const float* values) HWY_ATTR {
+    const auto mix = [&](VF near, VF far)
+                         HWY_ATTR { return hn::Add(hn::Mul(near, near_weight), hn::Mul(far, far_weight)); };
+    // nothing of a channel is read before it is known to be seen
+    const auto between = [&](int channel) HWY_ATTR {
+      const float *near = mixed.near[channel], *far = mixed.far[channel];
       VF a, b;
       if constexpr (kIsClose) {
-        a = hn::TableLookupLanes(hn::LoadU(d, values + first), table);
-        b = hn::TableLookupLanes(hn::LoadU(d, values + first + 1), table);
+        near += first;
+        far += first;
+        a = hn::TableLookupLanes(mix(hn::LoadU(d, near), hn::LoadU(d, far)), table);
+        b = hn::TableLookupLanes(mix(hn::LoadU(d, near + 1), hn::LoadU(d, far + 1)), table);
       } else {
-        a = hn::GatherIndex(d, values, low);
-        b = hn::GatherIndex(d, values + 1, low);
+        a = mix(hn::GatherIndex(d, near, low), hn::GatherIndex(d, far, low));
+        b = mix(hn::GatherIndex(d, near + 1, low), hn::GatherIndex(d, far + 1, low));
       }
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
     const VF before = hn::LoadU(d, line.clear + at + n);
     // around the others nothing may have been mixed
     const auto sees = hn::Ge(before, hn::Set(d, kDone));
-    const VF extinction = hn::IfThenElseZero(sees, hn::Mul(between(row[3]), scale));
+    const VF extinction = hn::IfThenElseZero(sees, hn::Mul(between(3), scale));
     const auto is_there = hn::Gt(extinction, hn::Zero(d));
     if (hn::AllFalse(d, is_there)) {
       any = hn::Or(any, sees);
@@ -286,7 +287,7 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const float* const* row, in
     hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
     const VF share = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
     for (int c = 0; c < 3; ++c) {
-      const VF light = hn::Mul(between(row[c]), scale);
+      const VF light = hn::Mul(between(c), scale);
       float* sum = line.channel[c] + at + n;
       hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Mul(share, light)), d, sum);
     }
@@ -393,36 +394,25 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   for (int n = 0; n < lines.row_count; ++n)
     if (mixed[n] != nullptr)
       mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *room.lit, room.pair[n]);
-  // All lines are mixed before the first one is sampled: what has just been stored in whole vectors is waited
-  // for where it is read across two of them.
-  const float* const* rows_of[kMostLines];
-  for (int n = 0; n < lines.line_count; ++n) {
-    rows_of[n] = nullptr;
-    if (of_line[n].end == of_line[n].first) continue;
-    const float* const* near = mixed[lines.before[n]];
-    const float part = lines.part[n];
-    const float* const* far = part > 0 ? mixed[lines.before[n] + 1] : nullptr;
-    if (near == nullptr && far == nullptr) continue;
-    rows_of[n] = near;
-    if (part > 0) {
-      mix_lines(near, 1 - part, far, part, (of_line[n].first - origin) * kBlock,
-                (of_line[n].end - origin) * kBlock, room.line[n]);
-      rows_of[n] = room.line[n];
-    }
-  }
   const auto step = static_cast<float>(plane.x_per_u);
   const bool close = step <= kClose;
   for (int n = 0; n < lines.line_count; ++n) {
-    const float* const* row = rows_of[n];
-    if (row == nullptr) continue;
+    if (of_line[n].end == of_line[n].first) continue;
+    const float part = lines.part[n];
+    MixedLine between{mixed[lines.before[n]], part > 0 ? mixed[lines.before[n] + 1] : nullptr, 1 - part,
+                      part};
+    if (between.near == nullptr && between.far == nullptr) continue;
+    // a row of which nothing is there was not mixed
+    if (between.near == nullptr) between.near = between.far, between.near_weight = 0;
+    if (between.far == nullptr) between.far = between.near, between.far_weight = 0;
     const Gathered& line = *lines.line[n];
     const auto open = [&](int w) { return line.open[w]; };
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
       const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
-      const bool is_done = close ? take_samples<true>(line, row, u, place, step, number)
-                                 : take_samples<false>(line, row, u, place, step, number);
+      const bool is_done = close ? take_samples<true>(line, between, u, place, step, number)
+                                 : take_samples<false>(line, between, u, place, step, number);
       if (is_done) line.open[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
     }
   }

@@ -101,7 +101,6 @@ inline constexpr int kRowPadding = 32 * kBlock;
 struct MixingRoom {
   LitBlocks* lit;
   float* pair[kMostRows][4];
-  float* line[kMostLines][4];
 };
 
 /// Gathers lines v ... v + count - 1 from all planes, front to back, on each plane one line after another:
