@@ -24,7 +24,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // "" or the first tick of `read` that is not the one of `written`
 std::string not_a_beginning(const std::vector<TickRecord>& read, const std::vector<TickRecord>& written) {

@@ -23,11 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using internal::Handle;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr std::size_t kTicks = 20;
 
-class Hostile : public testing::Test {
+class Hostile : public ::testing::Test {
  protected:
   // a small whole recording
   void SetUp() override {
@@ -442,7 +442,7 @@ TEST_F(Hostile, TruncatedFilesAreOneClearError) {
     const auto read = read_recording(file_);
     ASSERT_FALSE(read);
     EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
-    EXPECT_THAT(read.error().what, testing::AnyOf(HasSubstr("damaged"), HasSubstr("no HDF5 file")));
+    EXPECT_THAT(read.error().what, ::testing::AnyOf(HasSubstr("damaged"), HasSubstr("no HDF5 file")));
   }
   EXPECT_GE(steps, 60u);
 }

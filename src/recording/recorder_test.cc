@@ -22,7 +22,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr double kRecorderRate = 1000;
 const std::vector<std::string> kTrouble{"line 3: asked for 2.00 N, felt 1.40 N"};

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <thread>
 
+#include "base/test_child.h"
 #include "base/test_seed.h"
 #include "recording/columns.h"
 #include "recording/stream.h"
@@ -15,7 +16,7 @@
 namespace palpate {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // writes in pieces of changing size, as a recorder thread gets them
 void write_recording(const std::filesystem::path& file, const RecordingHeader& header,
@@ -309,11 +310,11 @@ TEST(Recording, DescribesEveryBit) {
             "who asked for it: 0 the session itself, 1 script, 2 key, 3 viewer with control, 4 viewer that "
             "may look, 5 viewer with control, agreed to by a key");
   EXPECT_THAT(description(internal::event_columns(), "changed"),
-              testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
-                                "force, 64 rotation, 128 tip taken or left"));
+              ::testing::EndsWith(": 1 method, 2 friction, 4 viscosity, 8 passivity, 16 paused, 32 limit of "
+                                  "force, 64 rotation, 128 tip taken or left"));
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
-  EXPECT_THAT(flags, testing::EndsWith(", 2097152 turn held, 4194304 no-go region"));
+  EXPECT_THAT(flags, ::testing::EndsWith(", 2097152 turn held, 4194304 no-go region"));
   EXPECT_EQ(std::ranges::count(flags, ','), 22 + 1);  // and one in the sentence before
 }
 
@@ -513,20 +514,22 @@ TEST(Recording, CanBeReadWhileItIsWritten) {
 }
 
 TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
+  // by another process, as a session's recording is read
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(20'000, 1, 1000);
-  auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1, 1000));
-  ASSERT_TRUE(writer);
-  ASSERT_TRUE((*writer)->append(std::span(ticks).first(2000)));
+  const testing::Shared<std::atomic<bool>> is_begun;
+  testing::Child recorder([&] {
+    auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1, 1000));
+    PALPATE_CHECK(writer && (*writer)->append(std::span(ticks).first(2000)));
+    *is_begun = true;
+    for (std::size_t i = 2000; i < ticks.size(); i += 100)
+      PALPATE_CHECK((*writer)->append(std::span(ticks).subspan(i, 100)));
+  });
+  for (int ms = 0; !*is_begun && ms < 60'000; ++ms) ::usleep(1000);
   const auto source = RecordingSource::open(folder / "run.h5");
   ASSERT_TRUE(source) << source.error().message();
   const auto known = source->head().ticks;
   ASSERT_GE(known, 1000u);
-  std::atomic<bool> stop = false;
-  std::thread recorder([&] {
-    for (std::size_t i = 2000; i < ticks.size() && !stop; i += 100)
-      EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 100)));
-  });
   for (std::uint64_t first = 0; first + 100 <= known; first += 250) {
     const auto read = source->read_at(first, 100);
     EXPECT_TRUE(read) << read.error().message();
@@ -534,8 +537,7 @@ TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
       expect_same(*read, {ticks.begin() + static_cast<std::ptrdiff_t>(first),
                           ticks.begin() + static_cast<std::ptrdiff_t>(first + 100)});
   }
-  stop = true;
-  recorder.join();
+  EXPECT_TRUE(recorder.finished());
 }
 
 TEST(Recording, IsFlushedAfterASecondOnASlowClock) {
@@ -557,8 +559,11 @@ TEST(Recording, IsFlushedAfterASecondOnASlowClock) {
   expect_same((*read).ticks, ticks);
 }
 
+// Not under AddressSanitizer: the reader forks, and a lock of the sanitizer's own allocator that another
+// thread holds then stays locked in the copy. glibc's malloc sees to that.
+#ifndef __SANITIZE_ADDRESS__
 TEST(Recording, ReadsFromThreadsWhileOthersWrite) {
-  // the reader forks: no thread may be inside HDF5 then
+  // no thread may be inside HDF5 when the reader forks
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(400, 1, 100);
   write_recording(folder / "done.h5", test::example_header(1, 100), ticks);
@@ -573,6 +578,7 @@ TEST(Recording, ReadsFromThreadsWhileOthersWrite) {
   stop = true;
   recorder.join();
 }
+#endif
 
 TEST(Recording, ReportsProgressAndStops) {
   const test::TemporaryFolder folder;
