@@ -11,7 +11,7 @@
 #include "palpate/haptics/relaxation.h"
 
 /// Soft tissue under the tool: how much of its depth gives way, and which force that leaves. What is solved
-/// 64 times a second beside the servo (palpate/tissue/yielding.h) is told as a few numbers, from which
+/// 64 times a second beside the servo (palpate/tissue/yield_solver.h) is told as a few numbers, from which
 /// every tick makes its own force (docs/concepts/tissue.md, "In the tick").
 namespace palpate {
 
