@@ -6,6 +6,7 @@
 
 #include "inputs.h"
 #include "palpate/base/output.h"
+#include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/ramps.h"
