@@ -6,6 +6,7 @@
 
 #include "inputs.h"
 #include "palpate/base/output.h"
+#include "palpate/base/printable.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/ramps.h"
@@ -178,6 +179,26 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
     console.warn()(
         "nothing in this scene yields: give a tissue that is felt a youngs_modulus, or a preset that has "
         "one");
+}
+
+/// Of what yields the modulus decides: a stiffness written beside a preset is felt by the other laws alone.
+void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
+  if (!is_elastic(scene.yielding.law)) return;
+  const auto& presets = tissue_presets();
+  for (const TissueSettings& tissue : scene.tissues) {
+    if (!tissue.felt || !tissue.elastic) continue;
+    const auto preset = std::find_if(presets.begin(), presets.end(),
+                                     [&](const TissuePreset& one) { return one.name == tissue.preset; });
+    if (preset == presets.end() || !preset->values.elastic ||
+        tissue.stiffness_N_per_mm == preset->values.stiffness_N_per_mm ||
+        tissue.elastic->youngs_modulus_kPa != preset->values.elastic->youngs_modulus_kPa)
+      continue;
+    char modulus[32];
+    std::snprintf(modulus, sizeof modulus, "%g", tissue.elastic->youngs_modulus_kPa);
+    console.warn()("the stiffness of " + printable_name(tissue.name) +
+                   " is not felt, because it yields: its youngs_modulus (" + modulus +
+                   " kPa) decides; change that, or write law = \"layers\" below [yielding]");
+  }
 }
 
 /// Of a study the volume that its segmentation was made on, and the segmentation where it stands in the
@@ -544,6 +565,7 @@ int run_check(const std::string& file, Console& console) {
     console.warn()("nothing in this scene is felt: set felt = true on a tissue");
   else
     warn_if_nothing_yields(*scene, console);
+  warn_of_stiffness_that_yields(*scene, console);
   return kExitOk;
 }
 

@@ -169,7 +169,19 @@ class SceneTest(cli.PalpateTest):
         self.assertRegex(said.stdout, r"(?m)^tissue +elastic$")
         self.assertRegex(said.stdout, r"(?m)^muscle +yes +0\.052 +14 +0\.45 ")
         self.assertNotIn("nothing", said.stderr)
-        scene.write_text(scene.read_text().replace('preset = "muscle"', "") + '[limits]\n')
+        written = scene.read_text()
+
+        def warned(lines, law="elastic"):
+            text = re.sub(r'(?m)^preset = "muscle".*$', 'preset = "muscle"\n' + lines, written)
+            scene.write_text(text.replace('"elastic"', f'"{law}"'))
+            return "the stiffness of muscle is not felt" in self.succeed("scene", "check", scene).stderr
+
+        self.assertTrue(warned("stiffness = 0.04"))
+        self.assertTrue(warned("stiffness = 0.04", "neo-hookean"))
+        self.assertFalse(warned("stiffness = 0.04", "layers"))
+        self.assertFalse(warned("stiffness = 0.04\nyoungs_modulus = 9"))
+        self.assertFalse(warned("youngs_modulus = 9"))
+        scene.write_text(written.replace('preset = "muscle"', "") + '[limits]\n')
         said = self.succeed("scene", "check", scene)
         self.assertIn("nothing in this scene yields", said.stderr)
         self.assertRegex(said.stdout, r"(?m)^muscle +yes +1 +rigid ")
