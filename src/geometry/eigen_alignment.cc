@@ -2,9 +2,10 @@
 
 namespace palpate::internal {
 
-template <>
-bool CompiledWithEigenTypesAlignedTo<EIGEN_MAX_STATIC_ALIGN_BYTES>::as_the_library_was() noexcept {
+template <int bytes>
+bool CompiledWithEigenTypesAlignedTo<bytes>::as_the_library_was() noexcept {
   return true;
 }
+template struct CompiledWithEigenTypesAlignedTo<EIGEN_MAX_STATIC_ALIGN_BYTES>;
 
 }  // namespace palpate::internal

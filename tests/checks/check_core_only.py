@@ -2,7 +2,8 @@
 """Builds somebody else's program on palpate's core, as it is installed, and looks at what it loads.
 
 The core must build with Eigen and Highway alone, and its headers must do without those of other rooms. Every object of
-it is linked, so that nothing hides because it was not called.
+it is linked, so that nothing hides because it was not called. A program whose flags give Eigen's types another layout
+must not link.
 """
 
 import argparse
@@ -50,6 +51,17 @@ def main():
     run([options.cmake, "--install", core, "--prefix", installed])
     run([options.cmake, "-S", pathlib.Path(__file__).parent / "core_consumer", "-B", consumer, f"-DCMAKE_PREFIX_PATH={installed}", *flags])
     run([options.cmake, "--build", consumer, "--parallel", "1"])
+
+    # as -mavx512f would, on any processor
+    otherwise = [*flags]
+    otherwise[3] += " -DEIGEN_MAX_STATIC_ALIGN_BYTES=64"
+    elsewhere = consumer.with_name("consumer-otherwise")
+    run([options.cmake, "-S", pathlib.Path(__file__).parent / "core_consumer", "-B", elsewhere, f"-DCMAKE_PREFIX_PATH={installed}", *otherwise])
+    linked = subprocess.run([options.cmake, "--build", elsewhere, "--parallel", "1"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            text=True, check=False)
+    if linked.returncode == 0 or not re.search(r"undefined reference to .*CompiledWithEigenTypesAlignedTo<64>", linked.stdout):
+        print(linked.stdout[-8000:])
+        sys.exit("a program with another layout of Eigen's types was not refused by the linker")
 
     cache = "".join((folder / "CMakeCache.txt").read_text() for folder in (core, consumer))
     sought = [name for name in FORBIDDEN_IN_CACHE if re.search(rf"^{name}", cache, re.MULTILINE)]

@@ -22,6 +22,21 @@ class Transform;
 template <class To, class From>
 class Rotation;
 
+namespace internal {
+
+/// Flags such as -mavx2 and -march=native, and Eigen's macros, change how its types lie in memory. The
+/// library defines this for its own alignment alone, so a program that was compiled otherwise does not link,
+/// in the place of writing beside its own objects.
+template <int bytes>
+struct CompiledWithEigenTypesAlignedTo {
+  static bool as_the_library_was() noexcept;
+};
+/// Keeps the name in every object file.
+inline const bool kEigenTypesAreAlike =
+    CompiledWithEigenTypesAlignedTo<EIGEN_MAX_STATIC_ALIGN_BYTES>::as_the_library_was();
+
+}  // namespace internal
+
 /// A displacement, direction, velocity or force with components in Frame.
 template <class Frame>
 class Vector {
