@@ -1,6 +1,6 @@
-"""Takes docs/guide/viewer.md's, viewer-looking.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
+"""Takes the manual's pictures of a running viewer page in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER [LANGUAGE]    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
+usage: viewer-pictures.py URL FOLDER [LANGUAGE]    of palpate explore, of it with a --task that a hand does, a --plan, a scene with a no-go region or a palpation-block, or of palpate replay --view
 
 LANGUAGE is one of the page's, as 'de'; en where none is named.
 """
@@ -56,18 +56,37 @@ def plan(page, folder):
     page.screenshot(os.path.join(folder, "viewer-plan.png"))
 
 
+def strain(page, folder):
+    """Soft tissue that yields, coloured by its strain."""
+    page.resize(1280, 900)
+    page.dark(False)
+    page.run("document.querySelector('[data-layout=two]').click()")
+    if not page.run("return document.getElementById('strain').checked"):
+        page.run("document.getElementById('strain').click()")
+    # the volume stays coarse while tissue yields
+    pressed = "palpateViewer.yields && Math.abs(Math.hypot(...palpateViewer.pose.devices[0].force) - 0.5) < 0.02"
+    page.wait(pressed, 300)
+    time.sleep(12)  # the plots have something to show
+    page.wait(pressed, 120)
+    page.run("palpateViewer.draw()")
+    time.sleep(0.3)
+    page.screenshot(os.path.join(folder, "tissue-strain.png"))
+
+
 def main(url, folder, language="en"):
     # what a browser asks for, which the page follows
     browser.ARGUMENTS.append(f"--accept-lang={language}")
     with browser.Browser() as page:
         page.post("/url", {"url": url})
-        page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+        page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
         if page.run("return palpateViewer.training.run?.phase === 'running'"):
             return task(page, folder)
         if page.run("return palpateViewer.plan.isShared && palpateViewer.plan.list.length > 0"):
             return plan(page, folder)
         if page.run("return palpateViewer.scene.no_go.length > 0"):
             return no_go(page, folder)
+        if page.run("return palpateViewer.scene.structures.some((one) => one.name === 'plate')"):
+            return strain(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
         of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"))
         of_recording = (("viewer-recording", True, "two"), ("viewer-inside", True, "inside"))
@@ -75,7 +94,7 @@ def main(url, folder, language="en"):
             page.resize(1440, 900)
             page.dark(dark)
             page.post("/url", {"url": url})
-            page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+            page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
             play = "document.getElementById('play').click()"
             # it goes on from page to page

@@ -28,7 +28,8 @@ FOLDERS = {"start": "Start", "tutorials": "Tutorials", "guide": "Guide", "concep
 
 
 def add_contents(app, name, source):
-    """The map gets the lists of pages from which the site's sidebar is made, in the order in which the map names them."""
+    """The map gets the lists of pages from which the site's sidebar is made, in the order in which the map names them; behind them
+    those of each language that the manual is translated to, in docs/ by its name of two or three letters."""
     if name != root_doc:
         return
     named = re.findall(r"^- .*?\]\(([\w/.-]+)\.md", source[0], re.MULTILINE)
@@ -39,6 +40,10 @@ def add_contents(app, name, source):
             pages.sort(key=lambda page: page != "decisions/README")
         if pages:
             source[0] += "\n```{toctree}\n:hidden:\n:caption: " + caption + "\n" + "\n".join(pages) + "\n```\n"
+    for folder in sorted(path for path in (ROOT / "docs").iterdir() if re.fullmatch(r"[a-z]{2,3}", path.name)):
+        pages = sorted(path.relative_to(ROOT / "docs").with_suffix("").as_posix() for path in folder.rglob("*.md"))
+        if pages:
+            source[0] += "\n```{toctree}\n:hidden:\n:caption: In " + folder.name + "\n" + "\n".join(pages) + "\n```\n"
     source[0] += "\n```{toctree}\n:hidden:\n:caption: Beside the manual\n../README\n../bench/README\n../SECURITY\n../CHANGELOG\n../web/README\n../third_party/uplot/README\n```\n"
 
 

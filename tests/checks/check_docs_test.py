@@ -160,6 +160,13 @@ class Prose(unittest.TestCase):
         self.assertIn("\n  word", fixed)
         self.assertNotIn("width", self.kinds(fixed.replace("x" * 50, "page.md")))
 
+    def test_words_of_translations_are_no_faults(self):
+        text = "# Page\n\nLe client est now ici, et now [ailleurs](gone.md).\n"
+        glossary = {"docs/help/glossary.md": "# Glossary\n\n| not | but |\n|---|---|\n| client | viewer |\n"}
+        kinds = {name: [line.split(": ")[1] for line in run({**glossary, name: text})[1]] for name in ("docs/fr/page.md", "docs/guide/page.md")}
+        self.assertEqual(kinds["docs/fr/page.md"], ["links"])
+        self.assertEqual(sorted(kinds["docs/guide/page.md"]), ["glossary", "history", "history", "links"])
+
     def test_report(self):
         code, lines = run({"docs/page.md": "It is no longer so. It is now so.\n[a](gone)\n", "README.md": "Fine.\n"}, "--report")
         self.assertEqual(code, 0)
