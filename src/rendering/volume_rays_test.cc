@@ -126,7 +126,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     }
     for (const CubesView& view : {leaps.view(0, 1, 2), small_steps}) {
       std::vector<TracedRay> traced = rays;
-      trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1,
+      trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1, true,
                  static_cast<int>(traced.size()), traced.data(), *grid.lit);
       for (const TracedRay& ray : traced) seen += ray.clear == 1 ? 0 : 1;
     }
@@ -153,7 +153,7 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
         ray.first = first;
         const float before = first < 0 ? -0.5f : first;
         TracedRay clipped = ray;
-        trace_rays(grid.view(), cubes, planes.data(), static_cast<int>(planes.size()), 1, 1, &clipped,
+        trace_rays(grid.view(), cubes, planes.data(), static_cast<int>(planes.size()), 1, true, 1, &clipped,
                    *grid.lit);
         const float expected =
             before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);

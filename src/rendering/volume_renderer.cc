@@ -205,7 +205,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
     trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
-               static_cast<float>(view.z_step), static_cast<int>(count), rays.data(), lit);
+               static_cast<float>(view.z_step), met != nullptr, static_cast<int>(count), rays.data(), lit);
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
       for (int c = 0; c < 3; ++c) {

@@ -119,6 +119,15 @@ HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, 
   return lit.lit[slot];
 }
 
+/// Asks for a block, lit or to be lit. Which of the two is no branch: it would be guessed wrongly too often.
+HWY_INLINE void ask_for_block(const RowsView& rows, std::uint32_t place, const LitBlocks& lit) {
+  const std::uint32_t slot = place % LitBlocks::kCount;
+  const auto there = reinterpret_cast<std::uintptr_t>(&lit.lit[slot]),
+             far = reinterpret_cast<std::uintptr_t>(&rows.voxels[place]),
+             is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.place[slot] == place);
+  __builtin_prefetch(reinterpret_cast<const void*>((there & is_there) | (far & ~is_there)));
+}
+
 // ---- a line -----------------------------------------------------------------------------------------------
 
 /// e^-t for t >= 0, to 1e-4: the sixteenth power of a series.
@@ -596,7 +605,7 @@ HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const Samp
       const bool is_there = is_in && b >= 0 && b < rows.blocks && (m == 0 || around.in_block == kBlock - 1);
       const std::uint32_t found =
           is_there ? place_of(rows.mask + row * rows.words, rows.first + row * rows.groups, b) : 0;
-      if (!is_lit(found, lit)) __builtin_prefetch(&rows.voxels[found]);
+      ask_for_block(rows, found, lit);
       around.places[n][m] = found;
       any |= found;
     }
@@ -635,19 +644,35 @@ HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlo
          __builtin_shufflevector(first, second, 2, 3, 6, 7);
 }
 
-/// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
-/// @param place  voxels; @param planes_per  for a voxel along each axis, 0: it never goes so far
-HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const float* place,
-                         const float* planes_per, int plane) {
-  const int leap = cubes.leap[index];
-  float away = 1e6f;
-  for (int a = 0; a < 3; ++a) {
-    if (planes_per[a] == 0) continue;
-    const int cube = cell[a] >> kCubeShift,
-              border = planes_per[a] > 0 ? kCubeSide * (cube + leap) : kCubeSide * (cube - leap + 1);
-    const float planes = (static_cast<float>(border) - (place[a] + 1)) * planes_per[a];
-    if (planes < away) away = planes;
+/// How a ray leaves cubes along x, y and z; the fourth number is as the third.
+struct Leaving {
+  V4 planes_per;       ///< for a voxel
+  V4 towards, beyond;  ///< the border that it leaves by is so many times `leap` and so many cubes farther on
+};
+
+HWY_INLINE Leaving leaving_of(const float* pace) {
+  Leaving leaving;
+  for (int n = 0; n < 4; ++n) {
+    const float by = pace[n < 3 ? n : 2];
+    // what hardly moves along an axis never leaves by it
+    leaving.planes_per[n] = std::abs(by) < 1e-6f ? 1e6f : 1 / by;
+    leaving.towards[n] = leaving.planes_per[n] > 0 ? 1.0f : -1.0f;
+    leaving.beyond[n] = leaving.planes_per[n] > 0 ? 0.0f : 1.0f;
   }
+  return leaving;
+}
+
+/// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
+/// @param place  voxels
+HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const V4& place,
+                         const Leaving& leaving, int plane) {
+  const V4 cube{static_cast<float>(cell[0] >> kCubeShift), static_cast<float>(cell[1] >> kCubeShift),
+                static_cast<float>(cell[2] >> kCubeShift), static_cast<float>(cell[2] >> kCubeShift)};
+  const V4 border =
+      (cube + leaving.towards * all_four(cubes.leap[index]) + leaving.beyond) * all_four(kCubeSide);
+  const V4 planes = (border - (place + all_four(1))) * leaving.planes_per;
+  const float along = planes[0] < planes[1] ? planes[0] : planes[1],
+              away = along < planes[2] ? along : planes[2];
   const int by = static_cast<int>(std::ceil(away - 1e-3f));
   return plane + (by > 1 ? by : 1);
 }
@@ -668,7 +693,8 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
 }
 
 HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
-                          int plane_count, float z_per_plane, LitBlocks& lit, TracedRay& ray) {
+                          int plane_count, float z_per_plane, bool wants_met, LitBlocks& lit,
+                          TracedRay& ray) {
   V4 sum{};
   float clear = 1;
   ray.met = -1;
@@ -679,8 +705,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
   bound_planes(ray.x, ray.x_per_plane, rows.count[0], begin, end);
   bound_planes(ray.y, ray.y_per_plane, rows.count[1], begin, end);
   const float pace[3] = {ray.x_per_plane, ray.y_per_plane, z_per_plane};
-  float planes_per[3];
-  for (int a = 0; a < 3; ++a) planes_per[a] = std::abs(pace[a]) < 1e-6f ? 0 : 1 / pace[a];
+  const Leaving leaving = leaving_of(pace);
   const int stop = end > begin ? static_cast<int>(end) : 0;
   int p = end > begin ? static_cast<int>(begin) : 0;
   const auto find_next = [&](AroundPlace& around) HWY_ATTR {
@@ -697,8 +722,8 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
       }
       const std::uint64_t filled = cubes.filled[index];
       if ((filled >> bit & 1) == 0) {
-        const float place[3] = {x, y, static_cast<float>(planes[p].slice) + planes[p].beyond};
-        p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, place, planes_per, p);
+        const float z = static_cast<float>(planes[p].slice) + planes[p].beyond;
+        p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, V4{x, y, z, z}, leaving, p);
         continue;
       }
       around.plane = plane;
@@ -722,7 +747,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
                 after = clear * exp_of_minus(depth);
     const float share = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
     sum += mixed * all_four(share);
-    if (clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
+    if (wants_met && clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
     clear = after;
   }
   for (int c = 0; c < 3; ++c) ray.channel[c] = sum[c];
@@ -730,8 +755,9 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
 }
 
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit) {
-  for (int n = 0; n < count; ++n) trace_ray(rows, cubes, planes, plane_count, z_per_plane, lit, rays[n]);
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit) {
+  for (int n = 0; n < count; ++n)
+    trace_ray(rows, cubes, planes, plane_count, z_per_plane, wants_met, lit, rays[n]);
 }
 
 // ---- the warp ---------------------------------------------------------------------------------------------
@@ -792,6 +818,20 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
     const VI a = hn::GatherIndex(di, pixels, at), b = hn::GatherIndex(di, pixels, hn::Add(at, one)),
              e = hn::GatherIndex(di, pixels, hn::Add(at, stride)),
              f = hn::GatherIndex(di, pixels, hn::Add(hn::Add(at, stride), one));
+    const int count = end - x < lanes() ? end - x : lanes();
+    // more than half of a picture is background as a rule: no light differs, and none bends
+    const auto word = static_cast<std::uint32_t>(hn::GetLane(a));
+    const VI same = hn::Set(di, hn::GetLane(a));
+    const VI differ_from =
+        hn::Or(hn::Or(hn::Xor(a, same), hn::Xor(b, same)), hn::Or(hn::Xor(e, same), hn::Xor(f, same)));
+    if ((word & (kBendsAlong | kBendsAcross)) == 0 && hn::AllTrue(di, hn::Eq(differ_from, hn::Zero(di)))) {
+      for (int c = 0; c < 3; ++c) {
+        const auto level = static_cast<std::uint8_t>(
+            static_cast<float>(word >> (20 - 10 * c) & 1023) * (255.0f / 1023) + 0.5f);
+        for (int n = 0; n < count; ++n) rgb[3 * (x + n) + c] = level;
+      }
+      continue;
+    }
     HWY_ALIGN std::uint8_t bytes[3][kChunk];
     VF apart = hn::Zero(d);
     for (int c = 0; c < 3; ++c) {
@@ -804,7 +844,6 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
       const VF level = hn::Add(hn::Mul(value, hn::Set(d, 255.0f / 1023)), hn::Set(d, 0.5f));
       hn::StoreU(hn::DemoteTo(D8(), hn::ConvertTo(di, level)), D8(), bytes[c]);
     }
-    const int count = end - x < lanes() ? end - x : lanes();
     for (int n = 0; n < count; ++n)
       for (int c = 0; c < 3; ++c) rgb[3 * (x + n) + c] = bytes[c][n];
     // marks of the four, in the uppermost bit
@@ -849,8 +888,9 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit) {
-  HWY_DYNAMIC_DISPATCH(trace_rays)(rows, cubes, planes, plane_count, z_per_plane, count, rays, lit);
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit) {
+  HWY_DYNAMIC_DISPATCH(trace_rays)
+  (rows, cubes, planes, plane_count, z_per_plane, wants_met, count, rays, lit);
 }
 
 }  // namespace palpate::internal::volume_picture

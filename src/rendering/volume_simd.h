@@ -138,8 +138,9 @@ struct TracedRay {
   float channel[3];                      ///< 0 ... 1
   float clear, met;                      ///< as in Gathered
 };
+/// @param wants_met  whether TracedRay::met is looked for
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, int count, TracedRay* rays, LitBlocks& lit);
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit);
 
 /// Final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the column.
 struct Warp {
