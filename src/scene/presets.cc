@@ -216,14 +216,15 @@ struct ElasticPreset {
 constexpr std::array kElasticPresets{
     ElasticPreset{"cartilage",
                   {770, 0.1},
-                  {470, 1540},
-                  "at equilibrium; range by H_A of 0.48 to 1.58 MPa of the human tibia, nu 0 to 0.05 "
-                  "(PMC2858459). Struck quickly it is several times stiffer"},
+                  {480, 1580},
+                  "at equilibrium; range by H_A of 0.48 to 1.58 MPa at five sites of a tibia, with nu 0 to "
+                  "0.05 (PMC2858459). Struck quickly it is several times stiffer"},
     ElasticPreset{"meniscus",
                   {120, 0},
-                  {100, 250},
-                  "at equilibrium, across its fibres. Along them it is up to a thousand times stiffer, which "
-                  "a body that is the same in all directions does not have"},
+                  {100, 160},
+                  "at equilibrium, across its fibres; range by the means of its parts, same source. Along "
+                  "them it is up to a thousand times stiffer, which a body that is the same in all "
+                  "directions does not have"},
     ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
     ElasticPreset{"ligament",
                   {11000, 0.45},
