@@ -25,7 +25,7 @@ constexpr std::uint32_t kWithinFormat = kFormatMajor + 1;
 constexpr std::array kTickColumns{
     Column{"tick", kU64, 1, PALPATE_TICK(tick), "1", "-", "number of the tick, from 0"},
     Column{"time_s", kF64, 1, PALPATE_TICK(time_s), "s", "-",
-           "time since the first tick: the sum of the dt_s before this one"},
+           "0 in the first tick, then the sum of the dt_s of the ticks before"},
     Column{"dt_s", kF64, 1, PALPATE_TICK(dt_s), "s", "-", "time step of the tick"},
     Column{"lateness_s", kF64, 1, PALPATE_TICK(lateness_s), "s", "-",
            "real clock: how late the tick began, 0 on the virtual clock"},

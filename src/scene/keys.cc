@@ -424,9 +424,8 @@ SceneKeys declared_keys() {
              .unit = "mm",
              .min = 0.2,
              .max = 10,
-             .meaning = "Of all laws but `layers`: edge of the cubes that they are computed on, 1 to 3 "
-                        "voxels. Without "
-                        "it: chosen from the voxels."},
+             .meaning = "Of all laws but `layers`: edge of the cubes that they are computed on. Without it: "
+                        "twice the voxels' least spacing, at least 0.8 and at most 3."},
             {.name = "relaxation",
              .type = kFlag,
              .default_text = "false",

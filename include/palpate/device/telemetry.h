@@ -165,7 +165,7 @@ struct DeviceTick {
 
 struct TickRecord {
   std::uint64_t tick = 0;
-  double time_s = 0;  ///< since the first tick: the sum of the dt_s before this one
+  double time_s = 0;  ///< 0 in the first tick, then the sum of the dt_s of the ticks before
   double dt_s = 0;
   double lateness_s = 0;  ///< real clock: how late the tick began; not part of the hash
   double compute_s = 0;   ///< real clock: from reading the states to the commands; not part of the hash
