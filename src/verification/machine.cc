@@ -1,5 +1,6 @@
 #include "verification/machine.h"
 
+#include <ctime>
 #include <fstream>
 #include <thread>
 
@@ -32,6 +33,15 @@ std::string build_description() {
                      PALPATE_BUILD_TYPE + ", " + PALPATE_COMPILER;
   const std::string sanitizers = PALPATE_SANITIZERS;
   if (!sanitizers.empty()) text += ", sanitizers " + sanitizers;
+  return text;
+}
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  char text[16];
+  std::strftime(text, sizeof text, "%Y-%m-%d", &utc);
   return text;
 }
 

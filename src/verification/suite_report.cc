@@ -17,6 +17,7 @@ std::string to_json(const SuiteReport& report) {
   const nlohmann::ordered_json json = {{"suite", report.suite},
                                        {"machine", report.machine},
                                        {"build", report.build},
+                                       {"date", report.date},
                                        {"notes", notes},
                                        {"figures", figures}};
   // bytes that are no UTF-8 are replaced rather than thrown at

@@ -16,6 +16,7 @@ SuiteReport example() {
   return {"accuracy",
           "some \"processor\"",
           "some build",
+          "2026-11-27",
           {{"scheduler", "some scheduler"}},
           {{"a/direction/mean", 0.6612345, "deg", 4000, 0.8},
            {"a/direction/p99", 3.7, "deg", 4000, 3.0},
@@ -44,8 +45,9 @@ TEST(SuiteReport, JsonHoldsEverythingInOrder) {
   EXPECT_EQ(json["suite"], "accuracy");
   EXPECT_EQ(json["machine"], "some \"processor\"");
   EXPECT_EQ(json["build"], "some build");
+  EXPECT_EQ(json["date"], "2026-11-27");
   EXPECT_EQ(json["notes"]["scheduler"], "some scheduler");
-  EXPECT_EQ(json.size(), 5u);
+  EXPECT_EQ(json.size(), 6u);
   const auto& figures = json["figures"];
   ASSERT_EQ(figures.size(), 4u);
   EXPECT_EQ(figures.begin().key(), "a/direction/mean");

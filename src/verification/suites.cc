@@ -102,6 +102,7 @@ Result<SuiteReport> run_suite(const std::string& name, const SuiteOptions& optio
   report->suite = name;
   report->machine = machine_description();
   report->build = build_description();
+  report->date = today();
   return report;
 }
 

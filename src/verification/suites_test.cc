@@ -59,5 +59,9 @@ TEST(Machine, BuildIsDescribedByVersionCommitTypeAndCompiler) {
               MatchesRegex("palpate [0-9.]+, commit [0-9a-z+]+, [A-Za-z]*, [A-Za-z]+ [0-9.]+.*"));
 }
 
+TEST(Machine, ADateIsYearMonthAndDay) {
+  EXPECT_THAT(today(), MatchesRegex("20[0-9][0-9]-[01][0-9]-[0-3][0-9]"));
+}
+
 }  // namespace
 }  // namespace palpate

@@ -26,6 +26,7 @@ struct SuiteReport {
   std::string suite;
   std::string machine;                                     ///< processor, cores, SIMD target
   std::string build;                                       ///< version, commit, build type, compiler
+  std::string date;                                        ///< on which it was run, UTC: 2026-11-27
   std::vector<std::pair<std::string, std::string>> notes;  ///< what else to know, by name: scheduler, ...
   std::vector<Figure> figures;
   /// Every figure within its limit.
@@ -47,7 +48,8 @@ struct SuiteOptions {
 Result<SuiteReport> run_suite(const std::string& suite, const SuiteOptions& options = {},
                               const Progress& progress = {}, const Warn& warn = {});
 
-/// {"suite", "machine", "build", "notes": {name: text}, "figures": {name: {"value", "unit", "n", "limit"?}}}
+/// {"suite", "machine", "build", "date", "notes": {name: text},
+///  "figures": {name: {"value", "unit", "n", "limit"?}}}
 std::string to_json(const SuiteReport& report);
 /// The same in a file that appears whole or not at all. Errors are kOutput.
 Result<void> write_json(const std::filesystem::path& file, const SuiteReport& report);
