@@ -1,11 +1,15 @@
-"""Takes docs/guide/viewer.md's, viewer-looking.md's and docs/tutorials/training.md's pictures of a running viewer page in headless Chromium.
+"""Takes the pictures of the page in docs/guide/viewer.md, viewer-looking.md, docs/concepts/tissue.md and docs/tutorials/training.md in
+headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER [LANGUAGE]    of palpate explore, of it with a --task that a hand does, a --plan or a scene with a no-go region, or of palpate replay --view
+usage: viewer-pictures.py [--language CODE] FOLDER COMMAND...
 
-LANGUAGE is one of the page's, as 'de'; en where none is named.
+COMMAND is palpate explore, also with a --task that a hand does, a --plan, a scene with a no-go region or tissue that yields, or
+palpate replay --view. It is run with a port of its own, and ended. CODE is one of the page's languages, as 'de'; en where none is named.
 """
 
 import os
+import socket
+import subprocess
 import sys
 import time
 
@@ -56,18 +60,63 @@ def plan(page, folder):
     page.screenshot(os.path.join(folder, "viewer-plan.png"))
 
 
-def main(url, folder, language="en"):
+def strain(page, folder):
+    """Tissue that is pressed and dents, in the colours of its strain."""
+    page.resize(1280, 900)
+    page.dark(False)
+    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('strain').click()")
+    page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
+    time.sleep(4)  # the plots have something to show
+    page.wait("palpateViewer.isVolumeSharp", 300)
+    page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
+    page.run("palpateViewer.draw()")
+    time.sleep(0.3)
+    page.screenshot(os.path.join(folder, "tissue-strain.png"))
+
+
+def serve(command):
+    """The command, and the address of its page, which answers."""
+    port = browser.free_port()
+    process = subprocess.Popen([*command, "--port", str(port)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    # a busy machine takes a while to prepare a scene
+    deadline = time.monotonic() + 600
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1).close()
+            return process, f"http://127.0.0.1:{port}/"
+        except OSError:
+            pass
+        if process.poll() is not None:
+            sys.exit(f"{' '.join(command)} ended with exit code {process.returncode}")
+        if time.monotonic() > deadline:
+            process.terminate()
+            sys.exit(f"{' '.join(command)} serves no page")
+        time.sleep(0.2)
+
+
+def main(folder, command, language):
+    process, url = serve(command)
+    try:
+        take(url, folder, command, language)
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def take(url, folder, command, language):
     # what a browser asks for, which the page follows
     browser.ARGUMENTS.append(f"--accept-lang={language}")
     with browser.Browser() as page:
         page.post("/url", {"url": url})
-        page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+        page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
         if page.run("return palpateViewer.training.run?.phase === 'running'"):
             return task(page, folder)
         if page.run("return palpateViewer.plan.isShared && palpateViewer.plan.list.length > 0"):
             return plan(page, folder)
         if page.run("return palpateViewer.scene.no_go.length > 0"):
             return no_go(page, folder)
+        if any(name.startswith("palpation-") for name in command):
+            return strain(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
         of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"))
         of_recording = (("viewer-recording", True, "two"), ("viewer-inside", True, "inside"))
@@ -75,7 +124,7 @@ def main(url, folder, language="en"):
             page.resize(1440, 900)
             page.dark(dark)
             page.post("/url", {"url": url})
-            page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 60)
+            page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
             play = "document.getElementById('play').click()"
             # it goes on from page to page
@@ -96,6 +145,9 @@ def main(url, folder, language="en"):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (3, 4):
+    arguments, spoken = sys.argv[1:], "en"
+    if arguments[:1] == ["--language"]:
+        spoken, arguments = "".join(arguments[1:2]), arguments[2:]
+    if len(arguments) < 2:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main(arguments[0], arguments[1:], spoken)
