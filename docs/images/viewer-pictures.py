@@ -66,8 +66,7 @@ def strain(page, folder):
     page.dark(False)
     page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('strain').click()")
     page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
-    time.sleep(4)  # the plots have something to show
-    page.wait("palpateViewer.isVolumeSharp", 300)
+    time.sleep(10)  # the plots have something to show; the volume does not get sharp, as what yields goes on moving
     page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
     page.run("palpateViewer.draw()")
     time.sleep(0.3)
