@@ -21,6 +21,22 @@ browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 
+def rest(page, where):
+    """Plays a recording, and pauses it where something holds: what goes along with a hand is gone sooner than a processor draws it."""
+    play = "document.getElementById('play').click()"
+    for _ in range(8):
+        if not page.run("return palpateViewer.state.playback.playing"):
+            page.run(play)
+            page.wait("palpateViewer.state.playback.playing", 60)
+        page.wait(where, 120)
+        page.run(play)
+        page.wait("!palpateViewer.state.playback.playing", 60)
+        time.sleep(1)
+        if page.run("return " + where):
+            return
+    raise AssertionError("was never at rest: " + where)
+
+
 def task(page, folder):
     """A run that is under way and then over."""
     page.resize(1440, 900)
@@ -37,12 +53,12 @@ def task(page, folder):
 
 
 def no_go(page, folder):
-    """A region that pushes."""
+    """A region that pushes, of a recording that rests there: a hand is pushed out sooner than pictures are drawn."""
     page.resize(1440, 900)
     page.dark(True)
     page.run("document.querySelector('[data-layout=two]').click()")
-    page.wait("palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 120)
-    page.wait("palpateViewer.isVolumeSharp && palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 300)
+    rest(page, "palpateViewer.approach?.pushes && palpateViewer.approach.mm < -0.5")
+    page.wait("palpateViewer.isVolumeSharp", 300)
     page.run("palpateViewer.draw()")
     time.sleep(0.3)
     page.screenshot(os.path.join(folder, "viewer-no-go.png"))
@@ -125,21 +141,16 @@ def take(url, folder, command, language):
             page.post("/url", {"url": url})
             page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
-            play = "document.getElementById('play').click()"
-            # it goes on from page to page
+            force = "Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8"
             if is_recording and not page.run("return palpateViewer.state.playback.playing"):
-                page.run(play)
+                page.run("document.getElementById('play').click()")  # it goes on from page to page
             time.sleep(8)  # the plots have something to show
-            if layout != "inside":
-                # a busy machine takes a while
-                page.wait("palpateViewer.isVolumeSharp", 300)
-            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8" + (" && /·.*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""), 60)
-            if layout == "inside":
-                # what goes along with a hand is coarse where the processor draws it, until the hand rests
-                page.run(play)
-                page.wait("palpateViewer.isVolumeSharp && palpateViewer.isScopeSharp", 60)
+            if is_recording:
+                rest(page, force + (" && /·.*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""))
+            page.wait("palpateViewer.isVolumeSharp" + (" && palpateViewer.isScopeSharp" if layout == "inside" else ""), 300)
+            page.wait(force, 60)
             page.run("palpateViewer.draw()")
-            time.sleep(0.2)  # a press lasts a second or two
+            time.sleep(0.3)
             page.screenshot(os.path.join(folder, name + ".png"))
 
 
