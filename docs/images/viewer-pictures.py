@@ -1,10 +1,9 @@
-"""Takes the pictures of the page in docs/guide/viewer.md, viewer-looking.md, docs/concepts/tissue.md and docs/tutorials/training.md in
-headless Chromium.
+"""Takes the pictures of the page in docs/guide/viewer.md, viewer-looking.md and docs/tutorials/training.md in headless Chromium.
 
 usage: viewer-pictures.py [--language CODE] FOLDER COMMAND...
 
-COMMAND is palpate explore, also with a --task that a hand does, a --plan, a scene with a no-go region or tissue that yields, or
-palpate replay --view. It is run with a port of its own, and ended. CODE is one of the page's languages, as 'de'; en where none is named.
+COMMAND is palpate explore, also with a --task that a hand does, a --plan, or palpate replay --view, also
+of a scene with a no-go region. It is run with a port of its own, and ended. CODE is one of the page's languages, as 'de'; en where none is named.
 """
 
 import os
@@ -76,19 +75,6 @@ def plan(page, folder):
     page.screenshot(os.path.join(folder, "viewer-plan.png"))
 
 
-def strain(page, folder):
-    """Tissue that is pressed and dents, in the colours of its strain."""
-    page.resize(1280, 900)
-    page.dark(False)
-    page.run("document.querySelector('[data-layout=two]').click(); document.getElementById('strain').click()")
-    page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
-    time.sleep(10)  # the plots have something to show; the volume does not get sharp, as what yields goes on moving
-    page.wait("palpateViewer.yields && Math.hypot(...palpateViewer.pose.devices[0].force) > 0.45", 120)
-    page.run("palpateViewer.draw()")
-    time.sleep(0.3)
-    page.screenshot(os.path.join(folder, "tissue-strain.png"))
-
-
 def serve(command):
     """The command, and the address of its page, which answers."""
     port = browser.free_port()
@@ -112,13 +98,13 @@ def serve(command):
 def main(folder, command, language):
     process, url = serve(command)
     try:
-        take(url, folder, command, language)
+        take(url, folder, language)
     finally:
         process.terminate()
         process.wait()
 
 
-def take(url, folder, command, language):
+def take(url, folder, language):
     # what a browser asks for, which the page follows
     browser.ARGUMENTS.append(f"--accept-lang={language}")
     with browser.Browser() as page:
@@ -130,8 +116,6 @@ def take(url, folder, command, language):
             return plan(page, folder)
         if page.run("return palpateViewer.scene.no_go.length > 0"):
             return no_go(page, folder)
-        if any(name.startswith("palpation-") for name in command):
-            return strain(page, folder)
         is_recording = page.run("return palpateViewer.scene.recording !== null")
         of_session = (("viewer-dark", True, "two"), ("viewer-planes-light", False, "five"))
         of_recording = (("viewer-recording", True, "two"), ("viewer-inside", True, "inside"))
