@@ -130,7 +130,7 @@ def take(url, folder, language):
                 page.run("document.getElementById('play').click()")  # it goes on from page to page
             time.sleep(8)  # the plots have something to show
             if is_recording:
-                rest(page, force + (" && /·.*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""))
+                rest(page, force)
             page.wait("palpateViewer.isVolumeSharp" + (" && palpateViewer.isScopeSharp" if layout == "inside" else ""), 300)
             page.wait(force, 60)
             page.run("palpateViewer.draw()")
