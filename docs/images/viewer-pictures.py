@@ -1,11 +1,14 @@
-"""Takes the manual's pictures of a running viewer page in headless Chromium.
+"""Takes the pictures of the page in docs/guide/viewer.md, viewer-looking.md and docs/tutorials/training.md in headless Chromium.
 
-usage: viewer-pictures.py URL FOLDER [LANGUAGE]    of palpate explore, of it with a --task that a hand does, a --plan, a scene with a no-go region or a palpation-block, or of palpate replay --view
+usage: viewer-pictures.py [--language CODE] FOLDER COMMAND...
 
-LANGUAGE is one of the page's, as 'de'; en where none is named.
+COMMAND is palpate explore, also with a --task that a hand does, a --plan, or palpate replay --view, also
+of a scene with a no-go region or a palpation-block. It is run with a port of its own, and ended. CODE is one of the page's languages, as 'de'; en where none is named.
 """
 
 import os
+import socket
+import subprocess
 import sys
 import time
 
@@ -15,6 +18,22 @@ import browser  # noqa: E402
 
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+
+
+def rest(page, where):
+    """Plays a recording, and pauses it where something holds: what goes along with a hand is gone sooner than a processor draws it."""
+    play = "document.getElementById('play').click()"
+    for _ in range(8):
+        if not page.run("return palpateViewer.state.playback.playing"):
+            page.run(play)
+            page.wait("palpateViewer.state.playback.playing", 60)
+        page.wait(where, 120)
+        page.run(play)
+        page.wait("!palpateViewer.state.playback.playing", 60)
+        time.sleep(1)
+        if page.run("return " + where):
+            return
+    raise AssertionError("was never at rest: " + where)
 
 
 def task(page, folder):
@@ -33,12 +52,12 @@ def task(page, folder):
 
 
 def no_go(page, folder):
-    """A region that pushes."""
+    """A region that pushes, of a recording that rests there: a hand is pushed out sooner than pictures are drawn."""
     page.resize(1440, 900)
     page.dark(True)
     page.run("document.querySelector('[data-layout=two]').click()")
-    page.wait("palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 120)
-    page.wait("palpateViewer.isVolumeSharp && palpateViewer.approach?.pushes && palpateViewer.approach.mm < -1", 300)
+    rest(page, "palpateViewer.approach?.pushes && palpateViewer.approach.mm < -0.5")
+    page.wait("palpateViewer.isVolumeSharp", 300)
     page.run("palpateViewer.draw()")
     time.sleep(0.3)
     page.screenshot(os.path.join(folder, "viewer-no-go.png"))
@@ -73,7 +92,36 @@ def strain(page, folder):
     page.screenshot(os.path.join(folder, "tissue-strain.png"))
 
 
-def main(url, folder, language="en"):
+def serve(command):
+    """The command, and the address of its page, which answers."""
+    port = browser.free_port()
+    process = subprocess.Popen([*command, "--port", str(port)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    # a busy machine takes a while to prepare a scene
+    deadline = time.monotonic() + 600
+    while True:
+        try:
+            socket.create_connection(("127.0.0.1", port), 1).close()
+            return process, f"http://127.0.0.1:{port}/"
+        except OSError:
+            pass
+        if process.poll() is not None:
+            sys.exit(f"{' '.join(command)} ended with exit code {process.returncode}")
+        if time.monotonic() > deadline:
+            process.terminate()
+            sys.exit(f"{' '.join(command)} serves no page")
+        time.sleep(0.2)
+
+
+def main(folder, command, language):
+    process, url = serve(command)
+    try:
+        take(url, folder, language)
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def take(url, folder, language):
     # what a browser asks for, which the page follows
     browser.ARGUMENTS.append(f"--accept-lang={language}")
     with browser.Browser() as page:
@@ -96,25 +144,23 @@ def main(url, folder, language="en"):
             page.post("/url", {"url": url})
             page.wait("window.palpateViewer !== undefined && palpateViewer.isLoaded && palpateViewer.isFresh", 300)
             page.run("document.querySelector(`[data-layout=${arguments[0]}]`).click()", layout)
-            play = "document.getElementById('play').click()"
-            # it goes on from page to page
+            force = "Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8"
             if is_recording and not page.run("return palpateViewer.state.playback.playing"):
-                page.run(play)
+                page.run("document.getElementById('play').click()")  # it goes on from page to page
             time.sleep(8)  # the plots have something to show
-            if layout != "inside":
-                # a busy machine takes a while
-                page.wait("palpateViewer.isVolumeSharp", 300)
-            page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0.8" + (" && /·.*meniscus/.test(palpateViewer.scopeWords)" if layout == "inside" else ""), 60)
-            if layout == "inside":
-                # what goes along with a hand is coarse where the processor draws it, until the hand rests
-                page.run(play)
-                page.wait("palpateViewer.isVolumeSharp && palpateViewer.isScopeSharp", 60)
+            if is_recording:
+                rest(page, force)
+            page.wait("palpateViewer.isVolumeSharp" + (" && palpateViewer.isScopeSharp" if layout == "inside" else ""), 300)
+            page.wait(force, 60)
             page.run("palpateViewer.draw()")
-            time.sleep(0.2)  # a press lasts a second or two
+            time.sleep(0.3)
             page.screenshot(os.path.join(folder, name + ".png"))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) not in (3, 4):
+    arguments, spoken = sys.argv[1:], "en"
+    if arguments[:1] == ["--language"]:
+        spoken, arguments = "".join(arguments[1:2]), arguments[2:]
+    if len(arguments) < 2:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main(arguments[0], arguments[1:], spoken)

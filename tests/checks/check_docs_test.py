@@ -176,14 +176,14 @@ class Prose(unittest.TestCase):
 
 class Pictures(unittest.TestCase):
     FILES = {"docs/images/a.png": "", "docs/page.md": "![a](images/a.png)\n"}
-    HEAD = "# Pictures\n\n| picture | made by | data | commit |\n|---|---|---|---|\n"
+    HEAD = "# Pictures\n\n| picture | made by | data | commit | tried |\n|---|---|---|---|---|\n"
 
     def faults(self, *rows, **others):
         files = {**self.FILES, **others, "docs/help/pictures.md": self.HEAD + "".join(rows)}
         return [line.partition("pictures: ")[2] for line in run(files, "--links")[1] if "pictures: " in line]
 
     def test_the_list(self):
-        a, b = ("| [{0}.png](../images/{0}.png) | `x` | none | 1 |\n".format(name) for name in "ab")
+        a, b = ("| [{0}.png](../images/{0}.png) | `x` | none | 1 | 1 |\n".format(name) for name in "ab")
         self.assertEqual(self.faults(a), [])
         self.assertEqual(self.faults(), ["a.png has no row"])
         self.assertEqual(self.faults(a, b), ["there is no b.png"])
