@@ -58,7 +58,7 @@ class Links(unittest.TestCase):
     def test_what_is_there(self):
         self.assertEqual(faults("# Page\n[a](other.md) [b](other.md#a-key-twice) [c](other.md#a-key-twice-1) [d](#page)\n"
                                 "[wrapped over\ntwo lines](other.md) ![text](../a.png) <https://example.org> [e](https://example.org/x)\n"
-                                "`src/room/thing.cc` `src/ROOM/NAME_test.cc` `thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
+                                "`src/room/thing.cc` `src/ROOM/NAME_test.cc` `src/acme/acme_driver.cc` `test_acme_fake.h`\n`thing.cc` `mine.csv` `x/src/none.cc` `[f](gone.md)`\n\n"
                                 "```sh\nroom_test --gtest_filter='Suite.P*'   [f](gone.md)\n```\n\n```sh\n[g](gone.md)\n```\n"), [])
 
     def test_what_is_not(self):
