@@ -62,7 +62,8 @@ class Painter {
       const double reach = radius + 0.5 * voxel_mm_;
       if (distance > reach) continue;
       const bool even = distance + material_depth_mm(parts_[candidate.part].material) < -reach;
-      if (even) here.clear();
+      // the scan shows what an unseen part lies in
+      if (even && parts_[candidate.part].material != PhantomMaterial::kUnseen) here.clear();
       here.push_back({candidate.part, even ? nullptr : within.node});
     }
     return here;

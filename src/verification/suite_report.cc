@@ -14,12 +14,9 @@ std::string to_json(const SuiteReport& report) {
   }
   nlohmann::ordered_json notes = nlohmann::ordered_json::object();
   for (const auto& [name, text] : report.notes) notes[name] = text;
-  const nlohmann::ordered_json json = {{"suite", report.suite},
-                                       {"machine", report.machine},
-                                       {"build", report.build},
-                                       {"date", report.date},
-                                       {"notes", notes},
-                                       {"figures", figures}};
+  const nlohmann::ordered_json json = {{"suite", report.suite}, {"machine", report.machine},
+                                       {"build", report.build}, {"date", report.date},
+                                       {"notes", notes},        {"figures", figures}};
   // bytes that are no UTF-8 are replaced rather than thrown at
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
