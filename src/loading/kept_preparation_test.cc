@@ -515,7 +515,7 @@ TEST_F(KeptPreparation, WhatIsInterruptedKeepsNothingHalf) {
 }
 
 // What is prepared is a golden hash. Where it changes on purpose, raise kPreparationVersion as well
-// (session/kept_preparation.h), so that nobody goes on with what was prepared before, and put both here.
+// (loading/kept_preparation.h), so that nobody goes on with what was prepared before, and put both here.
 TEST_F(KeptPreparation, GoldenHash) {
   use_none();
   const Started started = start("knee-phantom:spacing=3");
@@ -530,8 +530,19 @@ TEST_F(KeptPreparation, GoldenHash) {
   const auto smooth_16 = gaussian_smooth_16(weights, {});
   hash_bytes(hash, smooth->voxels().data(), smooth->voxels().size());
   hash_bytes(hash, smooth_16->voxels().data(), 2 * smooth_16->voxels().size());
-  constexpr std::uint64_t kGolden = 0x93bc04048ab4db80;
-  constexpr std::uint32_t kItsVersion = 3;
+  for (const char* name :
+       {"knee-phantom:spacing=2,lesion=12,visible=no", "palpation-block:spacing=0.7,width=44,thickness=25",
+        "palpation-block:spacing=1,width=44,visible=yes", "palpation-dome:spacing=0.7,radius=25,height=25",
+        "gland-phantom:spacing=2", "skull-phantom:spacing=1.15", "shell-phantom:spacing=1.5",
+        "abdominal-wall:spacing=1.1"}) {
+    const auto phantom = make_phantom(*parse_phantom(name));
+    ASSERT_TRUE(phantom.ok()) << name;
+    hash_word(hash, hash_of(phantom->scan.voxels()));
+    for (const Volume<LabelId>& layer : phantom->labels.layers)
+      hash_bytes(hash, layer.voxels().data(), layer.voxels().size() * sizeof(LabelId));
+  }
+  constexpr std::uint64_t kGolden = 0x22ef74f74ee9b6ce;
+  constexpr std::uint32_t kItsVersion = 4;
   EXPECT_TRUE(hash_finish(hash) == kGolden && kPreparationVersion == kItsVersion)
       << std::hex << "what is prepared has the hash 0x" << hash_finish(hash)
       << ", not the one of this version: raise kPreparationVersion and put both here";
