@@ -6,9 +6,8 @@
 //     blocks   which are there of the rows of voxels around the lines, by bits: runs of them
 //     pixels   of a run, in chunks, those that still see something
 //     rows     of each of the lines' rows the two before and behind the plane become one, in float
-//     samples  between the two of these that the line lies between, by weights that are the same all along
-//     it,
-//              and two voxels of that; and what each adds
+//     samples  between the two of these around the line, by weights that are the same all along it, and
+//              between two voxels of that; and what each adds
 //
 // These are functions of their own, not inlined: in one body there are too few registers for any of them, and
 // it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
