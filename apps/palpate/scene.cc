@@ -184,12 +184,10 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
 /// Of what yields the modulus decides: a stiffness written beside a preset is felt by the other laws alone.
 void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
   if (!is_elastic(scene.yielding.law)) return;
-  const auto& presets = tissue_presets();
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.felt || !tissue.elastic) continue;
-    const auto preset = std::find_if(presets.begin(), presets.end(),
-                                     [&](const TissuePreset& one) { return one.name == tissue.preset; });
-    if (preset == presets.end() || !preset->values.elastic ||
+    const TissuePreset* preset = find_preset(tissue.preset);
+    if (preset == nullptr || !preset->values.elastic ||
         tissue.stiffness_N_per_mm == preset->values.stiffness_N_per_mm ||
         tissue.elastic->youngs_modulus_kPa != preset->values.elastic->youngs_modulus_kPa)
       continue;

@@ -340,6 +340,13 @@ const std::vector<TissuePreset>& tissue_presets() {
   return presets;
 }
 
+const TissuePreset* find_preset(std::string_view name) {
+  const auto& presets = tissue_presets();
+  const auto found =
+      std::find_if(presets.begin(), presets.end(), [&](const auto& preset) { return preset.name == name; });
+  return found == presets.end() ? nullptr : &*found;
+}
+
 const TissuePreset* match_preset(const std::string& structure_name) {
   // a match's rank: kind words first, then the place in the name, then the number of words
   struct Rank {

@@ -35,10 +35,8 @@ SupportValues support_values(const TissueSettings& tissue) {
 TissueSettings starting_values(const TableReader& reader) {
   const auto preset = reader.choice("preset");
   if (!preset) return {};
-  const auto& presets = tissue_presets();
-  const auto found =
-      std::find_if(presets.begin(), presets.end(), [&](const auto& p) { return p.name == *preset; });
-  PALPATE_CHECK(found != presets.end());
+  const TissuePreset* found = find_preset(*preset);
+  PALPATE_CHECK(found != nullptr);
   return found->values;
 }
 

@@ -2,8 +2,6 @@
 """tools/check_docs must see what is wrong with a page, and nothing else."""
 
 import contextlib
-import importlib.machinery
-import importlib.util
 import io
 import pathlib
 import sys
@@ -11,19 +9,12 @@ import tempfile
 import textwrap
 import unittest
 
-TOOL = pathlib.Path(__file__).resolve().parents[2] / "tools" / "check_docs"
 sys.dont_write_bytecode = True
+from load_tool import TOOLS, load_tool
+
 WORDS = "one two three four five six seven eight nine ten "
 
-
-def load_tool():
-    loader = importlib.machinery.SourceFileLoader("check_docs", str(TOOL))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
-    loader.exec_module(module)
-    return module
-
-
-tool = load_tool()
+tool = load_tool("check_docs")
 
 
 def run(files, *options):
@@ -132,7 +123,7 @@ class Prose(unittest.TestCase):
         self.assertEqual(faults("A God\nobject here.\n", **others), ["1: glossary: 'god object': proxy"])
         self.assertEqual(faults("A ghostly `ghost` and a ghost-writer.\n", **others), [])
         # that of this tree is read
-        self.assertIn("no-go region", [instead for _, _, instead in tool.Manual(TOOL.parent.parent).not_used])
+        self.assertIn("no-go region", [instead for _, _, instead in tool.Manual(TOOLS.parent).not_used])
         # its own table may name what is not used, its text may not
         self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
         self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)

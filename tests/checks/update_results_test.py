@@ -2,27 +2,21 @@
 """tools/update_results must make every table, find every sentence that says another number, and write nothing where
 anything is missing. It runs on copies of the manual's own pages and figures."""
 
-import importlib.machinery
-import importlib.util
 import json
 import pathlib
 import shutil
 import subprocess
+import sys
 import tempfile
 import unittest
 
+sys.dont_write_bytecode = True
+from load_tool import TOOLS, load_tool
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-TOOL, RESULTS = ROOT / "tools" / "update_results", ROOT / "docs" / "results"
+TOOL, RESULTS = TOOLS / "update_results", ROOT / "docs" / "results"
 
-
-def load_tool():
-    loader = importlib.machinery.SourceFileLoader("update_results", str(TOOL))
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
-    loader.exec_module(module)
-    return module
-
-
-tool = load_tool()
+tool = load_tool("update_results")
 
 
 class UpdateResults(unittest.TestCase):

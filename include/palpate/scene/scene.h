@@ -206,6 +206,8 @@ struct TissuePreset {
   std::vector<std::string> structure_names;  ///< lower-case names of structures made of it
 };
 const std::vector<TissuePreset>& tissue_presets();
+/// The preset of that name, or nullptr.
+const TissuePreset* find_preset(std::string_view name);
 /// The preset that a structure's name suggests, or nullptr. Whole words are compared, in any case and with
 /// plural s, number or between other marks ("Left-Cerebral-White-Matter"); a kind word outranks a structure's
 /// name ("patellar_cartilage" is cartilage), then the last match in the name wins, then the longest. Cysts,
