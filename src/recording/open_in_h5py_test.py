@@ -39,7 +39,8 @@ def rows_of_tables(prefix):
 
 
 def python_examples():
-    return re.findall(r"```python\n(.*?)```", text_of_pages(), re.DOTALL)
+    """Those of any recording: one that has a line `before:` is of a run of its own, and docs.blocks runs it."""
+    return re.findall(r"(?<!-->\n)```python\n(.*?)```", text_of_pages(), re.DOTALL)
 
 
 def type_name(data_set_or_attribute):
