@@ -65,6 +65,35 @@ struct Leash {
   }
 };
 
+/// How a layer's proxy went.
+struct Walked {
+  bool wedged = false, lagging = false;  ///< as ProxyResult has them
+  Vector<Patient> stretched_mm;          ///< its spring before, from the tip
+  double hand_mm = 0;                    ///< what the tip went, and the turn carried the tool
+  double behind_mm = 0;  ///< that, and what it went while the proxy came after it without force
+  /// Of its spring, in this tick: that and what may slip.
+  double most_change_mm = std::numeric_limits<double>::infinity();
+};
+
+/// A spring's stiffness: it goes with the place and with what the proxy leans on, and no faster than the
+/// proxy may slip. What the hand's way does not explain of the force's change is not more than that.
+/// @param before  its stiffness then; none: nobody knows
+/// @param slip_N  by which a force may change, beside the hand's way
+double slow_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
+                      double slip_N, const Walked& walked) {
+  const double length_mm = stretched_mm.norm();
+  if (!before || !(length_mm > 0)) return wanted;
+  // it gave nothing, and its proxy may be far from the tip
+  if (*before == 0) return std::min(wanted, slip_N / std::max(0.0, length_mm - walked.behind_mm));
+  if (!std::isfinite(walked.most_change_mm)) return wanted;
+  // what lies in a ball round the force before
+  const double along = walked.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
+  const double across = walked.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
+  const double most = std::pow(walked.most_change_mm / length_mm, 2) - across;
+  if (!(most > 0)) return *before;
+  return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
+}
+
 /// The proxy's way in one tick.
 class Walk {
  public:
@@ -93,7 +122,7 @@ class Walk {
         way_(way) {}
 
   /// False where the proxy lies in walls, as after the tool has become another one, and finds no way out.
-  bool go(ProxyResult& result) {
+  bool go(Walked& result) {
     look_around();
     if (near_.is_in_one() && !leave()) {
       result.wedged = true;
@@ -155,7 +184,7 @@ class Walk {
   bool slips() const { return leashed_ && leash_.is_taut(proxy_); }
 
   // one stride; false when the proxy has come to rest
-  bool step(ProxyResult& result) {
+  bool step(Walked& result) {
     const double free_mm = touch_what_is_near();
     leashed_ = false;
     // a try that fails has let nothing go: the next one is held as the proxy was before
@@ -610,10 +639,12 @@ class Springs {
       : surfaces_(surfaces), tip_(tip), options_(options) {}
 
   /// @param spheres  as the layer's proxy holds them
-  /// @param arrived  false: the proxy is no measure of what the hand presses
   /// @param yield    of the layer in which structures yield
-  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, bool arrived,
-                 YieldState& yield, RelaxationState& relaxation) {
+  /// @param slip_N   as of slow_stiffness
+  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked,
+                 double slip_N, YieldState& yield, RelaxationState& relaxation) {
+    // else the proxy is no measure of what the hand presses
+    const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
     double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
     Pressed pressed;
@@ -644,6 +675,9 @@ class Springs {
     stiffness /= all_mm;
     own_stiffness /= all_mm;
     const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
+    // what yields has its own laws of time
+    if (!(pressed.pull_mm > 0))
+      stiffness = slow_stiffness(stiffness, state.spring_N_per_mm, stretched_mm, slip_N, walked);
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
     force.tangent_N_per_mm = stiffness;
     if (pressed.pull_mm > 0) {
@@ -914,11 +948,11 @@ Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double
 }
 
 // one layer's proxy turns and goes its way
-ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                 const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm,
-                 ProxyLayer& state, const ProxyOptions& options, ProxyWay* way) {
+Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+            const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
+            const ProxyOptions& options, ProxyWay* way) {
   const Point<Patient>& tip = hand.tip;
-  ProxyResult result;
+  Walked result;
   if (!state.coupled) {
     if (!is_free(surfaces, spheres, layer, {}, {}, tip)) return result;
     state = {};
@@ -929,7 +963,7 @@ ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphe
   state.punctured = still_open(surfaces, spheres, hand, state);
 
   const Eigen::Quaterniond attitude_before = state.attitude;
-  const Vector<Patient> stretched = (state.position - (tip - tip_moved)) * state.part;
+  result.stretched_mm = (state.position - (tip - tip_moved)) * state.part;
   const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
   const TurnedTool held(spheres, hand.attitude, state.attitude);
 
@@ -938,8 +972,12 @@ ProxyResult walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphe
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
   const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
   const Leash leash = leash_of(state, tip_moved, turned_mm, most_slip_mm);
+  result.hand_mm = tip_moved.norm() + turned_mm;
+  result.behind_mm = state.behind_mm + result.hand_mm;
+  result.most_change_mm = leash.length_mm;
   const bool in_walls =
-      !Walk(surfaces, held.spheres(), layer, most_mm, leash, stretched, tip, state, options, way).go(result);
+      !Walk(surfaces, held.spheres(), layer, most_mm, leash, result.stretched_mm, tip, state, options, way)
+           .go(result);
   // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
   // free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -1038,13 +1076,17 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
-  const double most_slip_mm = options.most_slip_N_per_s * options.dt_s / state.stiffness_N_per_mm;
+  // by what the forces of this layer and of those within may slip, and how they grow with their springs
+  double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
   const Vector<Patient> tip_moved = hand.tip - state.tip;
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
-    const ProxyResult walked =
+    const double before_N_per_mm = layer.spring_N_per_mm.value_or(0);
+    const double most_slip_mm =
+        growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
+    const Walked walked =
         walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options, n == 0 ? way : nullptr);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
@@ -1057,8 +1099,18 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     const TurnedTool held(spheres, hand.attitude, layer.attitude);
     // structures yield in the outermost layer alone
     YieldState none;
-    const ProxyForce force = springs.add(layer, held.spheres(), !walked.lagging && !walked.wedged,
-                                         n == 0 ? state.yield : none, state.relaxation);
+    const ProxyForce force =
+        springs.add(layer, held.spheres(), walked, slip_N, n == 0 ? state.yield : none, state.relaxation);
+    layer.spring_N_per_mm = force.stiffness_N_per_mm;
+    layer.behind_mm = layer.contacts == 0 && walked.lagging ? walked.behind_mm : 0;
+    // what this one has not slipped those within may
+    const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm).norm();
+    const double by_hand_N = std::max(before_N_per_mm, force.tangent_N_per_mm) * walked.hand_mm;
+    const bool slipped = before_N_per_mm > 0 && std::isfinite(walked.most_change_mm);
+    if (slipped) slip_N -= std::clamp(changed_N - by_hand_N, 0.0, slip_N);
+    growth_N_per_mm = 0;
+    for (int within = n + 1; within < kMostLayers; ++within)
+      growth_N_per_mm += state.layer(within).spring_N_per_mm.value_or(0);
     result.of_layer[static_cast<std::size_t>(n)] = force;
     result.force_N += force.force_N;
     result.torque_Nmm += force.torque_Nmm;

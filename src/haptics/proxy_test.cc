@@ -375,7 +375,8 @@ Bricks<LabelId> labelled(const GridGeometry& grid,
   return *label_bricks(labels);
 }
 
-TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
+// A floor of two structures that meet at x = 0, of 1 and 0.4 N/mm, with friction.
+ProxyRun two_feels() {
   const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
   ProxyRun run;
   run.surfaces.resize(2);
@@ -391,6 +392,11 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
                  return static_cast<LabelId>(p.z() >= 0 ? 0 : p.x() < 0 ? 1 : 2);
                }),
       std::vector<std::int16_t>{-1, 0, 1});
+  return run;
+}
+
+TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
+  ProxyRun run = two_feels();
   for (const double radius_mm : {0.0, 1.5}) {
     run.spheres = {{{}, radius_mm}};
     run.state = {};
@@ -775,6 +781,84 @@ TEST(Proxy, SlipsOffAnEdgeNoFasterThanItsSpringMayLetGo) {
         // the way alone would take as long as the hand needs for it
         EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.most_slip_N_per_s, 0.012);
       }
+}
+
+// the most that a tick changes the force by beyond what the way explains, on a way in steps
+double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<Patient>& to, double step_mm) {
+  double largest_N = 0;
+  const int steps = static_cast<int>(std::lround((to - from).norm() / step_mm));
+  for (int n = 1; n <= steps; ++n) {
+    const ProxyResult before = run.result;
+    run.at(from + (to - from) * (static_cast<double>(n) / steps));
+    const double explained_N = std::max(before.stiffness_N_per_mm, run.result.stiffness_N_per_mm) * step_mm;
+    largest_N = std::max(largest_N, (run.result.force_N - before.force_N).norm() - explained_N);
+  }
+  return largest_N;
+}
+
+// 8 mm deep what a share changes by in a tick would change the force by 0.2 N
+TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
+  for (const double towards : {1.0, -1.0}) {
+    ProxyRun run = two_feels();
+    for (FeltSurface& felt : run.surfaces) felt.static_friction = felt.dynamic_friction = 0;
+    const Point<Patient> from(-5 * towards, 0, -8), to(5 * towards, 0, -8);
+    run.at({from.x(), 0, 5});
+    run.lead({from.x(), 0, 5}, from, 0.05);
+    EXPECT_NEAR(run.result.force_N.z(), towards > 0 ? 8 : 3.2, 0.01);
+    EXPECT_LT(largest_change_N(run, from, to, 0.1), 0.02);
+    // a hand that waits gets what is there
+    for (int n = 0; n < 400; ++n) run.at(to);
+    EXPECT_NEAR(run.result.force_N.z(), towards > 0 ? 3.2 : 8, 0.01);
+    EXPECT_NEAR(run.result.stiffness_N_per_mm, towards > 0 ? 0.4 : 1, 1e-3);
+  }
+}
+
+// as one that stayed behind where no way led to the tip, and then finds one
+TEST(Proxy, AProxyFarFromItsTipMeetsAWallWithoutAKick) {
+  ProxyRun run = two_feels();
+  const Point<Patient> tip(-5, 0, -3);
+  run.at({-5, 0, 1});
+  run.state.tip = tip;
+  double before_N = 0;
+  for (int n = 0; n < 300; ++n) {
+    run.at(tip);
+    EXPECT_LE(run.result.force_N.norm() - before_N, 0.02) << n;
+    before_N = run.result.force_N.norm();
+  }
+  EXPECT_NEAR(before_N, 3, 0.01);
+}
+
+// what a hand goes in a tick explains its force, however deep
+TEST(Proxy, AFastHandIsHeldAtOnce) {
+  ProxyRun run = two_feels();
+  run.at({-5, 0, 1});
+  run.at({-5, 0, -2});
+  EXPECT_NEAR(run.result.force_N.z(), 2, 0.01);
+}
+
+// bone that ends under fat: what fat does not slip by, bone may
+TEST(ProxyLayers, WhatSlipsWithinMaySlipAsFastAsAll) {
+  ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) {
+    const double x = p.x() + 0.5, z = p.z() + 2.5;
+    return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
+  });
+  // 3 mm deep in it, from 3 mm within its side over the edge
+  run.at({-3, 0, 2});
+  run.lead({-3, 0, 2}, {-3, 0, -5}, 0.05);
+  EXPECT_NEAR(run.result.of_layer[1].force_N.norm(), 3, 0.01);
+  EXPECT_LT(largest_change_N(run, {-3, 0, -5}, {0.6, 0, -5}, 0.3), 0.02);
+  const double left_N = run.result.of_layer[1].force_N.norm();
+  EXPECT_GT(left_N, 1);
+  int ticks = 0;
+  while (run.result.of_layer[1].force_N.norm() > 0.01 && ticks < 500) {
+    const Vector<Patient> before_N = run.result.force_N;
+    run.at({0.6, 0, -5});
+    EXPECT_LT((run.result.force_N - before_N).norm(), 0.02);
+    ++ticks;
+  }
+  EXPECT_NEAR(ticks * 1e-3, left_N / kProxyFeel.most_slip_N_per_s,
+              0.1 * left_N / kProxyFeel.most_slip_N_per_s);
+  EXPECT_NEAR(run.result.force_N.z(), 0.5 * 5, 0.01);
 }
 
 TEST(Proxy, SlidesEvenlyUnderASlowTip) {

@@ -22,7 +22,7 @@
 #include "palpate/volume_io/volume_io.h"
 
 /// Presses, slides and withdrawals where labels meet: on the flat top of two labels, and at random places of
-/// whole knees, half of them at seams. PALPATE_TEST_PRESSES says how many on each knee.
+/// whole knees and of a head, half of them at seams. PALPATE_TEST_PRESSES says how many on each.
 namespace palpate {
 namespace {
 
@@ -152,8 +152,8 @@ class HalfAVoxel {
 };
 
 struct Figures {
-  int presses = 0, withdrawals = 0, unfelt = 0, inside = 0, jumped = 0, pulled_inward = 0, trapped = 0,
-      left_out = 0;
+  int presses = 0, withdrawals = 0, elsewhere = 0, unfelt = 0, inside = 0, jumped = 0, pulled_inward = 0,
+      trapped = 0, left_out = 0;
   double largest_jump_N = 0, most_inward_N = 0;
 };
 
@@ -170,7 +170,7 @@ class SeamPress {
       return;
     }
     ++figures_.presses;
-    tip_ = *start;
+    tip_ = start_ = *start;
     advance();
     const auto lead = [&](const Vector<Patient>& step) {
       tip_ += step;
@@ -202,6 +202,13 @@ class SeamPress {
       tip_ += out * kStep_mm;
       const bool free = body_.clearance_mm(tip_, tool_.radius_mm) > kOutside_mm;
       if (was_free && !free) return;
+      // a proxy at rest that holds the hand back, or free space that no straight way leads to from where it
+      // came
+      const bool held_back = !result_.lagging && result_.force_N.dot(out) < -kInward_N;
+      if (!was_free && (held_back || (free && !is_where_it_came_from()))) {
+        ++figures_.elsewhere;
+        return;
+      }
       for (int layer = 1; layer < kMostLayers; ++layer) {
         bool& out_of_it = left[static_cast<std::size_t>(layer)];
         const double clearance_mm = body_.clearance_mm(tip_, tool_.radius_mm, layer);
@@ -217,6 +224,16 @@ class SeamPress {
     figures_.trapped += force_N() > kFree_N;
     figures_.pulled_inward += most_inward_N_ > kInward_N;
     figures_.most_inward_N = std::max(figures_.most_inward_N, most_inward_N_);
+  }
+
+  // whether a tool that is led there straight from where this one began gets there
+  bool is_where_it_came_from() const {
+    ProxyState other;
+    const Vector<Patient> way = tip_ - start_;
+    const int steps = static_cast<int>(way.norm() / (5 * kStep_mm)) + 1;
+    for (int n = 0; n <= steps; ++n)
+      advance_proxy(body_.surfaces, {&tool_, 1}, start_ + way * (static_cast<double>(n) / steps), other);
+    return (other.position - tip_).norm() < kOutside_mm;
   }
 
   double force_N() const { return result_.force_N.norm(); }
@@ -256,7 +273,7 @@ class SeamPress {
   Figures& figures_;
   ProxyState state_;
   ProxyResult result_;
-  Point<Patient> tip_;
+  Point<Patient> tip_, start_;
   Vector<Patient> outward_;
   bool withdrawing_ = false, came_out_ = false, withdrawn_ = false, inside_ = false, unfelt_ = false,
        jumped_ = false;
@@ -310,30 +327,24 @@ Figures press_all_over(const Body& body, int presses, double radius_mm) {
 void print(const char* what, double radius_mm, const Figures& f) {
   std::printf(
       "%-13s tool %.1f mm: %5d presses, %3d inside, %3d not felt, %4d with a jump (largest %6.3f N); %5d "
-      "withdrawn, %2d "
-      "pulled "
-      "inward (at most %.3f N), %2d trapped\n",
+      "withdrawn, %2d pulled inward (at most %.3f N), %2d trapped; %3d elsewhere\n",
       what, radius_mm, f.presses, f.inside, f.unfelt, f.jumped, f.largest_jump_N, f.withdrawals,
-      f.pulled_inward, f.most_inward_N, f.trapped);
+      f.pulled_inward, f.most_inward_N, f.trapped, f.elsewhere);
   std::fflush(stdout);
 }
 
-// @param least_N_per_mm  softer structures are not felt
-void expect_one_body(const char* what, const LabelMap& labels, double least_N_per_mm) {
+void expect_one_body(const char* what, const Model& model) {
   SCOPED_TRACE("seed " + std::to_string(kSeamSeed));
-  const Model model = model_of(labels, [&](const Segment& segment) {
-    const auto stiffness = as_proposed(segment);
-    return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
-  });
   const Body body = one_body(model);
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
     const Figures figures = press_all_over(body, seam_presses() / 4, radius_mm);
     print(what, radius_mm, figures);
     EXPECT_GT(figures.withdrawals, figures.presses / 4);
     EXPECT_EQ(figures.inside, 0);
-    EXPECT_LE(figures.jumped, figures.presses / 20);
-    // a tip that comes free while the proxy still slips is drawn after it for milliseconds
-    EXPECT_LE(figures.pulled_inward, 1 + figures.withdrawals / 30);
+    EXPECT_EQ(figures.jumped, 0);
+    // a tip that comes free while a proxy still slips is drawn after it for milliseconds
+    EXPECT_LE(figures.pulled_inward, figures.withdrawals / 500);
+    EXPECT_LT(figures.most_inward_N, 0.1);
     EXPECT_EQ(figures.trapped, 0);
   }
   if (std::getenv("PALPATE_TEST_APART") != nullptr) {
@@ -459,13 +470,23 @@ TEST(Seams, OfAFlatTopAreNotFelt) {
   }
 }
 
+std::optional<LabelMap> labels_of(const std::filesystem::path& file) {
+  const auto read = read_labels(file);
+  EXPECT_TRUE(read.ok());
+  if (!read.ok()) return {};
+  return read->labels;
+}
+
 void expect_one_body_in(const char* what, const std::string& name, double least_N_per_mm) {
   const auto file = shared_file(name);
   if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
   if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
-  const auto read = read_labels(*file);
-  ASSERT_TRUE(read.ok());
-  expect_one_body(what, read->labels, least_N_per_mm);
+  const auto labels = labels_of(*file);
+  ASSERT_TRUE(labels);
+  expect_one_body(what, model_of(*labels, [&](const Segment& segment) {
+                    const auto stiffness = as_proposed(segment);
+                    return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
+                  }));
 }
 
 // all of its 48 structures where many presses are asked for: preparing them takes longer than pressing them
@@ -478,12 +499,27 @@ TEST(Seams, TheObliqueKneeIsOneBody) {
   expect_one_body_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
 }
 
+// 116 regions of a brain, as nobody presses on: each beside many others, of one stiffness and of four
+TEST(Seams, TheHeadIsOneBody) {
+  const std::filesystem::path file = "/usr/share/mricron/templates/aal.nii.gz";
+  if (!std::filesystem::exists(file)) {
+    if (in_ci()) FAIL() << "the package mricron-data is not installed";
+    GTEST_SKIP() << "needs the package mricron-data";
+  }
+  const auto labels = labels_of(file);
+  ASSERT_TRUE(labels);
+  expect_one_body("head", model_of(*labels, [](const Segment&) { return 0.4; }));
+  if (seam_presses() < 1000) return;
+  expect_one_body("head, layers",
+                  model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
+}
+
 TEST(Seams, ThePhantomsKneeIsOneBody) {
   const auto parameters = parse_phantom("knee-phantom:spacing=0.8");
   ASSERT_TRUE(parameters.ok());
   const auto phantom = make_phantom(*parameters);
   ASSERT_TRUE(phantom.ok());
-  expect_one_body("knee-phantom", phantom->labels, 0);
+  expect_one_body("knee-phantom", model_of(phantom->labels, as_proposed));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -162,7 +163,11 @@ struct ProxyLayer {
   /// How much of the way from the tip to it the spring is stretched by; below 1 where it leans on what it
   /// cannot pass and no wall says why.
   double part = 1;
-  double lost_s = 0;  ///< that it has been left behind by a free tip
+  /// Force over length of its spring; 0: it gave nothing. None: nobody knows, as after a change of the
+  /// surfaces.
+  std::optional<double> spring_N_per_mm;
+  double behind_mm = 0;  ///< that the hand went while it came after it through free space, without force
+  double lost_s = 0;     ///< that it has been left behind by a free tip
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
 };
@@ -249,7 +254,8 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 ///   active set; so corners, gaps and both walls of a notch hold.
 /// - A proxy that slips, where the nearest place is suddenly another, goes there no faster than its springs
 ///   may let go (most_slip_N_per_s), through free space too; what was gone through lets go at once
-///   (docs/decisions/0033).
+///   (docs/decisions/0033). Nor does the stiffness change faster, where the proxy comes from one structure to
+///   another under a long spring.
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common
