@@ -80,15 +80,21 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
   const double along_mm = input.way_mm.dot(input.force_N) / force_N;
   follow_speed(along_mm, step_mm, input.dt_s, state);
   follow_direction(along_mm, step_mm, state);
+  const Vector<World> out = input.force_N / force_N;
+  const double most_N =
+      most_without_a_throw_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out), step_mm,
+                              input.pending_N_s, input.dt_s},
+                             state.bounce);
   if (!act) return {};
 
   const double soft = softened(input, step_mm, state);
   const double soft_N = std::min(force_N, soft * input.unlimited_N);
-  PassivityOutput out;
-  out.factor = soft_N / force_N *
-               std::min(damped(input, soft_N, step_mm, state, out.damping_N_s_per_m),
-                        less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
-  return out;
+  PassivityOutput kept;
+  kept.factor = soft_N / force_N *
+                std::min(damped(input, soft_N, step_mm, state, kept.damping_N_s_per_m),
+                         less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
+  kept.factor = std::min(kept.factor, most_N / force_N);
+  return kept;
 }
 
 }  // namespace palpate

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "palpate/device/felt_stiffness.h"
+#include "palpate/model/changed_model.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpation/surface_point.h"
 

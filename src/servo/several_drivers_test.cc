@@ -12,6 +12,7 @@
 #include "base/test_wait.h"
 #include "haptics/test_model.h"
 #include "palpate/base/clock.h"
+#include "palpate/base/spsc_ring.h"
 #include "palpate/device/bounds.h"
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/pointer_driver.h"

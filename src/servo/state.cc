@@ -111,6 +111,11 @@ std::uint64_t SessionState::hash(int devices) const {
          {passivity.energy_mJ, passivity.way_mm, passivity.time_s, passivity.speed_mm_s, passivity.play_mm})
       hash_double(hash, value);
     hash_word(hash, passivity.gives_way);
+    const BounceState& bounce = passivity.bounce;
+    for (const double value : {bounce.fell_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s,
+                               bounce.pushed_N_s2, bounce.back_N_s2_mm, bounce.squares_N2_s4})
+      hash_double(hash, value);
+    hash_word(hash, bounce.touched);
     const SwingState& swing = hands[d].swing;
     for (int axis = 0; axis < 3; ++axis) {
       hash_double(hash, swing.axis[axis]);

@@ -90,13 +90,31 @@ ProxyChange begin_contact_anew(const Model& model, std::size_t device, const Cha
   return change;
 }
 
+// After a short dropout a hand is falling: a damper along the force stops it sooner than the wall's spring
+// alone, and keeps it from being thrown back. The factor for the force, 0 ... 2; 1 at any other time.
+double stop_a_fall(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
+                   const SessionState::Hand& hand, const OutputRequest& request) {
+  const double force_N = request.asked.force_N.norm();
+  const bool returns = (hand.output.away || hand.output.returning) && request.age_s <= kOutputFeel.fresh_s;
+  if (!returns || !(force_N > 0) || !std::isfinite(force_N)) return 1;
+  const double damping_N_s_per_mm = kOutputFeel.return_damping_N_s_per_m * 1e-3;
+  const double bears_N_s_per_mm = own.most_damping_N_s_per_mm;
+  const double out_mm_s = velocity_mm_s.dot(request.asked.force_N) / force_N;
+  const double damper_N =
+      out_mm_s * (bears_N_s_per_mm > 0 ? std::min(damping_N_s_per_mm, bears_N_s_per_mm) : damping_N_s_per_mm);
+  return std::clamp(1 - damper_N / force_N, 0.0, 2.0);
+}
+
 // Takes off what would give the hand more energy than it has put in.
-// @param way_mm  of the tip relative to the object since the last tick, in the patient
+// @param way_mm  of the tip relative to the object since the last tick, mm of the device
+// @param velocity_mm_s  likewise, a mean
+// @param most           the part that another damper leaves of the force; the two do not add up
 void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
-                 const Vector<World>& way_mm, double max_force_N, double dt_s, SessionState::Hand& hand,
-                 OutputRequest& request, DeviceTick& out) {
+                 const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
+                 double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
+                 DeviceTick& out) {
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
-  look_for_swing(request.asked.force_N, way_mm / own.scale, step_mm, dt_s, hand.swing);
+  look_for_swing(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
   const double delay_s = own.delay_s + hand.swing.later_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   // a force that fades out gets nothing back that was held back
@@ -110,15 +128,17 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
   const PassivityOutput kept =
       keep_passive({request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N,
-                    way_mm / own.scale, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-                    still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s)},
+                    way_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
+                    still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), velocity_mm_s},
                    parameters.passivity, hand.passivity);
-  if (kept.factor == 1) return;
+  const double factor = std::min(kept.factor, most);
+  if (factor == 1) return;
   if (within < 1) out.flags |= kFlagClamped;
-  request.asked.force_N = request.asked.force_N * (within * kept.factor);
-  request.asked.torque_Nmm = request.asked.torque_Nmm * (within * kept.factor);
+  request.asked.force_N = request.asked.force_N * (within * factor);
+  request.asked.torque_Nmm = request.asked.torque_Nmm * (within * factor);
   // what a blend begins with is what was felt
   hand.asked = request.asked;
+  if (kept.factor == 1) return;
   out.damping_N_s_per_m = kept.damping_N_s_per_m;
   out.flags |= kFlagPassivity;
 }
@@ -210,8 +230,14 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, shared.changed || tool.let_go, tick.dt_s, hand);
     request.unclamped_N = request.asked.force_N.norm();
-    hold_energy(tool, parameters, own, tick.X_WorldPatient * way_mm, max_force_N, tick.dt_s, hand, request,
-                out);
+    const Vector<World> velocity_mm_s = tick.X_WorldPatient * context.velocity_mm_s / own.scale;
+    const double stop = stop_a_fall(own, velocity_mm_s, hand, request);
+    if (stop > 1) {
+      request.asked.force_N = request.asked.force_N * stop;
+      request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
+    }
+    hold_energy(tool, parameters, own, tick.X_WorldPatient * way_mm / own.scale, velocity_mm_s,
+                std::min(stop, 1.0), max_force_N, tick.dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
   }

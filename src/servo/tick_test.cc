@@ -925,7 +925,7 @@ TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
     devices[0].tip = Point<World>(kBoneRadius_mm + 6 - 7 * part, 0, 0);
     devices[1].tip = Point<World>(0, kBoneRadius_mm + 6 - 3.5 * part, 0);
     devices[2].tip = Point<World>(0, 0, kBoneRadius_mm + 6);
-    tick(loop.model, loop.parameters, devices, kTick_s, loop.state, wrenches, loop.record);
+    tick(loop.model, loop.parameters, devices, kMillisecond_s, loop.state, wrenches, loop.record);
   };
   for (int n = 1; n <= 300; ++n) tick_at(std::min(1.0, n / 200.0));
   for (const Edit& edit : kEdits) {
@@ -1065,6 +1065,53 @@ TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
   for (int n = 0; n < 200; ++n) loop.at({1, 0, 0});
   EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+}
+
+// the force on a tip that rested 1 mm deep and then goes on at a speed, outwards, after so long without a
+// pose
+double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kNotKnown) {
+  ProxyLoop loop;
+  loop.parameters.friction = loop.parameters.viscosity = false;
+  loop.parameters.max_force_N = 100;
+  loop.parameters.device[0].most_damping_N_s_per_mm = bears_N_s_per_mm;
+  double depth_mm = -0.5;
+  const auto at = [&](double age_s) {
+    DeviceState device;
+    device.tip = Point<World>(kBoneRadius_mm - depth_mm, 0, 0);
+    device.age_s = age_s;
+    loop.at(device);
+  };
+  for (int n = 0; n < 1000; ++n) {
+    depth_mm = std::min(1.0, depth_mm + 0.01);
+    at(0);
+  }
+  for (int n = 1; n <= std::lround(dropout_s / kMillisecond_s); ++n) at(n * kMillisecond_s);
+  for (int n = 0; n < std::lround(moved_s / kMillisecond_s); ++n) {
+    depth_mm -= speed_mm_s * kMillisecond_s;
+    at(0);
+  }
+  return loop.wrench.force_N.x();
+}
+
+TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
+  constexpr double kDropout_s = 15e-3, kMoved_s = 30e-3;
+  const double damping_N_s_per_mm = kOutputFeel.return_damping_N_s_per_m * 1e-3;
+  for (const double speed_mm_s : {-20.0, -5.0, 0.0, 5.0, 15.0}) {
+    SCOPED_TRACE(speed_mm_s);
+    const double without_N = returned_N(speed_mm_s, 0, kMoved_s);
+    EXPECT_NEAR(returned_N(speed_mm_s, kDropout_s, kMoved_s), without_N - damping_N_s_per_mm * speed_mm_s,
+                1e-6);
+    EXPECT_NEAR(returned_N(speed_mm_s, kDropout_s, kMoved_s, 0.002), without_N - 0.002 * speed_mm_s, 1e-6)
+        << "no more than the device bears";
+    EXPECT_NEAR(returned_N(speed_mm_s, 9e-3, kMoved_s), without_N, 1e-6) << "nothing was lost";
+    EXPECT_LT(returned_N(speed_mm_s, 21e-3, kMoved_s), 0.1 * without_N + 1e-6) << "by the ramp";
+  }
+  // slowly, as long as it returns
+  EXPECT_NEAR(returned_N(1, kDropout_s, kOutputFeel.return_s + 5e-3),
+              returned_N(1, 0, kOutputFeel.return_s + 5e-3), 1e-6)
+      << "for a tenth of a second";
+  // where it has nearly left, the damper neither pulls nor is more than the wall
+  EXPECT_GE(returned_N(32, kDropout_s, kMoved_s), 0);
 }
 
 TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "palpate/device/workspace.h"
 #include "palpate/servo/servo.h"
@@ -39,6 +40,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
   };
   const Vector<Device> out = on_device(1) - on_device(0);
   const auto height_mm = [&] { return out.dot(plant.true_tip() - on_device(0)); };
+  const Vector<World> up = (wall.X_WorldPatient * Vector<Patient>(1, 0, 0)).normalized();
   plant.reset(on_device(1));
 
   const long pressed = std::lround(kPressed_s / kDropTick_s), watched = std::lround(kWatched_s / kDropTick_s);
@@ -64,6 +66,12 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
     sensed.age_s = lost ? age_s : 0;
     tick(wall, parameters, {&sensed, 1}, kDropTick_s, state, {&sent, 1}, record);
     if (lost && age_s >= kSilent_s) result.silent = result.silent && sent.force_N == Vector<World>();
+    if (dropout.by != Return::kTick && n >= pressed + dropped) {
+      const double asked_N = record.device[0].unclamped_force_N;
+      sent.force_N = up * (dropout.by == Return::kAtOnce ? asked_N : last_N + kMostKick_N);
+      // it has turned, and sinks no more by what it gained in its fall
+      if (out.dot(plant.true_velocity_mm_s()) > 0) break;
+    }
 
     const double down = std::min(1.0, static_cast<double>(n + 1) / (0.5 * static_cast<double>(pressed)));
     plant.intend(on_device(1 - down * (1 + depth_mm)));
@@ -79,7 +87,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
 }
 
 Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
-  constexpr double kDelay_s = 1e-3, kMostKick_N = 0.2;
+  constexpr double kDelay_s = 1e-3, kMostSink_mm = 0.6, kMostBack_ms = 100;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   // one unit after the other, as tables want them
@@ -91,11 +99,24 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
     if (!stiffness) return stiffness.error();
     for (const PlantHand& hand : known_plant_hands()) {
       if (progress.stopped()) return Progress::interrupted();
-      const DroppedOut lost = drop_out(**wall, {device, hand, *stiffness, kDelay_s});
+      Dropout dropout{device, hand, *stiffness, kDelay_s};
+      const DroppedOut lost = drop_out(**wall, dropout);
+      dropout.by = Return::kAtOnce;
+      const DroppedOut at_once = drop_out(**wall, dropout);
+      dropout.by = Return::kWithoutKick;
+      const DroppedOut without_kick = drop_out(**wall, dropout);
+      // a hand whose floor is above it cannot keep it
+      const bool can = without_kick.sink_mm <= kMostSink_mm;
       const std::string path =
           "stability/dropout/" + device.name + "/" + hand.name + "/" + loop_name(1 / kDropTick_s, kDelay_s);
-      lengths.push_back({path + "/sink", lost.sink_mm, "mm", 1, {}});
-      times.push_back({path + "/back", lost.back_s * 1e3, "ms", 1, {}});
+      lengths.push_back(
+          {path + "/sink", lost.sink_mm, "mm", 1, can ? std::optional(kMostSink_mm) : std::nullopt});
+      lengths.push_back({path + "/floor", without_kick.sink_mm, "mm", 1, {}});
+      lengths.push_back({path + "/floor-at-once", at_once.sink_mm, "mm", 1, {}});
+      // an encoder step that is worth more than a fifth hides when four fifths are back for good
+      const bool told = *stiffness * device.encoder_step_m * 1e3 < (1 - kBack) * dropout.press_N;
+      times.push_back(
+          {path + "/back", lost.back_s * 1e3, "ms", 1, told ? std::optional(kMostBack_ms) : std::nullopt});
       forces.push_back({path + "/kick", lost.kick_N, "N", 1, kMostKick_N});
     }
   }

@@ -9,6 +9,16 @@
 
 namespace palpate {
 
+/// Who sends the force from the first fresh pose on.
+enum class Return {
+  kTick,
+  /// nobody could do more than a wall does: all of its force at once
+  kAtOnce,
+  /// nobody could do more without a kick: kMostKick_N more in each tick, whatever the wall asks for
+  kWithoutKick,
+};
+inline constexpr double kMostKick_N = 0.2;
+
 /// A hand that presses on flat_wall(), and poses that fail to come for a while, at 1 kHz through the real
 /// tick.
 struct Dropout {
@@ -16,8 +26,9 @@ struct Dropout {
   PlantHand hand;
   double stiffness_N_per_mm = 1;  ///< that the hand feels
   double delay_s = 0;
-  double time_s = 0.02;  ///< for which no fresh pose comes
-  double press_N = 1;    ///< that the hand bears besides the device's Coulomb friction
+  double time_s = 0.02;       ///< for which no fresh pose comes
+  double press_N = 1;         ///< that the hand bears besides the device's Coulomb friction
+  Return by = Return::kTick;  ///< another one shows how little the tip could sink; only sink_mm is told then
 };
 
 /// What the hand notices of it.
@@ -30,8 +41,8 @@ struct DroppedOut {
 };
 DroppedOut drop_out(const Model& wall, const Dropout& dropout);
 
-/// Of 20 ms at 1 N, at what is recommended for 1 ms of delay, every device and documented hand. Errors:
-/// kInterrupted.
+/// Of 20 ms at 1 N, at what is recommended for 1 ms of delay, every device and documented hand, and how
+/// little each could sink while a pose of 10 ms and more gives no force. Errors: kInterrupted.
 Result<std::vector<Figure>> dropout_figures(const Progress& progress);
 
 }  // namespace palpate

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "palpate/servo/servo.h"
@@ -16,6 +17,8 @@ namespace {
 
 constexpr double kGripStep_s = 1e-5;
 constexpr double kAbove_mm = 3, kFadeIn_s = 0.6;
+// where no force of the wall acts, nor any that is late
+constexpr double kClear_mm = 1;
 constexpr double kSettledSwing_mm = 0.2, kSettledFor_s = 0.1;
 
 // a mass that Coulomb friction can at most stop
@@ -123,11 +126,11 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
       const double wanted_m = wanted_mm * 1e-3 + wanted_m_s * (i + 1) * kGripStep_s;
       plant.step(line.front(), wanted_m, wanted_m_s);
       line.pop_front();
-      if (!inside && plant.tip_mm() < 0) {
+      if (!inside && plant.tip_mm() < kClear_mm) {
         inside = true;
         in_m_s = plant.speed_m_s();
       }
-      if (inside && !left && plant.tip_mm() > 0) {
+      if (inside && !left && plant.tip_mm() > kClear_mm) {
         left = true;
         result.rebound = -plant.speed_m_s() / in_m_s;
       }
@@ -168,7 +171,7 @@ GripCase free_tap(const PlantDevice& device, double stiffness_N_per_mm) {
 }  // namespace
 
 Result<std::vector<Figure>> grip_figures(const Progress& progress) {
-  constexpr double kSkin_N_per_m = 2000;
+  constexpr double kSkin_N_per_m = 2000, kMostRebound = 1;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   // one unit after the other, as tables want them
@@ -196,7 +199,8 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
         }
       GripCase tap = free_tap(device, *stiffness);
       tap.delay_known = told;
-      ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1, {}});
+      ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
+                        told ? std::optional(kMostRebound) : std::nullopt});
     }
   }
   lengths.insert(lengths.end(), times.begin(), times.end());

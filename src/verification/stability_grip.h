@@ -38,8 +38,9 @@ struct GripResult {
   double swing_mm = 0;      ///< peak-to-peak of the true tip in the last second
   double crossings_hz = 0;  ///< how often it went up through its middle in that second
   double force_N = 0;       ///< mean of it
-  double rebound = 0;       ///< speed out of the wall, the first time it is left, over that of the impact
-  double settled_s = 0;     ///< from the touch on until it swings by no more than 0.2 mm within any 100 ms
+  double rebound =
+      0;  ///< speed a millimetre before the wall, the first time it is left, over that of the impact
+  double settled_s = 0;  ///< from the touch on until it swings by no more than 0.2 mm within any 100 ms
 };
 GripResult hold_wall(const Model& wall, const GripCase& grip_case);
 

@@ -75,25 +75,29 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
   EXPECT_GE(swinging, 12) << "of 16";
 }
 
+// Nobody holds it and no friction brakes it. The stiffest wall of each device is what it is recommended.
 TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
-  for (const char* name : {"premium-1.5", "touch"})
+  const struct {
+    const char* device;
+    double stiffness_N_per_mm;
+  } walls[] = {{"premium-1.5", 1.16}, {"touch", 1.16}, {"touch", 5.01}};
+  for (const auto& [device, stiffness_N_per_mm] : walls)
     for (const double mass_kg : {0.001, 0.15})
       for (const double impact_m_s : {0.05, 0.1, 0.2}) {
-        SCOPED_TRACE(std::string(name) + ", " + std::to_string(mass_kg) + " kg, " +
-                     std::to_string(impact_m_s));
-        GripCase tap{.device = *find_plant_device(name),
+        SCOPED_TRACE(std::string(device) + ", " + std::to_string(stiffness_N_per_mm) + " N/mm, " +
+                     std::to_string(mass_kg) + " kg, " + std::to_string(impact_m_s));
+        GripCase tap{.device = *find_plant_device(device),
                      .grip = {.mass_kg = mass_kg},
-                     .stiffness_N_per_mm = 1.16,
+                     .stiffness_N_per_mm = stiffness_N_per_mm,
                      .press_N = 0,
                      .impact_m_s = impact_m_s,
                      .free = true,
                      .time_s = 0.2};
         tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
         const double told = hold_wall(grip_wall(), tap).rebound;
-        // a bare device that goes about a step of its encoder in a tick is told too little of where it is
-        EXPECT_LE(told, mass_kg < 0.01 && impact_m_s < 0.1 ? 1.2 : 1);
-        EXPECT_GT(told, 0.7) << "and is a wall";
-        tap.delay_known = false;
+        EXPECT_LE(told, 1);
+        EXPECT_GT(told, 0.5) << "and is a wall";
+        tap.controller = false;
         EXPECT_GT(hold_wall(grip_wall(), tap).rebound, 1);
       }
 }

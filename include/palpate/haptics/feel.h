@@ -212,6 +212,29 @@ struct SwingFeel {
   }
 };
 
+/// A tip that falls against something (bounce.h).
+struct BounceFeel {
+  /// It leaves with no more than this part of the speed with which it came.
+  double most_out = 0.95;
+  /// Falls that are slower, in steps of the encoder, are a hand that comes down. Three steps in 4 ms.
+  double least_steps_per_s = 750;
+  /// So many steps it has been held back before it shows what it weighs, and so many more it may have been:
+  /// then it is lighter, and thrown out faster.
+  double told_steps = 2, hidden_steps = 0.5;
+  /// What is in contact longer does not bounce: a bare Premium takes 25 ms on the wall that it is
+  /// recommended.
+  double longest_s = 0.03;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("most_out", most_out);
+    of("least_steps_per_s", least_steps_per_s);
+    of("told_steps", told_steps);
+    of("hidden_steps", hidden_steps);
+    of("longest_s", longest_s);
+  }
+};
+
 /// Soft tissue that yields (yield.h).
 struct YieldFeel {
   /// A point would sink in without resistance: thinner tools press like a sphere of this radius.
@@ -245,10 +268,12 @@ inline constexpr ToolTurnFeel kToolTurnFeel;
 inline constexpr TouchFeel kTouchFeel;
 inline constexpr PassivityFeel kPassivityFeel;
 inline constexpr SwingFeel kSwingFeel;
+inline constexpr BounceFeel kBounceFeel;
 inline constexpr YieldFeel kYieldFeel;
 
 static_assert(names_every_member<ProxyFeel>() && names_every_member<ToolTurnFeel>() &&
               names_every_member<TouchFeel>() && names_every_member<PassivityFeel>() &&
-              names_every_member<SwingFeel>() && names_every_member<YieldFeel>());
+              names_every_member<SwingFeel>() && names_every_member<BounceFeel>() &&
+              names_every_member<YieldFeel>());
 
 }  // namespace palpate

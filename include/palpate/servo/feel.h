@@ -22,7 +22,10 @@ struct OutputFeel {
   /// So fast the force grows then, and no faster for so long: 0.2 N in a tick of 1 kHz is no kick. 9 N, more
   /// than any known device has, are back in 50 ms; the rest is for the hand's rebound. A hand that lost its
   /// support sinks the less the faster it comes back.
-  double return_N_per_s = 180, return_s = 100e-3;
+  double return_N_per_s = 195, return_s = 100e-3;
+  /// For so long a damper along the force stops what the hand gained in its fall, and its rebound. It adds no
+  /// more than the force itself; a device that bears less has less.
+  double return_damping_N_s_per_m = 15;
   /// A state from the future comes from another clock; by so much, it is one that is set to ours.
   double clock_jitter_s = 1e-3;
   /// Time constant of the motors' warming. An assumption: the makers give a continuous force and a peak, and
@@ -47,6 +50,7 @@ struct OutputFeel {
     of("short_dropout_s", short_dropout_s);
     of("return_N_per_s", return_N_per_s);
     of("return_s", return_s);
+    of("return_damping_N_s_per_m", return_damping_N_s_per_m);
     of("clock_jitter_s", clock_jitter_s);
     of("thermal_s", thermal_s);
     of("thermal_taper_s", thermal_taper_s);
@@ -97,6 +101,7 @@ void visit_feel(Visit&& of) {
   group("touch", kTouchFeel);
   group("passivity", kPassivityFeel);
   group("swing", kSwingFeel);
+  group("bounce", kBounceFeel);
   group("yield", kYieldFeel);
   group("solving", kSolvingFeel);
   group("cutting", kCuttingFeel);

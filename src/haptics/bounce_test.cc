@@ -1,0 +1,132 @@
+#include "palpate/haptics/bounce.h"
+#include "palpate/haptics/feel.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string>
+
+namespace palpate {
+namespace {
+
+constexpr double kTick_s = 1e-3, kInner_s = 1e-5;
+constexpr double kNone = std::numeric_limits<double>::infinity();
+
+/// A mass that falls on a spring, read in whole steps; what is sent acts a tick later and until the next one
+/// does.
+struct Falling {
+  double mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s;
+  double wall_mm = 0;  ///< where it begins, within a step
+  double hand_N = 0;   ///< that presses on it from the touch on
+  double hand_N_s_per_mm = 0;
+  bool acts = true;
+
+  double rebound = 0;  ///< speed out over speed in
+  long limited = 0;    ///< ticks
+
+  void go(double time_s) {
+    BounceState state;
+    double x_mm = 4, mm_s = -fall_mm_s, sent_N = 0, before_N = 0, read_before_mm = 0;
+    bool inside = false;
+    std::array<double, 11> seen_mm{};
+    for (int n = 0; n < static_cast<int>(std::lround(time_s / kTick_s)); ++n) {
+      const double read_mm = std::floor(x_mm / step_mm) * step_mm;
+      std::copy_backward(seen_mm.begin(), seen_mm.end() - 1, seen_mm.end());
+      seen_mm[0] = read_mm;
+      const double asked_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
+      const double acting_N = sent_N;  // of the tick before
+      if (asked_N > 0 && n > 10) {
+        const double most_N =
+            most_without_a_throw_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01,
+                                    step_mm, acting_N * kTick_s, kTick_s},
+                                   state);
+        sent_N = acts ? std::min(asked_N, most_N) : asked_N;
+        limited += most_N < asked_N;
+      } else {
+        state = {};
+        sent_N = 0;
+      }
+      read_before_mm = read_mm;
+      for (double t_s = 0; t_s < kTick_s - 0.5 * kInner_s; t_s += kInner_s) {
+        const double hand = x_mm < wall_mm ? -hand_N - hand_N_s_per_mm * mm_s : 0;
+        mm_s += (acting_N + hand) / mass_kg * 1e3 * kInner_s;
+        x_mm += mm_s * kInner_s;
+        if (x_mm < wall_mm) inside = true;
+        if (inside && x_mm > wall_mm) {
+          rebound = mm_s / fall_mm_s;
+          return;
+        }
+      }
+      before_N = acting_N;
+    }
+  }
+};
+
+TEST(Bounce, AFreeTipLeavesNoFasterThanItCameWhereverTheWallLies) {
+  // bare devices on walls that they are recommended, and a heavier one; the wall lies anywhere in a step
+  const struct {
+    double mass_kg, stiffness_N_per_mm, step_mm;
+  } tips[] = {{0.046, 5.01, 0.055}, {0.046, 1.5, 0.055}, {0.076, 1.16, 0.03}, {0.195, 5.01, 0.055}};
+  for (const auto& [mass_kg, stiffness_N_per_mm, step_mm] : tips)
+    for (const double fall_mm_s : {100.0, 200.0})
+      for (int part = 0; part < 20; ++part) {
+        SCOPED_TRACE(std::to_string(mass_kg) + " kg, " + std::to_string(stiffness_N_per_mm) + " N/mm, " +
+                     std::to_string(fall_mm_s) + " mm/s, " + std::to_string(part));
+        Falling tip{mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s, -step_mm * part / 20};
+        tip.go(0.2);
+        EXPECT_GT(tip.rebound, 0.6) << "a wall";
+        EXPECT_LE(tip.rebound, 1.02) << "what is left the account of energy takes (StabilityGrip)";
+        Falling without{mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s, -step_mm * part / 20};
+        without.acts = false;
+        without.go(0.2);
+        EXPECT_GT(without.rebound, 1.05) << "the delay throws it";
+      }
+}
+
+TEST(Bounce, AHandThatComesDownAndPressesIsLetAlone) {
+  for (const double fall_mm_s : {10.0, 40.0, 100.0, 200.0})
+    for (const double damping_N_s_per_mm : {0.002, 0.006}) {
+      SCOPED_TRACE(std::to_string(fall_mm_s) + " mm/s, " + std::to_string(damping_N_s_per_mm) + " N s/mm");
+      Falling held{0.225, 1.16, 0.03, fall_mm_s};
+      held.hand_N = 1;
+      held.hand_N_s_per_mm = damping_N_s_per_mm;
+      held.go(0.4);
+      EXPECT_EQ(held.limited, 0);
+    }
+}
+
+TEST(Bounce, ASlowTouchSaysNothing) {
+  Falling slow{0.046, 5.01, 0.055, 0.7 * 750 * 0.055};
+  slow.go(0.2);
+  EXPECT_EQ(slow.limited, 0);
+}
+
+TEST(Bounce, ItIsOverAfterAWhile) {
+  // a tip that hangs in a wall, as if it were about to turn for ever
+  BounceState state;
+  const double fell_mm_s = 100, step_mm = 0.03;
+  int last = 0;
+  for (int n = 0; n < 100; ++n) {
+    const BounceInput input{2, n < 5 ? -0.05 : 0, -fell_mm_s, step_mm, 2e-3, kTick_s};
+    const double most_N = most_without_a_throw_N(input, state);
+    EXPECT_GE(most_N, 0);
+    if (most_N < kNone) last = n;
+  }
+  EXPECT_GT(last, 5);
+  EXPECT_LE(last * kTick_s, kBounceFeel.longest_s + kTick_s);
+}
+
+TEST(Bounce, WhatMovesAsItWouldWithoutForceShowsNoWeight) {
+  BounceState state;
+  for (int n = 0; n < 30; ++n)
+    EXPECT_EQ(most_without_a_throw_N({3, -0.1, -100, 0.03, 3e-3, kTick_s}, state), kNone) << n;
+  BounceState pushed;
+  for (int n = 0; n < 30; ++n)
+    EXPECT_EQ(most_without_a_throw_N({3, -0.2, -100, 0.03, 3e-3, kTick_s}, pushed), kNone) << "by a hand";
+}
+
+}  // namespace
+}  // namespace palpate
