@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <cmath>
+#include <queue>
 
 #include "surfaces/surface_net_links.h"
 
-// docs/decisions/0017-surface-nets.md says why each step is there, and what other numbers gave.
+// docs/decisions/0017-surface-nets.md says why each step is there, and what other numbers gave;
+// docs/decisions/0066-where-the-volume-ends.md what is done where the volume ends.
 //
 //     membrane        every node at the mean of its neighbours, in its cell:    terraces go, spheres shrink
 //     three times     curvature C of what there is, M area, both summed over a node's links
@@ -26,15 +28,45 @@ constexpr float kNormal_mm = 1, kCurvature_mm = 2.5f, kEdge_mm = 1.5f;
 /// 1/mm. Where the sum of both curvatures is above it the surface has an edge there, which is not to bend the
 /// faces beside it.
 constexpr float kEdgeCurvature = 0.15f;
+/// Along the surface from where the volume ends: nearer than that a node's curvature counts less, by the
+/// fourth power of how far it is, and never less than by the second. Wider takes too much from faces that end
+/// at an edge and at the volume's border.
+constexpr float kBorder_mm = 5, kLeastTrust = 1e-3f;
 /// As many nodes as a thread takes at a time, and how many times that it is to have.
 constexpr std::size_t kChunk = 4096;
 constexpr int kLeastChunks = 6;
+
+/// A link whose opposite led to a wall. It is of the surface and tells of its curvature, but it does not
+/// pull: alone it would draw its node along the surface, and level what is tilted.
+struct Unpaired {
+  std::uint32_t node;
+  int link;
+  std::uint32_t to;
+};
+
+/// The mean of the places midway along a cell's edges between the classes.
+CellPlace midway(unsigned classes) {
+  CellPlace sum = CellPlace::Zero();
+  float count = 0;
+  for (unsigned from = 0; from < 8; ++from) {
+    for (unsigned a = 0; a < 3; ++a) {
+      const unsigned to = from | 1u << a;
+      if (to == from || (classes >> from & 1) == (classes >> to & 1)) continue;
+      CellPlace at(static_cast<float>(from & 1), static_cast<float>(from >> 1 & 1),
+                   static_cast<float>(from >> 2), 0.0f);
+      at[a] = 0.5f;
+      sum += at;
+      ++count;
+    }
+  }
+  return sum / count;
+}
 
 /// Nodes stand in an order of their own: first those whose cells' i + j + k is even, which are linked to none
 /// but the others.
 class Relaxation {
  public:
-  Relaxation(const SurfaceNet& net, int threads);
+  Relaxation(const SurfaceNet& net, const Span3& known, int threads);
 
   /// At most `rounds` of projected over-relaxation, until nothing moves any farther.
   Result<void> solve(int rounds, const Progress& progress);
@@ -58,7 +90,12 @@ class Relaxation {
   void over_nodes(const Work& work) const {
     over_nodes(0, place_.size(), work);
   }
+  void part_from_walls(const std::vector<std::uint8_t>& wall);
+  void doubt_near_walls();
+  void pull_in_pairs();
+  void see_all();
   CellPlace way_mm(std::size_t n, int link) const;
+  float square_along(std::size_t n, int link, const CellPlace& normal) const;
   CellPlace area(std::size_t n) const;
   std::vector<CellPlace> normals() const;
   void smooth(std::vector<CellPlace>& values, float sigma_mm) const;
@@ -70,13 +107,16 @@ class Relaxation {
   std::vector<std::uint8_t> classes_;
   std::vector<CellPlace> place_;
   NetLinks links_;
+  std::vector<Unpaired> unpaired_;
+  std::vector<float> doubt_;     ///< how much less a node's curvature counts; empty where there is no wall
   std::vector<CellPlace> rest_;  ///< voxels; the offset of the links less what a node is to be off their mean
 };
 
-Relaxation::Relaxation(const SurfaceNet& net, int threads)
+Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
     : threads_(threads), order_(net.size()), classes_(net.size()), place_(net.size()), links_(net) {
   spacing_ << net.spacing_mm[0], net.spacing_mm[1], net.spacing_mm[2], 0.0f;
   std::vector<std::uint32_t> number(net.size());
+  std::vector<std::uint8_t> wall(net.size());
   std::uint32_t next = 0;
   for (const int odd : {0, 1}) {
     for_each_row(net.cells, [&](int j, int k) {
@@ -84,6 +124,8 @@ Relaxation::Relaxation(const SurfaceNet& net, int threads)
       for (std::uint32_t n = net.row_begin[r]; n < net.row_begin[r + 1]; ++n) {
         if (((net.column[n] + j + k) & 1) != odd) continue;
         order_[next] = n;
+        const Index3 cell{net.column[n], j, k};
+        for (int a = 0; a < 3; ++a) wall[next] |= cell[a] < known.low[a] || cell[a] >= known.high[a] ? 1 : 0;
         number[n] = next++;
       }
     });
@@ -99,7 +141,71 @@ Relaxation::Relaxation(const SurfaceNet& net, int threads)
     links_.share[n] = links.share[m];
     links_.offset[n] = links.offset[m];
   }
+  part_from_walls(wall);
   rest_ = links_.offset;
+}
+
+/// A wall feels the surface that ends at it, and is not felt by it. Nor by where that begins: the crossings
+/// of the filtered distance beside a wall are rounded, and along the border little draws them back.
+void Relaxation::part_from_walls(const std::vector<std::uint8_t>& wall) {
+  for (std::uint32_t n = 0; n < place_.size(); ++n) {
+    auto& to = links_.to[n];
+    std::array<bool, 6> parted{};
+    for (int f = 0; f < 6; ++f) {
+      parted[f] = wall[n] == 0 && wall[to[f]] != 0;
+      if (parted[f]) to[f] = n;
+    }
+    if (parted == std::array<bool, 6>{}) continue;
+    place_[n] = midway(classes_[n]);
+    float pulls = 0;
+    CellPlace offset = CellPlace::Zero();
+    for (int f = 0; f < 6; ++f) {
+      if (to[f] == n) continue;
+      if (parted[f ^ 1]) {
+        unpaired_.push_back({n, f, to[f]});
+        continue;
+      }
+      offset[f / 2] += f % 2 == 0 ? -1.0f : 1.0f;
+      ++pulls;
+    }
+    links_.share[n] = pulls > 0 ? 1 / pulls : 0;
+    links_.offset[n] = offset * links_.share[n];
+  }
+  doubt_near_walls();
+  pull_in_pairs();
+}
+
+/// Where a terrace is cut off by the volume's border no label says how the surface goes on, and it leaves the
+/// plane at an angle, which is no curvature.
+void Relaxation::doubt_near_walls() {
+  if (unpaired_.empty()) return;
+  std::vector<float> apart_mm(place_.size(), kBorder_mm);
+  using Reached = std::pair<float, std::uint32_t>;
+  std::priority_queue<Reached, std::vector<Reached>, std::greater<>> nearest;
+  const auto reach = [&](std::uint32_t n, float mm) {
+    if (mm >= apart_mm[n]) return;
+    apart_mm[n] = mm;
+    nearest.push({mm, n});
+  };
+  for (const Unpaired& u : unpaired_) reach(u.node, 0);
+  while (!nearest.empty()) {
+    const auto [mm, n] = nearest.top();
+    nearest.pop();
+    if (mm > apart_mm[n]) continue;
+    for (int f = 0; f < 6; ++f) reach(links_.to[n][f], mm + spacing_[f / 2]);
+  }
+  doubt_.resize(place_.size());
+  for (std::size_t n = 0; n < place_.size(); ++n) {
+    const float part = apart_mm[n] / kBorder_mm;
+    doubt_[n] = 1 / std::max(part * part * part * part, kLeastTrust);
+  }
+}
+
+void Relaxation::pull_in_pairs() {
+  for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.node;
+}
+void Relaxation::see_all() {
+  for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.to;
 }
 
 void Relaxation::put_places(SurfaceNet& net) const {
@@ -145,6 +251,13 @@ CellPlace Relaxation::way_mm(std::size_t n, int link) const {
   return way * spacing_;
 }
 
+/// mm2; of the part of a link's way that lies in the surface.
+float Relaxation::square_along(std::size_t n, int link, const CellPlace& normal) const {
+  const CellPlace way = way_mm(n, link);
+  const float up = (normal * way).sum();
+  return way.square().sum() - up * up;
+}
+
 /// The sum of its quads' areas as vectors, which point outward.
 CellPlace Relaxation::area(std::size_t n) const {
   const unsigned classes = classes_[n];
@@ -156,8 +269,9 @@ CellPlace Relaxation::area(std::size_t n) const {
       const unsigned from = static_cast<unsigned>(sb << b | sc << c), to = from | 1u << a;
       const bool inside = (classes >> from & 1) != 0;
       if (inside == ((classes >> to & 1) != 0)) continue;
-      // the faces beside the edge have both classes, so there are links through them
+      // the faces beside the edge have both classes, so there are links through them, but to a wall
       const int beside = 2 * b + sb, above = 2 * c + sc;
+      if (links_.to[n][beside] == n || links_.to[n][above] == n) continue;
       const Eigen::Vector3f x = way_mm(n, beside).head<3>(), y = way_mm(n, above).head<3>();
       const Eigen::Vector3f z = x + way_mm(links_.to[n][beside], above).head<3>().matrix();
       sum += ((sb == sc) == inside ? 0.5f : -0.5f) * z.cross(y - x);
@@ -205,6 +319,7 @@ void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
 }
 
 void Relaxation::bend() {
+  see_all();
   const std::vector<CellPlace> normal = normals();
   // curvature by how normals turn: by the places themselves, a normal that is a little off would take what
   // the cells' borders do along the surface for curvature
@@ -216,10 +331,8 @@ void Relaxation::bend() {
       for (int f = 0; f < 6; ++f) {
         const std::uint32_t m = links_.to[n][f];
         if (m == n) continue;
-        const CellPlace way = way_mm(n, f);
-        const float up = (normal[n] * way).sum();
-        turn += ((normal[m] - normal[n]) * way).sum();
-        square += way.square().sum() - up * up;
+        turn += ((normal[m] - normal[n]) * way_mm(n, f)).sum();
+        square += square_along(n, f, normal[n]);
       }
       bent[n] << -0.5f * turn, 0.25f * square, 0.0f, 0.0f;
       area[n] = 0.25f * square;
@@ -229,9 +342,11 @@ void Relaxation::bend() {
   smooth(nearby, kEdge_mm);
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float edge = nearby[n][0] / (kEdgeCurvature * std::max(nearby[n][1], 1e-9f));
-    bent[n] /= 1 + edge * edge * edge * edge;
+    bent[n] /= (1 + edge * edge * edge * edge) * (doubt_.empty() ? 1 : doubt_[n]);
   }
   smooth(bent, kCurvature_mm);
+  for (const Unpaired& u : unpaired_) area[u.node] -= 0.25f * square_along(u.node, u.link, normal[u.node]);
+  pull_in_pairs();
   const CellPlace per_mm = (spacing_ + CellPlace(0, 0, 0, 1)).inverse();
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);
@@ -241,8 +356,9 @@ void Relaxation::bend() {
 
 }  // namespace
 
-Result<void> relax_net(SurfaceNet& net, int threads, const Progress& progress, const ProgressSpan& span) {
-  Relaxation relaxation(net, threads);
+Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const Progress& progress,
+                       const ProgressSpan& span) {
+  Relaxation relaxation(net, known, threads);
   for (int bending = 0; bending <= kBendings; ++bending) {
     if (bending > 0) relaxation.bend();
     const auto done = relaxation.solve(bending == 0 ? kMembraneRounds : kBentRounds, progress);

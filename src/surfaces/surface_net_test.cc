@@ -79,23 +79,57 @@ TEST(SurfaceNet, LinksLeadThereAndBack) {
 
 TEST(SurfaceNet, NodesStayInTheirCellsWithAnyNumberOfThreads) {
   std::mt19937 random(test::test_seed());
-  SurfaceNet one = net_of(lump(random)), three = one;
-  ASSERT_TRUE(relax_net(one, 1, {}, {"relaxing"}).ok());
-  ASSERT_TRUE(relax_net(three, 3, {}, {"relaxing"}).ok());
-  for (std::size_t n = 0; n < one.size(); ++n) {
-    for (int a = 0; a < 3; ++a) {
-      EXPECT_EQ(one.place[n][a], three.place[n][a]);
-      EXPECT_GE(one.place[n][a], kCellMargin);
-      EXPECT_LE(one.place[n][a], 1 - kCellMargin);
+  const SurfaceNet made = net_of(lump(random));
+  Span3 part = made.cells;
+  part.low[0] += 12;
+  for (const Span3& known : {made.cells, part}) {
+    SurfaceNet one = made, three = made;
+    ASSERT_TRUE(relax_net(one, known, 1, {}, {"relaxing"}).ok());
+    ASSERT_TRUE(relax_net(three, known, 3, {}, {"relaxing"}).ok());
+    for (std::size_t n = 0; n < one.size(); ++n) {
+      for (int a = 0; a < 3; ++a) {
+        EXPECT_EQ(one.place[n][a], three.place[n][a]);
+        EXPECT_GE(one.place[n][a], kCellMargin);
+        EXPECT_LE(one.place[n][a], 1 - kCellMargin);
+      }
     }
   }
+}
+
+/// A tilted plane that ends in a wall, or in crumbs, beyond what is known.
+TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
+  std::mt19937 random(test::test_seed());
+  constexpr int kLast = 30;
+  const auto tilted = [&](bool crumbs) {
+    return net_of(sides_of(
+        test::label_where(test::surface_grid({40, 30, 20}, {0.3, 0.3, 0.6}), [&](const Eigen::Vector3d& p) {
+          if (p[0] > 0.3 * kLast + 0.1) return crumbs && random() % 3 == 0;
+          return p[2] < 5 + 0.1 * p[0] + 0.04 * p[1];
+        })));
+  };
+  SurfaceNet wall = tilted(false), crumbs = tilted(true);
+  Span3 known = wall.cells;
+  known.high[0] = kLast;
+  ASSERT_TRUE(relax_net(wall, known, 1, {}, {"relaxing"}).ok());
+  ASSERT_TRUE(relax_net(crumbs, known, 1, {}, {"relaxing"}).ok());
+  int compared = 0;
+  for_each_row(known, [&](int j, int k) {
+    for (int i = 0; i < kLast; ++i) {
+      const std::uint32_t n = wall.find(i, j, k);
+      if (n == SurfaceNet::kNone) continue;
+      // the rounds end when nothing moves, walls neither
+      for (int a = 0; a < 3; ++a) EXPECT_NEAR(wall.place[n][a], crumbs.place[crumbs.find(i, j, k)][a], 5e-3f);
+      ++compared;
+    }
+  });
+  EXPECT_GT(compared, 800);
 }
 
 TEST(SurfaceNet, RelaxingStopsWhenAsked) {
   std::mt19937 random(1);
   SurfaceNet net = net_of(lump(random));
   const std::atomic<bool> stop{true};
-  const auto done = relax_net(net, 1, Progress({}, &stop), {"relaxing"});
+  const auto done = relax_net(net, net.cells, 1, Progress({}, &stop), {"relaxing"});
   ASSERT_FALSE(done.ok());
   EXPECT_EQ(done.error().kind, ErrorKind::kInterrupted);
 }
@@ -153,7 +187,7 @@ SurfaceNet crumbly_net(std::mt19937& random) {
       test::label_where(test::surface_grid({25, 23, 12}, {0.3, 0.4, 0.8}), [&](const Eigen::Vector3d& p) {
         return ((p - Eigen::Vector3d(2.6, 3.2, 4.1)).norm() < 2.1) != (random() % 60 == 0);
       })));
-  EXPECT_TRUE(relax_net(net, 1, {}, {"relaxing"}).ok());
+  EXPECT_TRUE(relax_net(net, net.cells, 1, {}, {"relaxing"}).ok());
   return net;
 }
 

@@ -106,19 +106,39 @@ Ripple ripple_of_plane(const Vector3d& spacing, double tilt_deg, std::mt19937& r
       std::move(prepare_surfaces(*label_bricks(plane.labels), {test::kTissue}, {})->front().surface), plane);
 }
 
+/// How many places between the voxels a plane has; PALPATE_TEST_SCENES says another number. Terraces of 5
+/// degrees are longer than a Gaussian along the surface, and those of 2 degrees longer than what is measured.
+int places_of_planes(double tilt_deg) {
+  const char* asked = std::getenv("PALPATE_TEST_SCENES");
+  return asked != nullptr ? std::atoi(asked) : tilt_deg == 5 ? 8 : 2;
+}
+
 TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   for (const Vector3d& spacing : {kThinSlices, kEven, kCoarse}) {
-    for (const double tilt : {5.0, 10.0, 20.0}) {
-      const Ripple ripple = ripple_of_plane(spacing, tilt, random);
+    for (const double tilt : {2.0, 5.0, 10.0, 20.0, 35.0, 60.0}) {
+      const int places = places_of_planes(tilt);
+      Ripple worst;
+      for (int place = 0; place < places; ++place) {
+        const Ripple ripple = ripple_of_plane(spacing, tilt, random);
+        worst.mm = std::max(worst.mm, ripple.mm);
+        worst.p99_deg = std::max(worst.p99_deg, ripple.p99_deg);
+        worst.mean_mm = std::max(worst.mean_mm, ripple.mean_mm);
+      }
       std::printf(
-          "spacing %.3f %.2f, plane of %2.0f deg: ripple %.3f mm, direction p99 %.2f deg, place %.3f\n",
-          spacing[0], spacing[2], tilt, ripple.mm, ripple.p99_deg, ripple.mean_mm);
-      EXPECT_LE(ripple.mm, spacing == kCoarse && tilt == 20 ? 0.15 : 0.1);
-      EXPECT_LE(ripple.p99_deg, 2);
-      EXPECT_LE(ripple.mean_mm, 0.05);
+          "spacing %.3f %.2f, plane of %2.0f deg, worst of %d: ripple %.3f mm, direction p99 %.2f deg, "
+          "place %.3f\n",
+          spacing[0], spacing[2], tilt, places, worst.mm, worst.p99_deg, worst.mean_mm);
+      const bool coarse_and_steep = spacing == kCoarse && (tilt == 20 || tilt == 35);
+      EXPECT_LE(worst.mm, tilt == 2 ? 0.35 : coarse_and_steep ? 0.15 : 0.08);
+      EXPECT_LE(worst.mean_mm, 0.1);
+      // at 2 degrees labels say little about how a surface is tilted
+      if (tilt > 2) {
+        EXPECT_LE(worst.p99_deg, 2);
+        EXPECT_LE(worst.mean_mm, 0.05);
+      }
     }
   }
 }

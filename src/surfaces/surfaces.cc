@@ -133,7 +133,14 @@ class WholeSurface {
     auto net = std::make_shared<internal::SurfaceNet>(internal::no_net(internal::cells_of(fine), plan_.fine));
     done = make_net(distance, *net);
     if (!done) return done;
-    done = internal::relax_net(*net, plan_.threads, progress_, span_.part(0.2, 0.7));
+    const internal::Index3& first = plan_.box.first;
+    Span3 volume = whole(labels.geometry());
+    for (int a = 0; a < 3; ++a) {
+      volume.low[a] -= first[a];
+      volume.high[a] -= first[a];
+    }
+    done =
+        internal::relax_net(*net, internal::cells_of(volume), plan_.threads, progress_, span_.part(0.2, 0.7));
     if (!done) return done;
     w.net = net;
 

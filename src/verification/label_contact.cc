@@ -168,16 +168,14 @@ Terrace terrace(const TiltedPlane& plane, double radius_mm) {
 }
 
 struct TerraceLimits {
-  double ripple_percent = 10, direction_deg = 2;
+  double ripple_percent = 8, direction_deg = 2;
   std::optional<double> drag_percent = 1;
 };
 
-// what is wanted, and where that is not reached what is (docs/decisions/0017); at 2 degrees a step between
-// two slices is 20 to 30 mm long
+// what is wanted; at 2 degrees a step between two slices is 20 to 30 mm long
 TerraceLimits limits_of(double tilt_deg, const NamedGrid& grid) {
   const bool coarse = grid.spacing_mm.x() > 0.6;
   if (tilt_deg < 5) return {35, 2.5, std::nullopt};
-  if (coarse && tilt_deg < 10) return {16, 2.5};
   if (coarse && tilt_deg >= 20 && tilt_deg <= 35) return {15};
   return {};
 }
