@@ -113,7 +113,10 @@ double percentile(std::vector<double> values, double part) {
 }
 
 std::vector<Tool> tools() {
-  Tool one{.name = "1 sphere", .radius_mm = 1}, four = one, shaft = one;
+  Tool one;
+  one.name = "1 sphere";
+  one.radius_mm = 1;
+  Tool four = one, shaft = one;
   four.name = "4 spheres";
   four.points_mm = {{0, 0, 0}, {6, 0, 3}, {0, 6, 3}, {-6, 0, 20}};
   shaft.name = "shaft of 40 mm";

@@ -125,7 +125,8 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
         if (((net.column[n] + j + k) & 1) != odd) continue;
         order_[next] = n;
         const Index3 cell{net.column[n], j, k};
-        for (int a = 0; a < 3; ++a) wall[next] |= cell[a] < known.low[a] || cell[a] >= known.high[a] ? 1 : 0;
+        for (int a = 0; a < 3; ++a)
+          if (cell[a] < known.low[a] || cell[a] >= known.high[a]) wall[next] = 1;
         number[n] = next++;
       }
     });

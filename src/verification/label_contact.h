@@ -15,7 +15,7 @@ inline constexpr std::uint64_t kLabelContactSeed = 20;
 
 /// How much is tried.
 struct LabelContactEffort {
-  int offsets = 2;   ///< places of every plane between the voxels
+  int offsets = 8;   ///< places of every plane between the voxels
   int sheets = 40;   ///< of each thickness
   int presses = 20;  ///< on every sheet
 };

@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 TEST(LabelContact, KeepsItsLimits) {
-  const auto figures = label_contact_figures({}, {.sheets = 6});
+  const auto figures = label_contact_figures({}, {.offsets = 2, .sheets = 6, .presses = 20});
   ASSERT_TRUE(figures.ok());
   for (const Figure& figure : *figures)
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
