@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kTick_s = 1e-3, kInner_s = 1e-5;
+constexpr double kBounceTick_s = 1e-3, kBounceInner_s = 1e-5;
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
 /// A mass that falls on a spring, read in whole steps; what is sent acts a tick later and until the next one
@@ -32,7 +32,7 @@ struct Falling {
     double x_mm = 4, mm_s = -fall_mm_s, sent_N = 0, before_N = 0, read_before_mm = 0;
     bool inside = false;
     std::array<double, 11> seen_mm{};
-    for (int n = 0; n < static_cast<int>(std::lround(time_s / kTick_s)); ++n) {
+    for (int n = 0; n < static_cast<int>(std::lround(time_s / kBounceTick_s)); ++n) {
       const double read_mm = std::floor(x_mm / step_mm) * step_mm;
       std::copy_backward(seen_mm.begin(), seen_mm.end() - 1, seen_mm.end());
       seen_mm[0] = read_mm;
@@ -41,7 +41,7 @@ struct Falling {
       if (asked_N > 0 && n > 10) {
         const double most_N =
             most_without_a_throw_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01,
-                                    step_mm, acting_N * kTick_s, kTick_s},
+                                    step_mm, acting_N * kBounceTick_s, kBounceTick_s},
                                    state);
         sent_N = acts ? std::min(asked_N, most_N) : asked_N;
         limited += most_N < asked_N;
@@ -50,10 +50,10 @@ struct Falling {
         sent_N = 0;
       }
       read_before_mm = read_mm;
-      for (double t_s = 0; t_s < kTick_s - 0.5 * kInner_s; t_s += kInner_s) {
+      for (double t_s = 0; t_s < kBounceTick_s - 0.5 * kBounceInner_s; t_s += kBounceInner_s) {
         const double hand = x_mm < wall_mm ? -hand_N - hand_N_s_per_mm * mm_s : 0;
-        mm_s += (acting_N + hand) / mass_kg * 1e3 * kInner_s;
-        x_mm += mm_s * kInner_s;
+        mm_s += (acting_N + hand) / mass_kg * 1e3 * kBounceInner_s;
+        x_mm += mm_s * kBounceInner_s;
         if (x_mm < wall_mm) inside = true;
         if (inside && x_mm > wall_mm) {
           rebound = mm_s / fall_mm_s;
@@ -110,22 +110,23 @@ TEST(Bounce, ItIsOverAfterAWhile) {
   const double fell_mm_s = 100, step_mm = 0.03;
   int last = 0;
   for (int n = 0; n < 100; ++n) {
-    const BounceInput input{2, n < 5 ? -0.05 : 0, -fell_mm_s, step_mm, 2e-3, kTick_s};
+    const BounceInput input{2, n < 5 ? -0.05 : 0, -fell_mm_s, step_mm, 2e-3, kBounceTick_s};
     const double most_N = most_without_a_throw_N(input, state);
     EXPECT_GE(most_N, 0);
     if (most_N < kNone) last = n;
   }
   EXPECT_GT(last, 5);
-  EXPECT_LE(last * kTick_s, kBounceFeel.longest_s + kTick_s);
+  EXPECT_LE(last * kBounceTick_s, kBounceFeel.longest_s + kBounceTick_s);
 }
 
 TEST(Bounce, WhatMovesAsItWouldWithoutForceShowsNoWeight) {
   BounceState state;
   for (int n = 0; n < 30; ++n)
-    EXPECT_EQ(most_without_a_throw_N({3, -0.1, -100, 0.03, 3e-3, kTick_s}, state), kNone) << n;
+    EXPECT_EQ(most_without_a_throw_N({3, -0.1, -100, 0.03, 3e-3, kBounceTick_s}, state), kNone) << n;
   BounceState pushed;
   for (int n = 0; n < 30; ++n)
-    EXPECT_EQ(most_without_a_throw_N({3, -0.2, -100, 0.03, 3e-3, kTick_s}, pushed), kNone) << "by a hand";
+    EXPECT_EQ(most_without_a_throw_N({3, -0.2, -100, 0.03, 3e-3, kBounceTick_s}, pushed), kNone)
+        << "by a hand";
 }
 
 }  // namespace

@@ -240,7 +240,7 @@ class Walk {
     // what comes in several steps is no way whose ends bound what lies between
     if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
-    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + kProxyFeel.away * way.norm()) return false;
+    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + options_.away * way.norm()) return false;
     left_mm_ -= std::max((end - proxy_).norm(), way.norm());
     proxy_ = there;
     last_way_ = way;

@@ -426,9 +426,10 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   }
   const ToolSphere head = burr.head(state.inset_mm);
   // what the motor cuts sets its pace, and no slip
-  ProxyOptions at_once = options;
-  at_once.most_slip_N_per_s = std::numeric_limits<double>::infinity();
-  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, at_once);
+  ProxyOptions led = options;
+  led.most_slip_N_per_s = std::numeric_limits<double>::infinity();
+  led.away = kCuttingFeel.away;
+  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
     if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;

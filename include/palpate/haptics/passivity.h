@@ -27,8 +27,8 @@ struct PassivityInput {
   double stiffness_N_per_mm = 0;  ///< of the contact, at the device
   double step_mm = 0;             ///< of the encoders; not known: that of a coarse one
   double dt_s = 0;
-  double pending_N_s = 0;       ///< along the force: sent and not acted yet
-  Vector<World> velocity_mm_s;  ///< of the tip relative to the object, mean of 10 ms, mm of the device
+  double pending_N_s = 0;            ///< along the force: sent and not acted yet
+  Vector<World> velocity_mm_s = {};  ///< of the tip relative to the object, mean of 10 ms, mm of the device
 };
 
 /// What the controller takes off the asked force: most of it by a damper along the force.

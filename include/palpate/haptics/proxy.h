@@ -196,7 +196,8 @@ struct ProxyOptions {
   const YieldFrame* yields = nullptr;
   std::size_t device = 0;
   const RelaxationTimes* relaxation_times = nullptr;  ///< of the model; null: nothing relaxes
-  Holes* holes = nullptr;  ///< of all tools, in tissue that stays open; null: everything closes
+  Holes* holes = nullptr;         ///< of all tools, in tissue that stays open; null: everything closes
+  double away = kProxyFeel.away;  ///< part of a stride that may lead away from the tip
 };
 
 /// What the springs from the tip to the proxies give.

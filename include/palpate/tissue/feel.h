@@ -19,6 +19,9 @@ struct CuttingFeel {
   double straight_mm = 0.002, longest_mm = 0.25, turned_mm = 0.05;
   /// A sweep is finished after so long at the latest.
   double longest_sweep_s = 0.01;
+  /// A stride of a head that leads away from the tip by more than this part of itself is not taken: one that
+  /// climbs more takes more than its motor works for.
+  double away = 0.02;
   /// Less of a way is none.
   double still_mm = 1e-6;
   /// A head touches what is kept from so near on, and comes out of it, where it lies in it a little, so fast
@@ -46,6 +49,7 @@ struct CuttingFeel {
     of("longest_mm", longest_mm);
     of("turned_mm", turned_mm);
     of("longest_sweep_s", longest_sweep_s);
+    of("away", away);
     of("still_mm", still_mm);
     of("touching_mm", touching_mm);
     of("regained_mm", regained_mm);
