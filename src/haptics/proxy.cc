@@ -1011,6 +1011,7 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 
   // what it leans on, in the places of now; what is not felt any more is let go
   state.punctured = punctured;
+  state.spring_N_per_mm.reset();
   state.contacts = 0;
   for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
     const auto now = std::find_if(before.begin(), before.end(),
