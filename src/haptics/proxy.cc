@@ -15,6 +15,8 @@ namespace {
 
 // how far surfaces that another tool lies in push it
 constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
+// of ProxyOptions::away at most: with more a shaft wanders off over what bends between the spheres of its row
+constexpr double kMostAwayOfCapsules = 0.02;
 
 int layers_of(std::span<const FeltSurface> surfaces) {
   int most = 0;
@@ -110,6 +112,7 @@ class Walk {
         leant_on_(state.contact[0]),
         stretched_(stretched),
         options_(options),
+        away_(has_capsules(spheres) ? std::min(options.away, kMostAwayOfCapsules) : options.away),
         spheres_(spheres),
         layer_(layer),
         to_go_mm_(most_mm),
@@ -240,7 +243,7 @@ class Walk {
     // what comes in several steps is no way whose ends bound what lies between
     if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
-    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + options_.away * way.norm()) return false;
+    if ((tip_ - there).norm() > (tip_ - proxy_).norm() + away_ * way.norm()) return false;
     left_mm_ -= std::max((end - proxy_).norm(), way.norm());
     proxy_ = there;
     last_way_ = way;
@@ -489,6 +492,7 @@ class Walk {
   const ProxyContact leant_on_;      // before, if it leant on anything
   const Vector<Patient> stretched_;  // its spring before
   const ProxyOptions options_;
+  const double away_;  // part of a stride that may lead away from the tip
   std::span<const ToolSphere> spheres_;
   const int layer_;
   NearSurfaces near_;

@@ -428,7 +428,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   // what the motor cuts sets its pace, and no slip
   ProxyOptions led = options;
   led.most_slip_N_per_s = std::numeric_limits<double>::infinity();
-  led.away = kCuttingFeel.away;
+  if (cuts) led.away = kCuttingFeel.away;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
