@@ -91,7 +91,8 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   // what lies in a ball round the force before
   const double along = walked.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
   const double across = walked.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
-  const double most = std::pow(walked.most_change_mm / length_mm, 2) - across;
+  const double change = walked.most_change_mm / length_mm;
+  const double most = change * change - across;
   if (!(most > 0)) return *before;
   return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
 }
