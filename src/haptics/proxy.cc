@@ -15,8 +15,6 @@ namespace {
 
 // how far surfaces that another tool lies in push it
 constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
-// of ProxyOptions::away at most: with more a shaft wanders off over what bends between the spheres of its row
-constexpr double kMostAwayOfCapsules = 0.02;
 
 int layers_of(std::span<const FeltSurface> surfaces) {
   int most = 0;
@@ -113,7 +111,7 @@ class Walk {
         leant_on_(state.contact[0]),
         stretched_(stretched),
         options_(options),
-        away_(has_capsules(spheres) ? std::min(options.away, kMostAwayOfCapsules) : options.away),
+        away_(has_capsules(spheres) ? std::min(options.away, kProxyFeel.away_of_capsules) : options.away),
         spheres_(spheres),
         layer_(layer),
         to_go_mm_(most_mm),

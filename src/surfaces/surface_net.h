@@ -60,8 +60,7 @@ void append_net(const SurfaceNet& part, SurfaceNet& net);
 /// Makes a net as smooth as its cells allow and no smaller (docs/decisions/0017-surface-nets.md). The same
 /// bit for bit with any number of threads.
 /// @param known  cells between voxels of the volume. Nodes of others are a wall that closes the surface where
-/// the
-///               volume ends: it does not bend what ends at it.
+///               the volume ends: it does not bend what ends at it.
 /// Errors: kInterrupted.
 Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const Progress& progress,
                        const ProgressSpan& span);

@@ -43,6 +43,8 @@ struct ProxyFeel {
   /// light grip swinging over an edge. With less than a surface rises by between voxels, the proxy lags
   /// there: 0.02 turned the force by up to 4 degrees.
   double away = 0.05;
+  /// Of a tool with capsules: with more a shaft wanders off over what bends between the spheres of its row.
+  double away_of_capsules = 0.02;
   /// So far from a tip that has been free for so long it does not come back to it.
   double lost_mm = 2, lost_s = 0.25;
   /// A tool that has gone through a surface is out of it when it has left it by so much.
@@ -81,6 +83,7 @@ struct ProxyFeel {
     of("slack_mm", slack_mm);
     of("part_mm", part_mm);
     of("away", away);
+    of("away_of_capsules", away_of_capsules);
     of("lost_mm", lost_mm);
     of("lost_s", lost_s);
     of("sealed_mm", sealed_mm);
