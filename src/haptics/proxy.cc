@@ -950,6 +950,15 @@ Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double
   return {state.position + tip_moved, tip_moved.norm() + turned_mm + most_slip_mm};
 }
 
+// how much of the change of a layer's force is no slip: the hand went, or it may all come at once
+double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const Walked& walked) {
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  if (!before_N_per_mm) return kAll;
+  if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * walked.behind_mm;
+  if (!std::isfinite(walked.most_change_mm)) return kAll;
+  return std::max(*before_N_per_mm, now.tangent_N_per_mm) * walked.hand_mm;
+}
+
 // one layer's proxy turns and goes its way
 Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
             const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
@@ -1087,7 +1096,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   state.stiffness_N_per_mm = 0;
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
-    const double before_N_per_mm = layer.spring_N_per_mm.value_or(0);
+    const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
     const double most_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
     const Walked walked =
@@ -1108,10 +1117,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.behind_mm = layer.contacts == 0 && walked.lagging ? walked.behind_mm : 0;
     // what this one has not slipped those within may
-    const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm).norm();
-    const double by_hand_N = std::max(before_N_per_mm, force.tangent_N_per_mm) * walked.hand_mm;
-    const bool slipped = before_N_per_mm > 0 && std::isfinite(walked.most_change_mm);
-    if (slipped) slip_N -= std::clamp(changed_N - by_hand_N, 0.0, slip_N);
+    const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm.value_or(0)).norm();
+    slip_N -= std::clamp(changed_N - explained_N(before_N_per_mm, force, walked), 0.0, slip_N);
     growth_N_per_mm = 0;
     for (int within = n + 1; within < kMostLayers; ++within)
       growth_N_per_mm += state.layer(within).spring_N_per_mm.value_or(0);

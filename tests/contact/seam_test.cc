@@ -35,6 +35,8 @@ constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
 constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
 constexpr double kFelt_mm = 0.5, kFelt_N = 0.01;
 constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001;
+// free for 50 ms: what a proxy still slips by is over, and what pulls is wrong
+constexpr double kSlipOver_mm = 1;
 
 int seam_presses() {
   const char* asked = std::getenv("PALPATE_TEST_PRESSES");
@@ -152,9 +154,9 @@ class HalfAVoxel {
 };
 
 struct Figures {
-  int presses = 0, withdrawals = 0, elsewhere = 0, unfelt = 0, inside = 0, jumped = 0, pulled_inward = 0,
-      trapped = 0, left_out = 0;
-  double largest_jump_N = 0, most_inward_N = 0;
+  int presses = 0, withdrawals = 0, elsewhere = 0, unfelt = 0, inside = 0, jumped = 0, drawn_after = 0,
+      pulled_inward = 0, trapped = 0, left_out = 0;
+  double largest_jump_N = 0, most_drawn_N = 0, most_inward_N = 0;
 };
 
 /// A hand that presses a sphere on a body, slides, and goes back the way that it came.
@@ -216,13 +218,20 @@ class SeamPress {
         out_of_it = out_of_it || clearance_mm > kOutside_mm;
       }
       if (free) free_mm += kStep_mm;
-      withdrawn_ = free;
+      free_mm_ = free_mm;
       advance();
+      // what it has been drawn through lies between it and its proxy
+      if (free_mm > kSlipOver_mm && inward_N() > kFree_N && is_beyond_a_wall()) {
+        ++figures_.elsewhere;
+        return;
+      }
     }
     if (free_mm < kWithdrawn_mm) return;
     ++figures_.withdrawals;
     figures_.trapped += force_N() > kFree_N;
-    figures_.pulled_inward += most_inward_N_ > kInward_N;
+    figures_.drawn_after += most_drawn_N_ > kInward_N;
+    figures_.pulled_inward += most_inward_N_ > kFree_N;
+    figures_.most_drawn_N = std::max(figures_.most_drawn_N, most_drawn_N_);
     figures_.most_inward_N = std::max(figures_.most_inward_N, most_inward_N_);
   }
 
@@ -236,6 +245,18 @@ class SeamPress {
     return (other.position - tip_).norm() < kOutside_mm;
   }
 
+  // whether the straight way from a proxy that pulls to the tip leads through what it rests on
+  bool is_beyond_a_wall() const {
+    for (int layer = 0; layer < kMostLayers; ++layer) {
+      if (!(result_.of_layer[static_cast<std::size_t>(layer)].force_N.norm() > kFree_N)) continue;
+      const Point<Patient>& from = state_.layer(layer).position;
+      const Vector<Patient> way = tip_ - from;
+      for (double part = 0; part < 1; part += kStep_mm / way.norm())
+        if (body_.clearance_mm(from + way * part, tool_.radius_mm, layer) < -kOutside_mm) return true;
+    }
+    return false;
+  }
+
   // of what lies within, too, which may come to the outside
   bool is_free() const {
     for (int layer = 0; layer < kMostLayers; ++layer)
@@ -244,6 +265,7 @@ class SeamPress {
   }
 
   double force_N() const { return result_.force_N.norm(); }
+  double inward_N() const { return -result_.force_N.dot(outward_); }
   // layers may pull against each other
   double felt_N() const {
     double all_N = 0;
@@ -277,7 +299,9 @@ class SeamPress {
     for (int layer = 0; layer < kMostLayers && !withdrawing_; ++layer)
       came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
                                 body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
-    if (withdrawn_) most_inward_N_ = std::max(most_inward_N_, -result_.force_N.dot(outward_));
+    if (free_mm_ == 0) return;
+    double& most_N = free_mm_ > kSlipOver_mm ? most_inward_N_ : most_drawn_N_;
+    most_N = std::max(most_N, inward_N());
   }
 
   const Body& body_;
@@ -288,9 +312,9 @@ class SeamPress {
   ProxyResult result_;
   Point<Patient> tip_, start_;
   Vector<Patient> outward_;
-  bool withdrawing_ = false, came_out_ = false, withdrawn_ = false, inside_ = false, unfelt_ = false,
-       jumped_ = false;
-  double most_inward_N_ = 0;
+  bool withdrawing_ = false, came_out_ = false, inside_ = false, unfelt_ = false, jumped_ = false;
+  double free_mm_ = 0;
+  double most_drawn_N_ = 0, most_inward_N_ = 0;  // until kSlipOver_mm, and from there
 };
 
 /// Felt voxels with a free one beside a face: all of them, and those with another felt label around.
@@ -340,9 +364,9 @@ Figures press_all_over(const Body& body, int presses, double radius_mm) {
 void print(const char* what, double radius_mm, const Figures& f) {
   std::printf(
       "%-13s tool %.1f mm: %5d presses, %3d inside, %3d not felt, %4d with a jump (largest %6.3f N); %5d "
-      "withdrawn, %2d pulled inward (at most %.3f N), %2d trapped; %3d elsewhere\n",
+      "withdrawn, %2d drawn after (at most %.3f N), %2d pulled inward (%.3f N), %2d trapped; %3d elsewhere\n",
       what, radius_mm, f.presses, f.inside, f.unfelt, f.jumped, f.largest_jump_N, f.withdrawals,
-      f.pulled_inward, f.most_inward_N, f.trapped, f.elsewhere);
+      f.drawn_after, f.most_drawn_N, f.pulled_inward, f.most_inward_N, f.trapped, f.elsewhere);
   std::fflush(stdout);
 }
 
@@ -355,8 +379,10 @@ void expect_one_body(const char* what, const Model& model) {
     EXPECT_GT(figures.withdrawals, figures.presses / 4);
     EXPECT_EQ(figures.inside, 0);
     EXPECT_EQ(figures.jumped, 0);
-    // a tip that comes free while a proxy still slips is drawn after it for milliseconds, one of thousands
-    EXPECT_LE(figures.pulled_inward, figures.withdrawals / 500);
+    EXPECT_EQ(figures.pulled_inward, 0);
+    // a proxy that still slips while its tip is free already, for milliseconds: one of thousands, where
+    // compilers round otherwise another one
+    EXPECT_LE(figures.drawn_after, 1 + figures.withdrawals / 500);
     EXPECT_EQ(figures.trapped, 0);
   }
   if (std::getenv("PALPATE_TEST_APART") != nullptr) {
