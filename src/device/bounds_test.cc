@@ -45,6 +45,20 @@ TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
   }
 }
 
+TEST(CarefulBounds, TakeADelayThatNobodyStatesForALongOne) {
+  DeviceInfo info = physical();
+  EXPECT_EQ(careful_delay_s(info), 4e-3);
+  EXPECT_EQ(device_parameters(info, {}).delay_s, 4e-3);
+  for (const double stated_s : {0.0, 1e-3, 0.02}) {
+    info.delay_s = stated_s;
+    EXPECT_EQ(device_parameters(info, {}).delay_s, stated_s);
+  }
+  info.delay_s = std::nan("");
+  EXPECT_EQ(careful_delay_s(info), 4e-3);
+  info.simulated = true;
+  EXPECT_EQ(careful_delay_s(info), 0);
+}
+
 TEST(CarefulBounds, BoundEveryPhysicalDevice) {
   const double careful = careful_bounds(physical()).stiffness_N_per_mm;
   EXPECT_EQ(bound_of_stiffness_N_per_mm(physical()), careful);
@@ -80,6 +94,7 @@ TEST(CarefulBounds, BoundEveryPhysicalDevice) {
     const DeviceParameters parameters = device_parameters(info, {});
     ASSERT_TRUE(std::isfinite(parameters.most_stiffness_N_per_mm) && parameters.most_stiffness_N_per_mm >= 0);
     ASSERT_GT(parameters.most_damping_N_s_per_mm, 1e-8);
+    ASSERT_TRUE(parameters.delay_s >= 0 && parameters.delay_s <= 1);
   }
 }
 

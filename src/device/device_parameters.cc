@@ -49,7 +49,7 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.limits = limits_of(info);
   parameters.most_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
   if (!info.simulated) parameters.most_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;
-  parameters.delay_s = info.delay_s.value_or(0);
+  parameters.delay_s = careful_delay_s(info);
   parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
   return parameters;
 }

@@ -216,9 +216,8 @@ void SeveralDrivers::arrange() {
     if (&part == &parts_[owner_]) continue;
     const double rate_hz = rate_of_one(clock_of(part), settings_.rate_hz);
     for (DeviceInfo& info : std::span(infos_).subspan(part.first, part.count)) {
-      const double alone_s = info.delay_s.value_or(info.simulated ? 0 : CarefulDevice{}.delay_s);
       info.rate_hz = rate_hz;
-      info.delay_s = alone_s + 1 / rate_hz + owner_s;
+      info.delay_s = careful_delay_s(info) + 1 / rate_hz + owner_s;
       if (info.simulated) continue;
       // what is no stiffness stays none
       const double careful = careful_bounds(info).stiffness_N_per_mm;

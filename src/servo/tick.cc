@@ -115,7 +115,9 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
                  DeviceTick& out) {
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
   look_for_swing(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
-  const double delay_s = own.delay_s + hand.swing.later_s;
+  // a force that is held for long comes late, too
+  const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
+  const double delay_s = own.delay_s + hand.swing.later_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   // a force that fades out gets nothing back that was held back
   const bool faded_out = request.off && hand.output.gain == 0;

@@ -113,10 +113,7 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
           {path + "/sink", lost.sink_mm, "mm", 1, can ? std::optional(kMostSink_mm) : std::nullopt});
       lengths.push_back({path + "/floor", without_kick.sink_mm, "mm", 1, {}});
       lengths.push_back({path + "/floor-at-once", at_once.sink_mm, "mm", 1, {}});
-      // an encoder step that is worth more than a fifth hides when four fifths are back for good
-      const bool told = *stiffness * device.encoder_step_m * 1e3 < (1 - kBack) * dropout.press_N;
-      times.push_back(
-          {path + "/back", lost.back_s * 1e3, "ms", 1, told ? std::optional(kMostBack_ms) : std::nullopt});
+      times.push_back({path + "/back", lost.back_s * 1e3, "ms", 1, kMostBack_ms});
       forces.push_back({path + "/kick", lost.kick_N, "N", 1, kMostKick_N});
     }
   }

@@ -209,7 +209,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   parameters.passivity = exploration.controller;
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].delay_s = exploration.delay_known ? exploration.delay_s : 0;
+  parameters.device[0].delay_s = exploration.told_s.value_or(exploration.delay_s);
   if (yields_by_itself) parameters.device[0].most_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
@@ -346,7 +346,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           if (method != ForceMethod::kProxy) continue;
           Exploration other = exploration;
           if (delay_s > 0) {
-            other.delay_known = false;
+            other.told_s = 0;
             add(other, path + "/not-told", false, false);
             continue;
           }
@@ -382,7 +382,7 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
           add(other,
               std::string("stability/energy/proxy/") + device + "/" + grip + "/" + loop_name(rate_hz, 0) +
                   (flat ? "/unpunctual/flat" : "/unpunctual"),
-              rate_hz > kEnergyRate_hz, false);
+              true, false);
         }
     }
   energies.insert(energies.end(), parts.begin(), parts.end());

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "palpate/base/progress.h"
@@ -31,7 +32,7 @@ struct Exploration {
   ForceMethod method = ForceMethod::kProxy;
   double stiffness_N_per_mm = 1;  ///< that the hand feels; of tissue that yields the most of it
   double delay_s = 0;
-  bool delay_known = true;  ///< to the tick
+  std::optional<double> told_s;  ///< of it, to the tick; nothing: as it is
   bool controller = true;
   bool turning = false;  ///< the object turns, too
   bool flat = false;     ///< on flat_wall() and not on the ball

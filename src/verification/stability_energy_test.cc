@@ -121,7 +121,7 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
       const double hidden_mJ = told.largest_force_N * 2 * device.encoder_step_m * 1e3;
       EXPECT_GE(told.least_mJ, delay_s > 2e-3 ? -2 * hidden_mJ : -hidden_mJ);
       EXPECT_GT(told.contacts, 5);
-      exploration.delay_known = false;
+      exploration.told_s = 0;
       const ExploredEnergy not_told = explore_energy(**ball, exploration);
       EXPECT_LT(not_told.least_mJ, -0.15);
       EXPECT_LT(told.deepest_mm, not_told.deepest_mm + 0.1) << "the wall is as stiff";
@@ -129,16 +129,19 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
   }
 }
 
-TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBoundFromOneKilohertzOn) {
+// As stiff as tissues are, where a device holds that: at 250 Hz a Premium holds 0.83 N/mm.
+TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
   const auto ball = exploration_ball(), wall = flat_wall();
   ASSERT_TRUE(ball && wall);
   for (const char* name : {"premium-1.5", "touch"})
     for (const char* grip : {"light-grip", "firm-grip"})
       for (const bool flat : {false, true})
-        for (const double rate_hz : {1000.0, 10000.0}) {
+        for (const double rate_hz : {250.0, 500.0, 1000.0, 10000.0}) {
           SCOPED_TRACE(std::string(name) + " " + grip + (flat ? ", plane, " : ", ball, ") +
                        std::to_string(rate_hz));
-          Exploration exploration{*find_plant_device(name), *find_plant_hand(grip), ForceMethod::kProxy, 1.5};
+          const bool holds_less = rate_hz < 500 && name == std::string("premium-1.5");
+          Exploration exploration{*find_plant_device(name), *find_plant_hand(grip), ForceMethod::kProxy,
+                                  holds_less ? 0.83 : 1.5};
           exploration.flat = flat;
           exploration.rate_hz = rate_hz;
           exploration.jitter = 0.5;

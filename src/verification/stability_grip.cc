@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "palpate/device/device_parameters.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
 #include "verification/stability_names.h"
@@ -88,7 +89,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   parameters.device[0].force_gain = held.stiffness_N_per_mm;
   parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
   parameters.device[0].most_damping_N_s_per_mm = held.most_damping_N_s_per_mm;
-  parameters.device[0].delay_s = held.delay_known ? held.delay_s : 0;
+  parameters.device[0].delay_s = held.told_s.value_or(held.delay_s);
   parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
 
   // down at the speed of the impact, to where the hand's spring and the wall's balance at the force
@@ -190,7 +191,7 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
           GripCase held{.device = device,
                         .grip = {.damping_N_s_per_m = damping_N_s_per_m, .skin_N_per_m = skin_N_per_m},
                         .stiffness_N_per_mm = *stiffness};
-          held.delay_known = told;
+          if (!told) held.told_s = 0;
           const GripResult result = hold_wall(**wall, held);
           const std::string of = path + "/b-" + short_number(damping_N_s_per_m) +
                                  (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
@@ -198,9 +199,20 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
           times.push_back({of + "/settled", result.settled_s, "s", 1, {}});
         }
       GripCase tap = free_tap(device, *stiffness);
-      tap.delay_known = told;
+      if (!told) tap.told_s = 0;
       ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
                         told ? std::optional(kMostRebound) : std::nullopt});
+    }
+    // a physical one that states its rate alone
+    DeviceInfo unknown;
+    unknown.rate_hz = 1000;
+    GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(unknown));
+    tap.told_s = device_parameters(unknown, {}).delay_s;
+    for (const double delay_s : {1e-3, 3e-3}) {
+      tap.delay_s = delay_s;
+      ratios.push_back({"stability/grip/" + device.name + "/" + loop_name(tap.rate_hz, delay_s) +
+                            "/unknown/free-tap/rebound",
+                        hold_wall(**wall, tap).rebound, "1", 1, kMostRebound});
     }
   }
   lengths.insert(lengths.end(), times.begin(), times.end());

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/device/bounds.h"
+#include "palpate/device/device_parameters.h"
 #include "palpate/stability/stability.h"
 #include "verification/stability_wall.h"
 
@@ -65,7 +67,7 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
     held.controller = true;
     for (const bool told : {false, true}) {
       SCOPED_TRACE(told ? "told" : "not told");
-      held.delay_known = told;
+      held.told_s = told ? held.delay_s : 0;
       const GripResult result = hold_wall(grip_wall(), held);
       EXPECT_LT(result.swing_mm, 2e3 * held.device.encoder_step_m);
       EXPECT_LT(result.settled_s, told ? 1.2 : 0.9) << "after an impact at 0.1 m/s";
@@ -101,6 +103,39 @@ TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
         tap.controller = false;
         EXPECT_GT(hold_wall(grip_wall(), tap).rebound, 1);
       }
+}
+
+// A physical device whose delay nobody has measured is as stiff as is careful, and what it sends is counted
+// as late as is careful: whatever its delay is, up to that.
+TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanItCame) {
+  for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
+    DeviceInfo info;
+    info.rate_hz = rate_hz;
+    const DeviceParameters unknown = device_parameters(info, {});
+    EXPECT_EQ(unknown.delay_s, CarefulDevice{}.delay_s);
+    for (const char* device : {"premium-1.5", "touch"})
+      for (const double delay_s : {0.0, 1e-3, 2e-3, 3e-3})
+        for (const double mass_kg : {0.001, 0.15})
+          for (const double impact_m_s : {0.05, 0.1, 0.2}) {
+            SCOPED_TRACE(std::string(device) + ", " + std::to_string(rate_hz) + " Hz, " +
+                         std::to_string(delay_s) + " s, " + std::to_string(mass_kg) + " kg, " +
+                         std::to_string(impact_m_s));
+            GripCase tap{.device = *find_plant_device(device),
+                         .grip = {.mass_kg = mass_kg},
+                         .stiffness_N_per_mm = unknown.most_stiffness_N_per_mm,
+                         .rate_hz = rate_hz,
+                         .delay_s = delay_s,
+                         .told_s = unknown.delay_s,
+                         .press_N = 0,
+                         .impact_m_s = impact_m_s,
+                         .free = true,
+                         .time_s = 0.4};
+            tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
+            const double rebound = hold_wall(grip_wall(), tap).rebound;
+            EXPECT_LE(rebound, 1);
+            EXPECT_GT(rebound, 0.4) << "and is a wall";
+          }
+  }
 }
 
 // the documented hands swing down after an impact without being taken for a limit cycle's: nothing is softer

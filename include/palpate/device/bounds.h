@@ -35,6 +35,10 @@ struct CarefulDevice {
   double hand_N_s_per_m = 2;     ///< of the lightest grip that we know ("light-grip")
 };
 
+/// From a command to its force, s: what the device states. One that states nothing, or what no arm has,
+/// counts as CarefulDevice; a simulated one as without delay.
+double careful_delay_s(const DeviceInfo& info);
+
 struct CarefulBounds {
   double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< both of the device
 };

@@ -41,11 +41,11 @@ struct DeviceParameters {
   /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
   /// and nothing clamped.
   double most_damping_N_s_per_mm = kNotKnown;
-  /// From a command to its force, s. The passivity observer counts with it; what is not known counts as none.
+  /// From a command to its force, s. The passivity observer counts with it.
   double delay_s = 0;
 };
 /// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold; of a
-/// physical one of which that, or the damping that it bears, is not known, what is careful.
+/// physical one of which that, the damping that it bears or its delay is not known, what is careful.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 }  // namespace palpate

@@ -166,6 +166,9 @@ struct PassivityFeel {
   /// An encoder without a known step counts as one that is coarse among those that are known; mm of the
   /// device.
   double coarse_step_mm = 0.06;
+  /// Half of what a tick is longer counts as delay: what a shorter one's hold gives out the reserve covers,
+  /// s.
+  double covered_tick_s = 1e-3;
   /// More damping than this makes a firmly held tip swing by itself.
   double most_damping_N_s_per_m = 20;
 
@@ -178,6 +181,7 @@ struct PassivityFeel {
     of("most_hysteresis", most_hysteresis);
     of("owing_step_N", owing_step_N);
     of("coarse_step_mm", coarse_step_mm);
+    of("covered_tick_s", covered_tick_s);
     of("most_damping_N_s_per_m", most_damping_N_s_per_m);
   }
 };
