@@ -41,11 +41,35 @@ TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
   }
 }
 
+// Late ticks, and hands that swing, lengthen it from one tick to the next: no force is lost by that.
+TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
+  for (const double least_s : {0.0, 1e-3, 4e-3})
+    for (const double tick_s : {1e-4, 1e-3, 4e-3}) {
+      std::mt19937 random(7);
+      std::uniform_real_distribution<double> longer(0, 6e-3), part(0.5, 1.5);
+      DelayLine line;
+      double time_s = 0;
+      for (int n = 0; n < 1000; ++n) {
+        const double dt_s = n % 50 == 49 ? 8 * tick_s : tick_s * part(random);
+        const double delay_s = least_s + (n % 3 == 0 ? longer(random) : 0);
+        const Vector<World> acted = follow_delay(Vector<World>(0, 0, 2), dt_s, delay_s, line);
+        // it has come to act
+        if (time_s > least_s + 10e-3) {
+          ASSERT_NEAR(acted.z(), 2, 1e-9) << n << ": " << delay_s << " s, tick of " << dt_s;
+        }
+        time_s += dt_s;
+      }
+    }
+}
+
 TEST(ActingForce, ALineThatIsFullForgetsTheOldest) {
   DelayLine line;
   for (int n = 0; n < 1000; ++n) {
     const Vector<World> acted = follow_delay(Vector<World>(1, 0, 0), 1e-4, 20e-3, line);
     ASSERT_TRUE(acted.all_finite());
+    if (n > 200) {
+      ASSERT_NEAR(acted.x(), 1, 1e-9) << "what it still knows stands for that";
+    }
     ASSERT_LE(line.count, static_cast<int>(line.held.size()));
   }
 }

@@ -1,12 +1,18 @@
 #include "palpate/haptics/owners.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace palpate {
 namespace {
 
 constexpr std::int16_t kNobody = -1, kSeveral = -2;
+
+std::uint64_t next_number() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
 
 std::int16_t joined(std::int16_t a, std::int16_t b) {
   if (a == kNobody || a == b) return b;
@@ -34,7 +40,8 @@ void for_each_outer_voxel(const Bricks<LabelId>& labels, const std::vector<std::
 }  // namespace
 
 Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label)
-    : structure_of_label_(structure_of_label),
+    : number_(next_number()),
+      structure_of_label_(structure_of_label),
       spacing_mm_(labels.geometry().spacing_mm),
       reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
       X_VoxelPatient_(labels.geometry().X_PatientVoxel().inverse()),
@@ -52,12 +59,16 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
     ++first_in_block_[block_of(i, j, k) + 1];
   });
   for (std::size_t b = 0; b < count; ++b) first_in_block_[b + 1] += first_in_block_[b];
-  voxels_.resize(first_in_block_.back());
+  voxels_.structure.resize(first_in_block_.back());
+  for (std::vector<float>& index : voxels_.index) index.resize(first_in_block_.back());
   only_.assign(count, kNobody);
   std::vector<std::uint32_t> next = first_in_block_;
   for_each_outer_voxel(labels, structure_of_label, [&](int i, int j, int k, std::int16_t structure) {
     const std::size_t block = block_of(i, j, k);
-    voxels_[next[block]++] = {{i, j, k}, structure};
+    const std::uint32_t n = next[block]++;
+    voxels_.structure[n] = structure;
+    const std::array<int, 3> index{i, j, k};
+    for (std::size_t a = 0; a < 3; ++a) voxels_.index[a][n] = static_cast<float>(index[a]);
     only_[block] = joined(only_[block], structure);
     any_ = structure;
   });
@@ -101,25 +112,40 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   if (seen != kSeveral) return OwnerShares(seen == kNobody ? any_ : seen);
 
   OwnerShares shares;
-  const double reach_squared = reach_mm_ * reach_mm_;
+  std::array<float, 3> place{}, scale{};  // in parts of the reach
+  for (std::size_t a = 0; a < 3; ++a) {
+    place[a] = static_cast<float>(p[static_cast<int>(a)]);
+    scale[a] = static_cast<float>(spacing_mm_[static_cast<int>(a)] / reach_mm_);
+  }
+  const float *const x_of = voxels_.index[0].data(), *const y_of = voxels_.index[1].data(),
+                     *const z_of = voxels_.index[2].data();
   // where the structure that was met last stands: neighbours mostly have the same owner
   std::size_t last = 0;
-  const auto add = [&](const OuterVoxel& voxel) {
-    double squared = 0;
-    for (int a = 0; a < 3; ++a) {
-      const double way_mm = (voxel.index[static_cast<std::size_t>(a)] - p[a]) * spacing_mm_[a];
-      squared += way_mm * way_mm;
-    }
-    if (squared >= reach_squared) return;
-    if (last >= shares.count_ || shares.share_[last].structure != voxel.structure) {
+  const auto add = [&](std::int16_t structure, float part) {
+    if (last >= shares.count_ || shares.share_[last].structure != structure) {
       last = 0;
-      while (last < shares.count_ && shares.share_[last].structure != voxel.structure) ++last;
+      while (last < shares.count_ && shares.share_[last].structure != structure) ++last;
       // no tissue has more beside one another
       if (last == OwnerShares::kMost) return;
-      if (last == shares.count_) shares.share_[shares.count_++] = {voxel.structure, 0};
+      if (last == shares.count_) shares.share_[shares.count_++] = {structure, 0};
     }
-    const double left = 1 - squared / reach_squared;
-    shares.share_[last].part += left * left;
+    shares.share_[last].part += static_cast<double>(part);
+  };
+  const auto add_all = [&](std::uint32_t begin, std::uint32_t end) {
+    constexpr std::uint32_t kAtOnce = 64;
+    std::array<float, kAtOnce> part;
+    for (; begin < end; begin += kAtOnce) {
+      const std::uint32_t count = std::min(kAtOnce, end - begin);
+      for (std::uint32_t n = 0; n < count; ++n) {
+        const float dx = (x_of[begin + n] - place[0]) * scale[0];
+        const float dy = (y_of[begin + n] - place[1]) * scale[1];
+        const float dz = (z_of[begin + n] - place[2]) * scale[2];
+        const float left = std::max(0.0F, 1 - (dx * dx + dy * dy + dz * dz));
+        part[n] = left * left;
+      }
+      for (std::uint32_t n = 0; n < count; ++n)
+        if (part[n] > 0) add(voxels_.structure[begin + n], part[n]);
+    }
   };
   for (int c = low[2]; c <= high[2]; ++c)
     for (int b = low[1]; b <= high[1]; ++b) {
@@ -127,9 +153,8 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
       const std::size_t row =
           (static_cast<std::size_t>(c) * static_cast<std::size_t>(blocks_[1]) + static_cast<std::size_t>(b)) *
           static_cast<std::size_t>(blocks_[0]);
-      const std::uint32_t end = first_in_block_[row + static_cast<std::size_t>(high[0]) + 1];
-      for (std::uint32_t n = first_in_block_[row + static_cast<std::size_t>(low[0])]; n < end; ++n)
-        add(voxels_[n]);
+      add_all(first_in_block_[row + static_cast<std::size_t>(low[0])],
+              first_in_block_[row + static_cast<std::size_t>(high[0]) + 1]);
     }
   return shares.count_ > 0 ? in_order(shares) : OwnerShares(any_);
 }

@@ -1,6 +1,7 @@
 #include "palpate/haptics/proxy.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -20,12 +21,6 @@ int layers_of(std::span<const FeltSurface> surfaces) {
   int most = 0;
   for (const FeltSurface& felt : surfaces) most = std::max(most, felt.layer);
   return std::min(most + 1, kMostLayers);
-}
-
-// from the tip to where a contact acts
-Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
-  return sphere.offset_mm + sphere.along_mm * contact.part -
-         contact.normal * sphere.radius_at_mm(contact.part);
 }
 
 bool has_capsules(std::span<const ToolSphere> spheres) {
@@ -84,7 +79,8 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   const double length_mm = stretched_mm.norm();
   if (!before || !(length_mm > 0)) return wanted;
   // it gave nothing, and its proxy may be far from the tip
-  if (*before == 0) return std::min(wanted, slip_N / std::max(0.0, length_mm - walked.behind_mm));
+  const double beyond_mm = length_mm - walked.behind_mm;
+  if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
   if (!std::isfinite(walked.most_change_mm)) return wanted;
   // what lies in a ball round the force before
   const double along = walked.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
@@ -95,6 +91,21 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
 }
 
+/// What the walks of a tick work in, one after the other: to make it takes longer than many a walk.
+struct WalkRoom {
+  /// Of each contact: the pair that it is of, and the step of its row.
+  struct TouchedAt {
+    std::size_t near = 0;
+    int step = 0;
+  };
+
+  NearSurfaces near;
+  Walls walls;
+  std::bitset<kMostNear> friction_known;
+  std::array<Friction, kMostNear> friction;
+  std::array<TouchedAt, kMostContacts> touched_at;
+};
+
 /// The proxy's way in one tick.
 class Walk {
  public:
@@ -104,7 +115,7 @@ class Walk {
   /// @param way        gets every corner of it; may be null
   Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
        const Leash& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
-       const ProxyOptions& options, ProxyWay* way)
+       const ProxyOptions& options, ProxyWay* way, WalkRoom& room)
       : surfaces_(surfaces),
         leash_(leash),
         leash_mm_(leash.length_mm),
@@ -114,6 +125,7 @@ class Walk {
         away_(has_capsules(spheres) ? std::min(options.away, kProxyFeel.away_of_capsules) : options.away),
         spheres_(spheres),
         layer_(layer),
+        near_(room.near),
         to_go_mm_(most_mm),
         tip_(tip),
         state_(state),
@@ -121,7 +133,13 @@ class Walk {
         anchor_(state.position),
         last_way_(state.last_way),
         anchored_(state.contacts > 0),
-        way_(way) {}
+        walls_(room.walls),
+        friction_known_(room.friction_known),
+        friction_(room.friction),
+        touched_at_(room.touched_at),
+        way_(way) {
+    walls_.clear();
+  }
 
   /// False where the proxy lies in walls, as after the tool has become another one, and finds no way out.
   bool go(Walked& result) {
@@ -166,7 +184,7 @@ class Walk {
   void look_around() {
     const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kProxyFeel.part_mm);
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kProxyFeel.stride_mm());
-    friction_ = {};
+    friction_known_.reset();
     steepest_ = near_.steepest();
     left_mm_ = std::min(part_mm, near_.reach_mm());
     to_go_mm_ -= part_mm;
@@ -346,8 +364,10 @@ class Walk {
   // A capsule that lies along a surface leans on the middle of what touches, which does not wander with the
   // voxels as the nearest place does.
   void settle_along_capsules() {
+    // of a contact of the tick before it is known already
+    if (!leant_) return;
     for (int n = 0; n < state_.contacts; ++n) {
-      const TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
+      const WalkRoom::TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
       state_.contact[static_cast<std::size_t>(n)].part = near_.middle_of_touching(at.near, proxy_, at.step);
     }
   }
@@ -461,6 +481,7 @@ class Walk {
 
   void add_contact(std::size_t near, int step, const Vector<Patient>& normal, double pull_mm) {
     if (state_.contacts == static_cast<int>(kMostContacts)) return;
+    leant_ = true;
     const auto n = static_cast<std::size_t>(state_.contacts++);
     state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, pull_mm};
     touched_at_[n] = {near, step};
@@ -469,32 +490,35 @@ class Walk {
   // on an outer surface that of the place where the wall is met first in this tick
   const Friction& friction_of(std::size_t wall) {
     const Near& near = walls_.near(wall);
-    std::optional<Friction>& known = friction_[near_.place_of(near)];
-    if (!known) {
-      known.emplace();
-      const Point<Patient> at = proxy_ + near.offset_mm(walls_.step(wall)) -
-                                walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall));
-      const OwnerShares owners = owners_at(surfaces_, near.index, at);
+    const std::size_t place = near_.place_of(near);
+    Friction& known = friction_[place];
+    if (!friction_known_[place]) {
+      friction_known_[place] = true;
+      known = {};
+      const Point<Patient> at = proxy_ + (near.offset_mm(walls_.step(wall)) -
+                                          walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall)));
+      const OwnerShares owners = state_.owners.at(surfaces_, near.index, at);
       for (const OwnerShare& share : owners.all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
-        known->still += share.part * felt.static_friction;
-        known->sliding += share.part * felt.dynamic_friction;
+        known.still += share.part * felt.static_friction;
+        known.sliding += share.part * felt.dynamic_friction;
       }
     }
-    return *known;
+    return known;
   }
 
   std::span<const FeltSurface> surfaces_;
   Leash leash_;
   const double leash_mm_;            // without what friction lets go
   bool leashed_ = false;             // its last stride was
+  bool leant_ = false;               // its contacts are of this walk
   const ProxyContact leant_on_;      // before, if it leant on anything
   const Vector<Patient> stretched_;  // its spring before
   const ProxyOptions options_;
   const double away_;  // part of a stride that may lead away from the tip
   std::span<const ToolSphere> spheres_;
   const int layer_;
-  NearSurfaces near_;
+  NearSurfaces& near_;
   int most_looks_ = 0;
   double to_go_mm_;      // after this part of the way
   double left_mm_ = 0;   // of this part
@@ -505,14 +529,10 @@ class Walk {
   Point<Patient> anchor_;  // where friction holds it
   Vector<Patient> last_way_;
   bool anchored_;
-  Walls walls_;
-  std::array<std::optional<Friction>, kMostNear> friction_;
-  // of each contact: the pair that it is of, and the step of its row
-  struct TouchedAt {
-    std::size_t near = 0;
-    int step = 0;
-  };
-  std::array<TouchedAt, kMostContacts> touched_at_;
+  Walls& walls_;
+  std::bitset<kMostNear>& friction_known_;
+  std::array<Friction, kMostNear>& friction_;
+  std::array<WalkRoom::TouchedAt, kMostContacts>& touched_at_;
   ProxyWay* way_;
 };
 
@@ -644,8 +664,8 @@ class Springs {
   /// @param spheres  as the layer's proxy holds them
   /// @param yield    of the layer in which structures yield
   /// @param slip_N   as of slow_stiffness
-  ProxyForce add(const ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked,
-                 double slip_N, YieldState& yield, RelaxationState& relaxation) {
+  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked, double slip_N,
+                 YieldState& yield, RelaxationState& relaxation) {
     // else the proxy is no measure of what the hand presses
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
@@ -656,7 +676,7 @@ class Springs {
       const FeltSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
       const Vector<Patient> arm_mm = arm_of(contact, sphere);
-      owners_[n] = owners_at(surfaces_, contact.surface, state.position + arm_mm);
+      owners_[n] = state.owners.at(surfaces_, contact.surface, state.position + arm_mm);
       all_mm += contact.pull_mm;
       for (const OwnerShare& share : owners_[n].all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
@@ -962,7 +982,7 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
 // one layer's proxy turns and goes its way
 Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
             const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
-            const ProxyOptions& options, ProxyWay* way) {
+            const ProxyOptions& options, ProxyWay* way, WalkRoom& room) {
   const Point<Patient>& tip = hand.tip;
   Walked result;
   if (!state.coupled) {
@@ -987,9 +1007,9 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   result.hand_mm = tip_moved.norm() + turned_mm;
   result.behind_mm = state.behind_mm + result.hand_mm;
   result.most_change_mm = leash.length_mm;
-  const bool in_walls =
-      !Walk(surfaces, held.spheres(), layer, most_mm, leash, result.stretched_mm, tip, state, options, way)
-           .go(result);
+  const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, leash, result.stretched_mm, tip,
+                              state, options, way, room)
+                             .go(result);
   // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
   // free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -1070,6 +1090,20 @@ OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Po
                                                   : felt.owners->at(at);
 }
 
+OwnerShares OwnersMemo::at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& place) {
+  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
+  if (felt.owners == nullptr) return owners_at(surfaces, index, place);
+  const bool cut = felt.made != nullptr;
+  for (const Known& known : known_)
+    if (known.owners == felt.owners->number() && known.surface == index && known.cut == cut &&
+        known.place == place)
+      return known.shares;
+  Known& known = known_[next_];
+  next_ = (next_ + 1) % known_.size();
+  known = {felt.owners->number(), index, cut, place, owners_at(surfaces, index, place)};
+  return known.shares;
+}
+
 TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
                        const Eigen::Quaterniond& to)
     : count_(spheres.size()) {
@@ -1089,6 +1123,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
+  WalkRoom room;
   // by what the forces of this layer and of those within may slip, and how they grow with their springs
   double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
   const Vector<Patient> tip_moved = hand.tip - state.tip;
@@ -1099,8 +1134,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
     const double most_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
-    const Walked walked =
-        walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options, n == 0 ? way : nullptr);
+    const Walked walked = walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options,
+                               n == 0 ? way : nullptr, room);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {

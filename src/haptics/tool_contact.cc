@@ -64,14 +64,15 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
 }
 
 // the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
-LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at) {
+LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at,
+                    OwnersMemo& owners) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   // what is softer than a layer within lies around it
   const FeltSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
   if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
     return label;
-  const int structure = owners_at(model.surfaces, contact.surface, at).largest();
+  const int structure = owners.at(model.surfaces, contact.surface, at).largest();
   return model.label_of_surface[static_cast<std::size_t>(structure)];
 }
 
@@ -100,13 +101,12 @@ void sort_few(std::span<T> few, Before before) {
 Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
                         std::span<const ToolSphere> spheres) {
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-  return layer.position + sphere.offset_mm + sphere.along_mm * contact.part -
-         contact.normal * sphere.radius_at_mm(contact.part);
+  return layer.position + arm_of(contact, sphere);
 }
 
 // how a layer's contacts share its force: each along its own normal, together the spring's
 struct LeansOn {
-  const ProxyLayer& layer;
+  ProxyLayer& layer;
   double force_N_per_mm;  // of pull
   std::span<const ToolSphere> spheres;
 };
@@ -122,7 +122,7 @@ std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<Conta
   for (; n < std::min(count, told.size()); ++n) {
     const ProxyContact& contact = *order[n];
     const Point<Patient> place = place_of(contact, on.layer, on.spheres);
-    told[n] = {label_under(model, contact, place), contact.sphere, place,
+    told[n] = {label_under(model, contact, place, on.layer.owners), contact.sphere, place,
                std::max(0.0, contact.pull_mm * on.force_N_per_mm)};
   }
   return n;
@@ -250,7 +250,7 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
-                           const ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
+                           ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
   const DeviceParameters& gains = hand.device;
   const Vector<Patient> pull_mm =
@@ -264,7 +264,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   ToolContact tool;
   std::size_t told = 0;
   for (int n = 0; n < kMostLayers; ++n) {
-    const ProxyLayer& layer = proxy.layer(n);
+    ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // as the proxy holds it
     const TurnedTool turned(held.spheres(), held.pose().attitude, layer.attitude);

@@ -141,7 +141,7 @@ constexpr std::array kDeviceColumns{
            "input: damping that the device bears; more is felt as so much, NaN: not known", nullptr,
            kWithinFormat},
     Column{"delay_s", kF64, 1, PALPATE_DEVICE(delay_s), "s", "-",
-           "input: from a command to its force, 0 where it is not known", nullptr, kWithinFormat},
+           "input: from a command to its force, as counted: 0 is none", nullptr, kWithinFormat},
     Column{"force_N", kF64, 3, PALPATE_DEVICE(force_N), "N", "World", "output: force sent to the device"},
     Column{"torque_Nmm", kF64, 3, PALPATE_DEVICE(torque_Nmm), "N mm", "World",
            "output: torque about the tip sent to the device"},

@@ -60,7 +60,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     // not above 0: not known
     if (told.most_damping_N_s_per_mm > 0)
       own.most_damping_N_s_per_mm = std::fmin(own.most_damping_N_s_per_mm, told.most_damping_N_s_per_mm);
-    own.delay_s = std::fmax(own.delay_s, told.delay_s);
+    if (std::isfinite(told.delay_s)) own.delay_s = std::fmax(own.delay_s, told.delay_s);
   }
   posted_ = latest_;
 }

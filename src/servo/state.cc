@@ -17,6 +17,8 @@ void hash_wrench(std::uint64_t& hash, const Wrench& wrench) {
 void hash_layer(std::uint64_t& hash, const ProxyLayer& proxy) {
   hash_word(hash,
             static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
+  // it begins anew, and there may be no such layer
+  if (!proxy.coupled && proxy.punctured.none()) return;
   for (int axis = 0; axis < 3; ++axis) {
     hash_double(hash, proxy.position[axis]);
     hash_double(hash, proxy.last_way[axis]);
@@ -27,6 +29,8 @@ void hash_layer(std::uint64_t& hash, const ProxyLayer& proxy) {
   for (std::size_t bit = 0; bit < kMostSurfaces; bit += kWord)
     hash_word(hash, (proxy.punctured >> bit & low).to_ullong());
   hash_double(hash, proxy.part);
+  hash_double(hash, proxy.spring_N_per_mm.value_or(-1));
+  hash_double(hash, proxy.behind_mm);
   hash_double(hash, proxy.lost_s);
   hash_word(hash, static_cast<std::uint64_t>(proxy.contacts));
   for (int n = 0; n < proxy.contacts; ++n) {
@@ -125,7 +129,8 @@ std::uint64_t SessionState::hash(int devices) const {
                                swing.before_mm, swing.free_s, swing.later_s})
       hash_double(hash, value);
     hash_word(hash, static_cast<std::uint64_t>(swing.halves));
-    hash_word(hash, static_cast<std::uint64_t>(hands[d].delay.count));
+    hash_word(hash, static_cast<std::uint64_t>(hands[d].delay.count) << 1 |
+                        static_cast<std::uint64_t>(hands[d].delay.forgot));
     for (int n = 0; n < hands[d].delay.count; ++n) {
       const DelayLine::Held& held = hands[d].delay.held[static_cast<std::size_t>(n)];
       for (int axis = 0; axis < 3; ++axis) hash_double(hash, held.force_N[axis]);

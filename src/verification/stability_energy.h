@@ -32,7 +32,7 @@ struct Exploration {
   ForceMethod method = ForceMethod::kProxy;
   double stiffness_N_per_mm = 1;  ///< that the hand feels; of tissue that yields the most of it
   double delay_s = 0;
-  std::optional<double> told_s;  ///< of it, to the tick; nothing: as it is
+  std::optional<double> told_s = {};  ///< of it, to the tick; nothing: as it is
   bool controller = true;
   bool turning = false;  ///< the object turns, too
   bool flat = false;     ///< on flat_wall() and not on the ball

@@ -131,6 +131,7 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
 
 // As stiff as tissues are, where a device holds that: at 250 Hz a Premium holds 0.83 N/mm.
 TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
+  double given_out_mJ = 0;
   const auto ball = exploration_ball(), wall = flat_wall();
   ASSERT_TRUE(ball && wall);
   for (const char* name : {"premium-1.5", "touch"})
@@ -149,7 +150,12 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           const ExploredEnergy with = explore_energy(flat ? **wall : **ball, exploration);
           EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GE(with.contacts, 1);
+          exploration.controller = false;
+          const ExploredEnergy without = explore_energy(flat ? **wall : **ball, exploration);
+          EXPECT_LT(with.deepest_mm, without.deepest_mm + 0.6) << "a wall still";
+          given_out_mJ = std::max(given_out_mJ, -without.least_mJ);
         }
+  EXPECT_GT(given_out_mJ, 1) << "there is something to keep";
 }
 
 TEST(StabilityEnergy, AnExplorationRepeats) {

@@ -22,6 +22,12 @@ constexpr double kAbove_mm = 3, kFadeIn_s = 0.6;
 constexpr double kClear_mm = 1;
 constexpr double kSettledSwing_mm = 0.2, kSettledFor_s = 0.1;
 
+DeviceInfo rate_alone(double rate_hz) {
+  DeviceInfo info;
+  info.rate_hz = rate_hz;
+  return info;
+}
+
 // a mass that Coulomb friction can at most stop
 void push(double force_N, double friction_N, double mass_kg, double& velocity_m_s) {
   velocity_m_s += force_N * kGripStep_s / mass_kg;
@@ -86,11 +92,12 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
   parameters.passivity = held.controller;
-  parameters.device[0].force_gain = held.stiffness_N_per_mm;
   parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
   parameters.device[0].most_damping_N_s_per_mm = held.most_damping_N_s_per_mm;
   parameters.device[0].delay_s = held.told_s.value_or(held.delay_s);
   parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
+  if (held.states_nothing) parameters.device[0] = device_parameters(rate_alone(held.rate_hz), {});
+  parameters.device[0].force_gain = held.stiffness_N_per_mm;
 
   // down at the speed of the impact, to where the hand's spring and the wall's balance at the force
   const double depth_mm =
@@ -203,11 +210,8 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
       ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
                         told ? std::optional(kMostRebound) : std::nullopt});
     }
-    // a physical one that states its rate alone
-    DeviceInfo unknown;
-    unknown.rate_hz = 1000;
-    GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(unknown));
-    tap.told_s = device_parameters(unknown, {}).delay_s;
+    GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(rate_alone(1000)));
+    tap.states_nothing = true;
     for (const double delay_s : {1e-3, 3e-3}) {
       tap.delay_s = delay_s;
       ratios.push_back({"stability/grip/" + device.name + "/" + loop_name(tap.rate_hz, delay_s) +

@@ -27,11 +27,12 @@ struct GripCase {
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;
-  std::optional<double> told_s;  ///< of it, to the tick; nothing: as it is
-  double press_N = 1;            ///< at rest
-  double impact_m_s = 0.1;       ///< with which the hand comes down; then it wants to go no deeper
-  bool free = false;             ///< thrown at the wall: nobody holds it, and the grip is its mass alone
-  double time_s = 4;             ///< from the touch on
+  std::optional<double> told_s = {};  ///< of it, to the tick; nothing: as it is
+  bool states_nothing = false;        ///< a physical device, but its rate: a tick takes what is careful
+  double press_N = 1;                 ///< at rest
+  double impact_m_s = 0.1;            ///< with which the hand comes down; then it wants to go no deeper
+  bool free = false;                  ///< thrown at the wall: nobody holds it, and the grip is its mass alone
+  double time_s = 4;                  ///< from the touch on
 };
 
 /// What comes of it.

@@ -34,7 +34,7 @@ constexpr double kPress_N = 1, kSlideMost_N = 3;
 constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
 constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
 constexpr double kFelt_mm = 0.5, kFelt_N = 0.01;
-constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001;
+constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001, kDrag_N = 0.05;
 // free for 50 ms: what a proxy still slips by is over, and what pulls is wrong
 constexpr double kSlipOver_mm = 1;
 
@@ -248,8 +248,9 @@ class SeamPress {
   // whether the straight way from a proxy that pulls to the tip leads through what it rests on
   bool is_beyond_a_wall() const {
     for (int layer = 0; layer < kMostLayers; ++layer) {
-      if (!(result_.of_layer[static_cast<std::size_t>(layer)].force_N.norm() > kFree_N)) continue;
+      if (!(result_.of_layer[static_cast<std::size_t>(layer)].force_N.dot(outward_) < 0)) continue;
       const Point<Patient>& from = state_.layer(layer).position;
+      if (body_.clearance_mm(from, tool_.radius_mm, layer) < -kOutside_mm) return false;
       const Vector<Patient> way = tip_ - from;
       for (double part = 0; part < 1; part += kStep_mm / way.norm())
         if (body_.clearance_mm(from + way * part, tool_.radius_mm, layer) < -kOutside_mm) return true;
@@ -373,18 +374,24 @@ void print(const char* what, double radius_mm, const Figures& f) {
 void expect_one_body(const char* what, const Model& model) {
   SCOPED_TRACE("seed " + std::to_string(kSeamSeed));
   const Body body = one_body(model);
+  int withdrawals = 0, elsewhere = 0, drawn_after = 0, pulled_inward = 0;
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
     const Figures figures = press_all_over(body, seam_presses() / 4, radius_mm);
+    withdrawals += figures.withdrawals;
+    elsewhere += figures.elsewhere;
+    drawn_after += figures.drawn_after;
+    pulled_inward += figures.pulled_inward;
     print(what, radius_mm, figures);
     EXPECT_GT(figures.withdrawals, figures.presses / 4);
     EXPECT_EQ(figures.inside, 0);
     EXPECT_EQ(figures.jumped, 0);
-    EXPECT_EQ(figures.pulled_inward, 0);
-    // a proxy that still slips while its tip is free already, for milliseconds: one of thousands, where
-    // compilers round otherwise another one
-    EXPECT_LE(figures.drawn_after, 1 + figures.withdrawals / 500);
+    EXPECT_LT(figures.most_inward_N, 2 * kDrag_N);
     EXPECT_EQ(figures.trapped, 0);
   }
+  EXPECT_LT(elsewhere, withdrawals / 6);
+  // some of ten thousands, and which ones they are goes with how a processor rounds
+  EXPECT_LE(drawn_after, 1 + withdrawals / 500);
+  EXPECT_LE(pulled_inward, 1 + withdrawals / 5000);
   if (std::getenv("PALPATE_TEST_APART") != nullptr) {
     const Body before = apart(model);
     for (const double radius_mm : {0.0, 0.5, 1.5, 3.0})
@@ -494,7 +501,7 @@ TEST(Seams, OfAFlatTopAreNotFelt) {
             "%.3f, %.3f\n",
             spacing_mm.x(), turned, radius_mm, one.dip_mm, one.drag_N, one.jump_N, two.dip_mm, two.drag_N,
             two.jump_N);
-        EXPECT_LT(one.drag_N, 0.05);
+        EXPECT_LT(one.drag_N, kDrag_N);
         EXPECT_LT(one.jump_N, kJump_N);
         // what one label's top bends towards the block's edges, too
         EXPECT_LT(one.dip_mm, 0.1);

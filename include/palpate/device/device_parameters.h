@@ -41,7 +41,8 @@ struct DeviceParameters {
   /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
   /// and nothing clamped.
   double most_damping_N_s_per_mm = kNotKnown;
-  /// From a command to its force, s. The passivity observer counts with it.
+  /// From a command to its force, s; 0: none. The passivity observer counts with it. Whoever starts a loop
+  /// may tell a longer one than the device's, and no shorter one.
   double delay_s = 0;
 };
 /// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold; of a

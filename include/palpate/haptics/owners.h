@@ -55,17 +55,21 @@ class Owners {
   /// @param labels  those that it was made of
   OwnerShares within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
+  /// No other one that was made in this program has it; 1 and above.
+  std::uint64_t number() const { return number_; }
 
  private:
-  struct OuterVoxel {
-    std::array<int, 3> index;
-    std::int16_t structure;
+  /// Of each axis one after the other, so that a loop over them fills the processor's vectors.
+  struct OuterVoxels {
+    std::array<std::vector<float>, 3> index;
+    std::vector<std::int16_t> structure;
   };
 
   std::size_t block_of(int i, int j, int k) const;
   void join_blocks();
   static OwnerShares in_order(OwnerShares shares);
 
+  std::uint64_t number_;
   std::vector<std::int16_t> structure_of_label_;
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;
@@ -74,7 +78,7 @@ class Owners {
   // neighbours
   std::array<int, 3> dims_, block_{1, 1, 1}, blocks_{0, 0, 0};
   std::vector<std::uint32_t> first_in_block_;  // of a block's voxels; one more than there are blocks
-  std::vector<OuterVoxel> voxels_;             // block by block
+  OuterVoxels voxels_;                         // block by block
   // Most places are far from a seam: the only structure that a place in the block sees, or that there are
   // none or several.
   std::vector<std::int16_t> only_;

@@ -76,6 +76,23 @@ struct ProtectedStructure {
 /// Whose a place on a surface is: of a common surface the shares of its structures there.
 /// @param index  of the surface
 OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at);
+/// Whose the last four places were: a tool that rests on a few asks for the same ones in every tick.
+class OwnersMemo {
+ public:
+  /// As owners_at().
+  OwnerShares at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& place);
+
+ private:
+  struct Known {
+    std::uint64_t owners = 0;  ///< number(); 0: nothing
+    int surface = -1;
+    bool cut = false;  ///< it has been; what it was made of stays the same then
+    Point<Patient> place;
+    OwnerShares shares;
+  };
+  std::array<Known, 4> known_;
+  std::size_t next_ = 0;
+};
 inline constexpr std::size_t kMostSurfaces = 256;
 using SurfaceSet = std::bitset<kMostSurfaces>;
 
@@ -144,6 +161,11 @@ struct ProxyContact {
   Vector<Patient> normal;  ///< outward, unit
   double pull_mm = 0;      ///< along the normal: what it adds to the way from the tip to the proxy
 };
+/// From the tip to where it acts.
+inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
+  return sphere.offset_mm + sphere.along_mm * contact.part -
+         contact.normal * sphere.radius_at_mm(contact.part);
+}
 /// A corner of three walls, each of which may be met by every sphere of the tool.
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
@@ -170,6 +192,7 @@ struct ProxyLayer {
   double lost_s = 0;     ///< that it has been left behind by a free tip
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
+  OwnersMemo owners;  ///< changes nothing but how long a tick takes
 };
 
 /// What is remembered between two ticks: of the outermost layer, and of those within. Small and without

@@ -119,6 +119,6 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);
 /// @param held   as the proxy was advanced with
 /// @param proxy  as it is now
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
-                           const ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
+                           ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
 }  // namespace palpate
