@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/model/make_model.h"
 #include "palpate/stability/hold.h"
 #include "palpate/stability/stability.h"
 #include "verification/stability_wall.h"
@@ -156,6 +157,64 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           given_out_mJ = std::max(given_out_mJ, -without.least_mJ);
         }
   EXPECT_GT(given_out_mJ, 1) << "there is something to keep";
+}
+
+// the ball in quarters whose seams meet at its poles, or as a soft shell around a hard core
+std::shared_ptr<const Model> ball_of_several(bool layers) {
+  const auto ball = exploration_ball();
+  PALPATE_CHECK(ball.ok());
+  const GridGeometry& grid = (*ball)->labels->geometry();
+  Volume<LabelId> labels(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i) {
+        const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+        const int quarter = 1 + (p.x() > 0 ? 1 : 0) + (p.y() > 0 ? 2 : 0), layer = p.norm() < 8 ? 2 : 1;
+        if (p.norm() < kBallRadius_mm) labels.at(i, j, k) = static_cast<LabelId>(layers ? layer : quarter);
+      }
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  parts.tissue_of_label = {-1};
+  const std::vector<double> stiffness =
+      layers ? std::vector<double>{0.1, 1} : std::vector<double>{1, 0.6, 0.3, 0.8};
+  for (const double stiffness_N_per_mm : stiffness) {
+    const auto label = static_cast<LabelId>(parts.tissue_of_label.size());
+    parts.segments.push_back({label, "part " + std::to_string(label), {}, 0, label});
+    parts.tissue_of_label.push_back(static_cast<std::int16_t>(label - 1));
+    Tissue tissue;
+    tissue.name = parts.segments.back().name;
+    tissue.stiffness_N_per_mm = stiffness_N_per_mm;
+    parts.tissues.push_back(tissue);
+  }
+  parts.tools = {(*ball)->tools[0]};
+  const auto made = make_model(std::move(parts), {});
+  PALPATE_CHECK(made.ok());
+  const ForceMethod proxy = ForceMethod::kProxy;
+  const auto ready = prepared_for(made->model, {&proxy, 1});
+  PALPATE_CHECK(ready.ok());
+  return *ready;
+}
+
+TEST(StabilityEnergy, UnpunctualTicksOnSeamsAndLayersKeepTheBound) {
+  for (const bool layers : {false, true}) {
+    const auto ball = ball_of_several(layers);
+    for (const char* name : {"premium-1.5", "touch"})
+      for (const char* grip : {"light-grip", "firm-grip"})
+        for (const double rate_hz : {250.0, 1000.0}) {
+          SCOPED_TRACE(std::string(name) + " " + grip + (layers ? ", layers, " : ", seams, ") +
+                       std::to_string(rate_hz));
+          const bool holds_less = rate_hz < 500 && name == std::string("premium-1.5");
+          Exploration exploration{*find_plant_device(name), *find_plant_hand(grip), ForceMethod::kProxy,
+                                  holds_less ? 0.83 : 1.5};
+          exploration.rate_hz = rate_hz;
+          exploration.jitter = 0.5;
+          exploration.time_s = 15;
+          const ExploredEnergy with = explore_energy(*ball, exploration);
+          EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
+          EXPECT_GT(with.contacts, 3);
+        }
+  }
 }
 
 TEST(StabilityEnergy, AnExplorationRepeats) {
