@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace palpate {
 namespace {
@@ -52,6 +54,47 @@ TEST(Hash, LengthAndOrderCount) {
   EXPECT_NE(hash_of(""), hash_of(std::string(1, '\0')));
   EXPECT_NE(hash_of(std::string(8, '\0')), hash_of(std::string(16, '\0')));
   EXPECT_NE(hash_of("abcdefgh12345678"), hash_of("12345678abcdefgh"));
+}
+
+TEST(HashOfWords, EveryBitAndTheOrderCount) {
+  constexpr std::size_t kWords = 41;
+  const auto hash_of_words = [](const std::vector<std::uint64_t>& words) {
+    HashOfWords hash;
+    for (const std::uint64_t word : words) hash.add_word(word);
+    return hash.value();
+  };
+  std::set<std::uint64_t> seen;
+  std::vector<std::uint64_t> words;
+  // as many zeros as one likes, and each bit of the most
+  for (std::size_t n = 0; n <= kWords; ++n) {
+    EXPECT_TRUE(seen.insert(hash_of_words(words)).second) << n;
+    if (n < kWords) words.push_back(0);
+  }
+  for (std::uint64_t& word : words)
+    for (int bit = 0; bit < 64; ++bit) {
+      word ^= std::uint64_t{1} << bit;
+      EXPECT_TRUE(seen.insert(hash_of_words(words)).second) << bit;
+      word ^= std::uint64_t{1} << bit;
+    }
+  // any two that are exchanged, those of one chain included
+  for (std::size_t n = 0; n < kWords; ++n) words[n] = n + 1;
+  seen.insert(hash_of_words(words));
+  for (std::size_t a = 0; a < kWords; ++a)
+    for (std::size_t b = a + 1; b < kWords; ++b) {
+      std::swap(words[a], words[b]);
+      EXPECT_TRUE(seen.insert(hash_of_words(words)).second) << a << " " << b;
+      std::swap(words[a], words[b]);
+    }
+}
+
+TEST(HashOfWords, DoublesCountByTheirBits) {
+  const auto hash_of_double = [](double value) {
+    HashOfWords hash;
+    hash.add_double(value);
+    return hash.value();
+  };
+  EXPECT_NE(hash_of_double(0.0), hash_of_double(-0.0));
+  EXPECT_EQ(hash_of_double(1.5), hash_of_double(1.5));
 }
 
 }  // namespace

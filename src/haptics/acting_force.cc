@@ -14,7 +14,7 @@ double overlap_s(const DelayLine::Held& held, double age_s, double from_s, doubl
 
 Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line) {
   if (!(delay_s > 0) || !(dt_s > 0)) {
-    line = {};
+    line.count = 0;
     line.forgot = dt_s > 0;
     return sent_N;
   }

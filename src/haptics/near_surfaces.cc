@@ -125,19 +125,19 @@ void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
 // in order of clearance, so that the nearest ones are kept
 void NearSurfaces::insert(const Near& near, double clearance_mm, const Known& known) {
   if (count_ == kMostNear)
-    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_.back()));
+    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMostNear - 1]));
   std::size_t place = count_;
   while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
   if (place == kMostNear) return;
   count_ = std::min(count_ + 1, kMostNear);
   for (std::size_t n = count_ - 1; n > place; --n) {
-    near_[n] = near_[n - 1];
-    known_[n] = known_[n - 1];
-    clearances_mm_[n] = clearances_mm_[n - 1];
+    near_.make(n, near_[n - 1]);
+    known_.make(n, known_[n - 1]);
+    clearances_mm_.make(n, clearances_mm_[n - 1]);
   }
-  near_[place] = near;
-  known_[place] = known;
-  clearances_mm_[place] = clearance_mm;
+  near_.make(place, near);
+  known_.make(place, known);
+  clearances_mm_.make(place, clearance_mm);
 }
 
 bool Walls::add(const Near& near, int step, const Point<Patient>& at, double clearance_mm) {
@@ -146,10 +146,14 @@ bool Walls::add(const Near& near, int step, const Point<Patient>& at, double cle
   const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
   const std::size_t place = full() ? place_of_weaker(wall) : count_++;
   if (place == kMostHalfSpaces) return false;
-  half_spaces_[place] = wall;
-  near_[place] = &near;
-  step_[place] = step;
+  put(place, near, step, wall);
   return true;
+}
+
+void Walls::put(std::size_t place, const Near& near, int step, const HalfSpace& wall) {
+  half_spaces_.make(place, wall);
+  near_.make(place, &near);
+  step_.make(place, step);
 }
 
 // one that does the same work and leaves more room, or none

@@ -6,6 +6,7 @@
 
 #include "haptics/capsule_row.h"
 #include "haptics/half_spaces.h"
+#include "haptics/room_for.h"
 #include "palpate/haptics/proxy.h"
 
 /// What the tool can meet in a tick, and how it is kept outside of that.
@@ -68,6 +69,12 @@ class NearSurfaces {
   void gather(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
+  /// None, until pairs are gathered or recalled.
+  void clear() { count_ = 0; }
+  /// A pair that was gathered in an earlier tick: nothing is known of its clearance. No more than there is
+  /// room for.
+  const Near& recall(const Near& near) { return near_.make(count_++, near); }
+
   std::size_t count() const { return count_; }
   const Near& operator[](std::size_t n) const { return near_[n]; }
   std::size_t place_of(const Near& near) const { return static_cast<std::size_t>(&near - near_.data()); }
@@ -105,9 +112,9 @@ class NearSurfaces {
 
   void insert(const Near& near, double clearance_mm, const Known& known);
 
-  std::array<Near, kMostNear> near_;
-  std::array<double, kMostNear> clearances_mm_{};
-  std::array<Known, kMostNear> known_;
+  RoomFor<Near, kMostNear> near_;
+  RoomFor<double, kMostNear> clearances_mm_;
+  RoomFor<Known, kMostNear> known_;
   std::size_t count_ = 0;
   int looks_ = 0;
   double left_out_mm_ = std::numeric_limits<double>::infinity();
@@ -127,6 +134,8 @@ class Walls {
   /// False where there is no direction, or no room.
   /// @param step  of the sphere of the near capsule that has this clearance
   bool add(const Near& near, int step, const Point<Patient>& at, double clearance_mm);
+  /// One of a sphere that was added in an earlier tick; where there is room.
+  void recall(const Near& near, const HalfSpace& wall) { put(count_++, near, 0, wall); }
   std::size_t count() const { return count_; }
   std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
   const HalfSpace& half_space(std::size_t n) const { return half_spaces_[n]; }
@@ -135,10 +144,11 @@ class Walls {
 
  private:
   std::size_t place_of_weaker(const HalfSpace& wall) const;
+  void put(std::size_t place, const Near& near, int step, const HalfSpace& wall);
 
-  std::array<HalfSpace, kMostHalfSpaces> half_spaces_;
-  std::array<const Near*, kMostHalfSpaces> near_{};
-  std::array<int, kMostHalfSpaces> step_{};
+  RoomFor<HalfSpace, kMostHalfSpaces> half_spaces_;
+  RoomFor<const Near*, kMostHalfSpaces> near_;
+  RoomFor<int, kMostHalfSpaces> step_;
   std::size_t count_ = 0;
 };
 

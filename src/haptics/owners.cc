@@ -136,12 +136,16 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
     std::array<float, kAtOnce> part;
     for (; begin < end; begin += kAtOnce) {
       const std::uint32_t count = std::min(kAtOnce, end - begin);
+      // indices of 32 bits may wrap, and a comparison may trap: of such loops compilers make no vectors
+      const float *const xs = x_of + begin, *const ys = y_of + begin, *const zs = z_of + begin;
       for (std::uint32_t n = 0; n < count; ++n) {
-        const float dx = (x_of[begin + n] - place[0]) * scale[0];
-        const float dy = (y_of[begin + n] - place[1]) * scale[1];
-        const float dz = (z_of[begin + n] - place[2]) * scale[2];
-        const float left = std::max(0.0F, 1 - (dx * dx + dy * dy + dz * dz));
-        part[n] = left * left;
+        const float dx = (xs[n] - place[0]) * scale[0];
+        const float dy = (ys[n] - place[1]) * scale[1];
+        const float dz = (zs[n] - place[2]) * scale[2];
+        const float left = 1 - (dx * dx + dy * dy + dz * dz);
+        // the greater of it and 0, without a comparison
+        const float inside = 0.5F * (left + std::abs(left));
+        part[n] = inside * inside;
       }
       for (std::uint32_t n = 0; n < count; ++n)
         if (part[n] > 0) add(voxels_.structure[begin + n], part[n]);

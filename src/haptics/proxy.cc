@@ -7,7 +7,9 @@
 #include <optional>
 
 #include "haptics/footprint.h"
+#include "haptics/held_spheres.h"
 #include "haptics/near_surfaces.h"
+#include "haptics/room_for.h"
 #include "haptics/tool_turn.h"
 #include "palpate/haptics/proxy_way.h"
 
@@ -102,8 +104,8 @@ struct WalkRoom {
   NearSurfaces near;
   Walls walls;
   std::bitset<kMostNear> friction_known;
-  std::array<Friction, kMostNear> friction;
-  std::array<TouchedAt, kMostContacts> touched_at;
+  RoomFor<Friction, kMostNear> friction;
+  RoomFor<TouchedAt, kMostContacts> touched_at;
 };
 
 /// The proxy's way in one tick.
@@ -122,7 +124,8 @@ class Walk {
         leant_on_(state.contact[0]),
         stretched_(stretched),
         options_(options),
-        away_(has_capsules(spheres) ? std::min(options.away, kProxyFeel.away_of_capsules) : options.away),
+        has_capsules_(has_capsules(spheres)),
+        away_(has_capsules_ ? std::min(options.away, kProxyFeel.away_of_capsules) : options.away),
         spheres_(spheres),
         layer_(layer),
         near_(room.near),
@@ -143,15 +146,48 @@ class Walk {
 
   /// False where the proxy lies in walls, as after the tool has become another one, and finds no way out.
   bool go(Walked& result) {
-    look_around();
-    if (near_.is_in_one() && !leave()) {
-      result.wedged = true;
-      state_.contacts = 0;
-      return false;
+    bool moves = false, through_free_space = false;
+    if (!rests_as_before()) {
+      look_around();
+      if (near_.is_in_one() && !leave()) {
+        result.wedged = true;
+        state_.contacts = 0;
+        return false;
+      }
+      note(proxy_);
+      moves = !flies() && go_on(result);
+      // also where it has not arrived: a tick without force would be felt
+      through_free_space = slips() && is_held_by_nothing();
+      if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
+    } else {
+      note(proxy_);
     }
+    settle_along_capsules();
+    let_go_slowly(through_free_space);
+    result.lagging = moves || slips();
+    state_.position = proxy_;
+    state_.last_way = last_way_;
+    return true;
+  }
+
+ private:
+  // Straight to the tip, where nothing holds it and nothing is near, as of most layers in most ticks.
+  bool flies() {
+    const Vector<Patient> way = tip_ - proxy_;
+    const double way_mm = way.norm();
+    if (near_.count() > 0 || state_.contacts > 0 || way_mm + kProxyFeel.still_mm >= left_mm_) return false;
+    anchored_ = state_.sticking = false;
+    state_.part = 1;
+    if (way_mm <= kProxyFeel.still_mm) return true;
+    proxy_ = tip_;
+    last_way_ = way;
     note(proxy_);
-    most_looks_ =
-        near_.looks() + (has_capsules(spheres_) ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
+    return true;
+  }
+
+  // in strides; true where it could go farther
+  bool go_on(Walked& result) {
+    most_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
     int stride = 0;
     bool moves = true;
     state_.part = 1;
@@ -167,18 +203,50 @@ class Walk {
       if (!moves) break;
       if (left_mm_ <= kProxyFeel.still_mm) look_around();
     }
-    // also where it has not arrived: a tick without force would be felt
-    const bool through_free_space = slips() && is_held_by_nothing();
-    if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
-    settle_along_capsules();
-    let_go_slowly(through_free_space);
-    result.lagging = moves || slips();
-    state_.position = proxy_;
-    state_.last_way = last_way_;
-    return true;
+    return moves;
   }
 
- private:
+  // Where it rested before it touches the same, and mostly the hand has not moved so far that it goes on:
+  // then no surface is looked at. Else nothing has changed.
+  bool rests_as_before() {
+    const auto touched = state_.at_rest.find(proxy_, state_.punctured, spheres_);
+    if (touched.empty()) return false;
+    near_.clear();
+    for (const TouchedAtRest::Wall& wall : touched) {
+      const FeltSurface& felt = surfaces_[static_cast<std::size_t>(wall.surface)];
+      const ToolSphere& sphere = spheres_[static_cast<std::size_t>(wall.sphere)];
+      walls_.recall(near_.recall({felt.surface.get(), wall.surface, wall.sphere, sphere, 0}),
+                    {wall.normal, wall.offset_mm});
+    }
+    friction_known_.reset();
+    const bool sticking = state_.sticking, anchored = anchored_;
+    hold_where_it_is();
+    if (const auto nearest = closest_point(tip_, walls_.half_spaces()); nearest && nearest->count > 0) {
+      const Point<Patient> goal = with_friction(*nearest);
+      if ((goal - proxy_).norm() <= kProxyFeel.still_mm) {
+        remember(*nearest);
+        state_.part = 1;
+        return true;
+      }
+    }
+    state_.sticking = sticking;
+    anchored_ = anchored;
+    leash_.length_mm = leash_mm_;
+    walls_.clear();
+    return false;
+  }
+
+  // what the next tick begins with, if all that was gathered was looked at from here
+  void remember_rest() {
+    const bool stayed = proxy_ == state_.position && near_.count() < kMostNear && !has_capsules_;
+    if (!stayed || walls_.count() == 0 || walls_.count() > TouchedAtRest::kMostWalls) return;
+    std::array<TouchedAtRest::Wall, TouchedAtRest::kMostWalls> touched;
+    for (std::size_t n = 0; n < walls_.count(); ++n)
+      touched[n] = {walls_.half_space(n).normal, walls_.half_space(n).offset, walls_.near(n).index,
+                    walls_.near(n).sphere};
+    state_.at_rest.remember(proxy_, state_.punctured, spheres_, std::span(touched).first(walls_.count()));
+  }
+
   // Gathers what the next part of the way may meet. From free space that is all of it; on surfaces the proxy
   // mostly goes little of the way to the tip, and less of it has less to look at.
   void look_around() {
@@ -219,7 +287,10 @@ class Walk {
       }
       const Point<Patient> goal = with_friction(*nearest);
       remember(*nearest);
-      if ((goal - proxy_).norm() <= kProxyFeel.still_mm) return false;
+      if ((goal - proxy_).norm() <= kProxyFeel.still_mm) {
+        if (attempt == 0) remember_rest();
+        return false;
+      }
       const Point<Patient> end = towards(goal, walls_.count() == 0 ? free_mm : stride_mm());
       // a wall that was not seen from here holds from now on
       if (add_walls_below(end)) continue;
@@ -381,12 +452,16 @@ class Walk {
       if (clearance_mm <= kProxyFeel.skin_mm) walls_.add(near_[n], near_.step(n), proxy_, clearance_mm);
     }
     if (walls_.count() == 0) free_mm = free_way_mm();
-    if (walls_.count() > 0 && !anchored_) {
-      anchor_ = proxy_;
-      anchored_ = true;
-      state_.sticking = false;
-    }
+    if (walls_.count() > 0) hold_where_it_is();
     return free_mm;
+  }
+
+  // by friction, where nothing held it before
+  void hold_where_it_is() {
+    if (anchored_) return;
+    anchor_ = proxy_;
+    anchored_ = true;
+    state_.sticking = false;
   }
 
   // how far no surface lies
@@ -484,17 +559,16 @@ class Walk {
     leant_ = true;
     const auto n = static_cast<std::size_t>(state_.contacts++);
     state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, pull_mm};
-    touched_at_[n] = {near, step};
+    touched_at_.make(n, near, step);
   }
 
   // on an outer surface that of the place where the wall is met first in this tick
   const Friction& friction_of(std::size_t wall) {
     const Near& near = walls_.near(wall);
     const std::size_t place = near_.place_of(near);
-    Friction& known = friction_[place];
     if (!friction_known_[place]) {
       friction_known_[place] = true;
-      known = {};
+      Friction& known = friction_.make(place);
       const Point<Patient> at = proxy_ + (near.offset_mm(walls_.step(wall)) -
                                           walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall)));
       const OwnerShares owners = state_.owners.at(surfaces_, near.index, at);
@@ -504,7 +578,7 @@ class Walk {
         known.sliding += share.part * felt.dynamic_friction;
       }
     }
-    return known;
+    return friction_[place];
   }
 
   std::span<const FeltSurface> surfaces_;
@@ -515,6 +589,7 @@ class Walk {
   const ProxyContact leant_on_;      // before, if it leant on anything
   const Vector<Patient> stretched_;  // its spring before
   const ProxyOptions options_;
+  const bool has_capsules_;
   const double away_;  // part of a stride that may lead away from the tip
   std::span<const ToolSphere> spheres_;
   const int layer_;
@@ -531,8 +606,8 @@ class Walk {
   bool anchored_;
   Walls& walls_;
   std::bitset<kMostNear>& friction_known_;
-  std::array<Friction, kMostNear>& friction_;
-  std::array<WalkRoom::TouchedAt, kMostContacts>& touched_at_;
+  RoomFor<Friction, kMostNear>& friction_;
+  RoomFor<WalkRoom::TouchedAt, kMostContacts>& touched_at_;
   ProxyWay* way_;
 };
 
@@ -564,7 +639,10 @@ class Given {
     std::size_t n = 0;
     while (n < count_ && structure_[n] != structure) ++n;
     if (n == structure_.size()) return;
-    if (n == count_) structure_[count_++] = structure;
+    if (n == count_) {
+      structure_[count_++] = structure;
+      force_N_[n] = 0;
+    }
     force_N_[n] += force_N;
   }
   std::size_t count() const { return count_; }
@@ -573,8 +651,8 @@ class Given {
 
  private:
   // more at once, as in no tissue, are gone through later
-  std::array<int, 16> structure_{};
-  std::array<double, 16> force_N_{};
+  std::array<int, 16> structure_;
+  std::array<double, 16> force_N_;
   std::size_t count_ = 0;
 };
 
@@ -585,23 +663,23 @@ class WayIn {
   /// @param stretched_mm  the layer's spring, from the tip
   /// @param stiffness     the layer's part
   void begin_layer(const Vector<Patient>& stretched_mm, double stiffness) {
-    layer_[layers_++] = {stretched_mm, stiffness, owners_};
+    layer_.make(layers_++, stretched_mm, stiffness, owners_);
     force_N_ += stretched_mm * stiffness;
   }
   /// Of the layer that was begun last.
   void add_owner(int structure, double part) {
-    const auto own = std::span(owner_).subspan(layer_[layers_ - 1].first_owner, owners_ - first());
+    const std::span own(owner_.data() + first(), owners_ - first());
     const auto same = std::find_if(own.begin(), own.end(),
                                    [&](const OwnerShare& one) { return one.structure == structure; });
     if (same != own.end())
       same->part += part;
     else if (owners_ < owner_.size())
-      owner_[owners_++] = {structure, part};
+      owner_.make(owners_++, structure, part);
   }
 
   void tell(ProxyResult& result) const {
     const Vector<Patient> along = force_N_.normalized();
-    std::array<FeltPart, kMostOwners> part;
+    RoomFor<FeltPart, kMostOwners> part;
     std::size_t parts = 0;
     double stiffness = 0, all_N = 0;
     for (std::size_t m = 0; m < layers_; ++m) {
@@ -617,13 +695,13 @@ class WayIn {
       for (std::size_t n = layer.first_owner; n < end; ++n) {
         std::size_t at = 0;
         while (at < parts && part[at].structure != owner_[n].structure) ++at;
-        if (at == parts) part[parts++].structure = owner_[n].structure;
+        if (at == parts) part.make(parts++).structure = owner_[n].structure;
         part[at].depth_mm += depth_mm * owner_[n].part;
         part[at].share += force_N * owner_[n].part;
       }
     }
     if (!(all_N > 0)) return;
-    keep_most(std::span(part).first(parts), all_N, result);
+    keep_most({part.data(), parts}, all_N, result);
   }
 
  private:
@@ -635,7 +713,7 @@ class WayIn {
   static constexpr std::size_t kMostOwners = 24;
 
   static void keep_most(std::span<FeltPart> parts, double all_N, ProxyResult& result) {
-    std::array<double, kMostOwners> shares{};
+    std::array<double, kMostOwners> shares;
     for (std::size_t n = 0; n < parts.size(); ++n) shares[n] = parts[n].share /= all_N;
     double least = kTouchFeel.least_share;
     if (parts.size() > kMostFeltParts) {
@@ -649,8 +727,8 @@ class WayIn {
   }
   std::size_t first() const { return layer_[layers_ - 1].first_owner; }
 
-  std::array<Layer, kMostLayers> layer_;
-  std::array<OwnerShare, kMostOwners> owner_;
+  RoomFor<Layer, kMostLayers> layer_;
+  RoomFor<OwnerShare, kMostOwners> owner_;
   std::size_t layers_ = 0, owners_ = 0;
   Vector<Patient> force_N_;
 };
@@ -676,7 +754,7 @@ class Springs {
       const FeltSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
       const Vector<Patient> arm_mm = arm_of(contact, sphere);
-      owners_[n] = state.owners.at(surfaces_, contact.surface, state.position + arm_mm);
+      owners_.make(n, state.owners.at(surfaces_, contact.surface, state.position + arm_mm));
       all_mm += contact.pull_mm;
       for (const OwnerShare& share : owners_[n].all()) {
         const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
@@ -858,7 +936,7 @@ class Springs {
   std::span<const FeltSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
-  std::array<OwnerShares, kMostContacts> owners_;
+  RoomFor<OwnerShares, kMostContacts> owners_;
   WayIn way_in_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, pulls_N_ = 0;
@@ -997,7 +1075,7 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   const Eigen::Quaterniond attitude_before = state.attitude;
   result.stretched_mm = (state.position - (tip - tip_moved)) * state.part;
   const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
-  const TurnedTool held(spheres, hand.attitude, state.attitude);
+  const HeldSpheres held(spheres, hand.attitude, state.attitude);
 
   // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
   const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
@@ -1043,6 +1121,7 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 
   // what it leans on, in the places of now; what is not felt any more is let go
   state.punctured = punctured;
+  state.at_rest.forget();
   state.spring_N_per_mm.reset();
   state.contacts = 0;
   for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
@@ -1104,6 +1183,26 @@ OwnerShares OwnersMemo::at(std::span<const FeltSurface> surfaces, int index, con
   return known.shares;
 }
 
+std::span<const TouchedAtRest::Wall> TouchedAtRest::find(const Point<Patient>& position,
+                                                         const SurfaceSet& punctured,
+                                                         std::span<const ToolSphere> spheres) const {
+  bool same = walls_ > 0 && position == position_ && spheres.size() == spheres_ && punctured == punctured_;
+  for (std::size_t k = 0; same && k < spheres.size(); ++k)
+    same = spheres[k].offset_mm == sphere_[k].offset_mm && spheres[k].radius_mm == sphere_[k].radius_mm;
+  return {wall_.data(), same ? walls_ : 0};
+}
+
+void TouchedAtRest::remember(const Point<Patient>& position, const SurfaceSet& punctured,
+                             std::span<const ToolSphere> spheres, std::span<const Wall> walls) {
+  PALPATE_CHECK(walls.size() <= kMostWalls && spheres.size() <= kMostToolSpheres);
+  std::copy(walls.begin(), walls.end(), wall_.begin());
+  walls_ = walls.size();
+  spheres_ = spheres.size();
+  for (std::size_t k = 0; k < spheres_; ++k) sphere_[k] = {spheres[k].offset_mm, spheres[k].radius_mm};
+  position_ = position;
+  punctured_ = punctured;
+}
+
 TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
                        const Eigen::Quaterniond& to)
     : count_(spheres.size()) {
@@ -1144,7 +1243,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
       springs.recover(state.relaxation);
       return result;
     }
-    const TurnedTool held(spheres, hand.attitude, layer.attitude);
+    const HeldSpheres held(spheres, hand.attitude, layer.attitude);
     // structures yield in the outermost layer alone
     YieldState none;
     const ProxyForce force =

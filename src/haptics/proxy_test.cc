@@ -1148,6 +1148,93 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
   }
 }
 
+// that a resting proxy does not look again is only faster
+TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
+  SCOPED_TRACE("seed " + std::to_string(kProxySeed));
+  std::mt19937 random(kProxySeed);
+  std::uniform_real_distribution<double> unit(0, 1), about(-1, 1);
+  long rests = 0, ticks = 0, ruptures = 0;
+  for (int scene = 0; scene < 30; ++scene) {
+    ProxyRun run;
+    for (int s = 0; s < 4; ++s) {
+      const Eigen::Vector3d centre(2 * about(random), 2 * about(random), 2 * about(random));
+      const double radius_mm = 1.5 + 2 * unit(random);
+      run.surfaces.push_back(felt_surface(
+          cube_grid(9, {0.5, 0.5, 0.5}),
+          [=](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 2));
+      FeltSurface& felt = run.surfaces.back();
+      felt.dynamic_friction = 0.4 * unit(random);
+      felt.static_friction = felt.dynamic_friction + 0.3 * unit(random);
+      felt.layer = s / 2;
+      if (scene % 3 == 0 && s == 0) felt.puncture_N = 1.5;
+    }
+    // one sphere, three that turn, or two with a shaft
+    const double radius_mm = unit(random);
+    run.spheres = {{{}, radius_mm}};
+    if (scene % 3 == 1) run.spheres.insert(run.spheres.end(), {{{2, 0, 0}, 0.5}, {{0, 2, 1}, 0.7}});
+    if (scene % 5 == 4) run.spheres.push_back({{0, 0, 0.5}, 0.3, {0, 0, 4}});
+    ProxyState looks_again;
+    Holes holes;
+    Point<Patient> tip(0, 0, 12);
+    Vector<Patient> way;
+    Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
+    for (int n = 0; n < 1500; ++n) {
+      // now it is held still but for a tremor, now it moves
+      const bool held = n % 300 > 120;
+      way = way * 0.97 + random_direction(random) * 0.05 + (Point<Patient>() - tip) * 0.003;
+      tip += held ? random_direction(random) * 0.002 : way;
+      if (!held && scene % 2 == 1)
+        attitude = Eigen::AngleAxisd(0.01, random_direction(random).eigen()) * attitude;
+      const ToolPose hand(tip, attitude);
+      const auto spheres = run.turned(hand.attitude);
+      const bool knew =
+          !run.state.at_rest.find(run.state.position, run.state.punctured, spheres.spheres()).empty();
+      const ProxyResult is =
+          advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
+      for (int layer = 0; layer < kMostLayers; ++layer) looks_again.layer(layer).at_rest.forget();
+      const ProxyResult expected =
+          advance_proxy(run.surfaces, spheres.spheres(), hand, looks_again, {.holes = &holes});
+      ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;
+      ASSERT_EQ(is.torque_Nmm, expected.torque_Nmm);
+      ASSERT_EQ(is.normal, expected.normal);
+      ASSERT_EQ(is.friction, expected.friction);
+      ASSERT_EQ(is.stiffness_N_per_mm, expected.stiffness_N_per_mm);
+      ASSERT_EQ(is.stored_mJ, expected.stored_mJ);
+      ASSERT_EQ(is.wedged, expected.wedged);
+      ASSERT_EQ(is.lagging, expected.lagging);
+      ASSERT_EQ(is.ruptured, expected.ruptured);
+      for (int m = 0; m < 2; ++m) {
+        const ProxyLayer &layer = run.state.layer(m), &other = looks_again.layer(m);
+        ASSERT_EQ(layer.position, other.position) << "scene " << scene << ", tick " << n << ", layer " << m;
+        ASSERT_EQ(layer.attitude.coeffs(), other.attitude.coeffs());
+        ASSERT_EQ(layer.last_way, other.last_way);
+        ASSERT_EQ(layer.coupled, other.coupled);
+        ASSERT_EQ(layer.sticking, other.sticking);
+        ASSERT_EQ(layer.punctured, other.punctured);
+        ASSERT_EQ(layer.part, other.part);
+        ASSERT_EQ(layer.spring_N_per_mm, other.spring_N_per_mm);
+        ASSERT_EQ(layer.behind_mm, other.behind_mm);
+        ASSERT_EQ(layer.lost_s, other.lost_s);
+        ASSERT_EQ(layer.contacts, other.contacts);
+        for (int c = 0; c < layer.contacts; ++c) {
+          const ProxyContact &contact = layer.contact[static_cast<std::size_t>(c)],
+                             &again = other.contact[static_cast<std::size_t>(c)];
+          ASSERT_EQ(contact.surface, again.surface);
+          ASSERT_EQ(contact.sphere, again.sphere);
+          ASSERT_EQ(contact.part, again.part);
+          ASSERT_EQ(contact.normal, again.normal);
+          ASSERT_EQ(contact.pull_mm, again.pull_mm);
+        }
+      }
+      rests += knew && run.state.contacts > 0;
+      ruptures += is.ruptured;
+      ++ticks;
+    }
+  }
+  EXPECT_GT(rests, ticks / 10);
+  EXPECT_GT(ruptures, 0);
+}
+
 // whatever is touched, the work of one tick is bounded and nothing is ever below by more than is allowed
 TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));

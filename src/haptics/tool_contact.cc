@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "haptics/held_spheres.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/haptics/feel.h"
 
@@ -267,7 +268,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
     ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // as the proxy holds it
-    const TurnedTool turned(held.spheres(), held.pose().attitude, layer.attitude);
+    const HeldSpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
     const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
     told += tell_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
                           std::span(tool.contacts).subspan(told));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -76,5 +77,28 @@ inline std::uint64_t hash_finish(std::uint64_t hash) {
   hash ^= hash >> 33;
   return hash;
 }
+/// Of words one after the other, for a tick that has some hundreds of them. A step of hash_word() waits for
+/// the one before: here every eighth word goes into the same chain, and a processor works on all chains at
+/// once.
+class HashOfWords {
+ public:
+  HashOfWords() {
+    // no two begin alike
+    for (std::size_t n = 0; n < kChains; ++n) chain_[n] = kHashSeed + n;
+  }
+  void add_word(std::uint64_t word) { hash_word(chain_[count_++ % kChains], word); }
+  void add_double(double value) { add_word(std::bit_cast<std::uint64_t>(value)); }
+  std::uint64_t value() const {
+    std::uint64_t hash = kHashSeed;
+    hash_word(hash, count_);
+    for (const std::uint64_t chain : chain_) hash_word(hash, chain);
+    return hash_finish(hash);
+  }
+
+ private:
+  static constexpr std::size_t kChains = 8;
+  std::array<std::uint64_t, kChains> chain_;
+  std::uint64_t count_ = 0;
+};
 
 }  // namespace palpate

@@ -166,6 +166,35 @@ inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sph
   return sphere.offset_mm + sphere.along_mm * contact.part -
          contact.normal * sphere.radius_at_mm(contact.part);
 }
+/// What a proxy that rests touches: while the same tool stays where it is and can meet the same surfaces, a
+/// tick need not look again. Of tools without capsules.
+class TouchedAtRest {
+ public:
+  struct Wall {
+    Vector<Patient> normal;  ///< outward, unit
+    double offset_mm = 0;    ///< the tip's proxy may be where normal . p is at least that
+    int surface = -1, sphere = 0;
+  };
+  static constexpr std::size_t kMostWalls = 4;
+
+  /// What was touched; none where nothing is known of this place.
+  std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
+                             std::span<const ToolSphere> spheres) const;
+  void remember(const Point<Patient>& position, const SurfaceSet& punctured,
+                std::span<const ToolSphere> spheres, std::span<const Wall> walls);
+  void forget() { walls_ = 0; }
+
+ private:
+  struct Sphere {
+    Vector<Patient> offset_mm;
+    double radius_mm = 0;
+  };
+  std::array<Wall, kMostWalls> wall_;
+  std::size_t walls_ = 0, spheres_ = 0;
+  Point<Patient> position_;
+  SurfaceSet punctured_;
+  std::array<Sphere, kMostToolSpheres> sphere_;
+};
 /// A corner of three walls, each of which may be met by every sphere of the tool.
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
@@ -192,7 +221,9 @@ struct ProxyLayer {
   double lost_s = 0;     ///< that it has been left behind by a free tip
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
-  OwnersMemo owners;  ///< changes nothing but how long a tick takes
+  // these change nothing but how long a tick takes
+  OwnersMemo owners;
+  TouchedAtRest at_rest;
 };
 
 /// What is remembered between two ticks: of the outermost layer, and of those within. Small and without
