@@ -1188,7 +1188,8 @@ std::span<const TouchedAtRest::Wall> TouchedAtRest::find(const Point<Patient>& p
                                                          std::span<const ToolSphere> spheres) const {
   bool same = walls_ > 0 && position == position_ && spheres.size() == spheres_ && punctured == punctured_;
   for (std::size_t k = 0; same && k < spheres.size(); ++k)
-    same = spheres[k].offset_mm == sphere_[k].offset_mm && spheres[k].radius_mm == sphere_[k].radius_mm;
+    same = spheres[k].offset_mm == sphere_[k].offset_mm && spheres[k].radius_mm == sphere_[k].radius_mm &&
+           spheres[k].along_mm == Vector<Patient>();
   return {wall_.data(), same ? walls_ : 0};
 }
 

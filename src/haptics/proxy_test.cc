@@ -1235,6 +1235,26 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
   EXPECT_GT(ruptures, 0);
 }
 
+TEST(Proxy, WhatWasTouchedAtRestIsOfOneToolAtOnePlace) {
+  const Point<Patient> place(1, 2, 3);
+  const ToolSphere sphere{{0, 0, 1}, 0.5};
+  const TouchedAtRest::Wall wall{{0, 0, 1}, 2.5, 4, 0};
+  TouchedAtRest touched;
+  EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
+  touched.remember(place, {}, {&sphere, 1}, {&wall, 1});
+  ASSERT_EQ(touched.find(place, {}, {&sphere, 1}).size(), 1u);
+  EXPECT_EQ(touched.find(place, {}, {&sphere, 1})[0].surface, 4);
+  EXPECT_TRUE(touched.find({1, 2, 3.0000001}, {}, {&sphere, 1}).empty());
+  EXPECT_TRUE(touched.find(place, SurfaceSet(1), {&sphere, 1}).empty());
+  const ToolSphere wider{{0, 0, 1}, 0.6}, turned{{0, 1, 0}, 0.5}, capsule{{0, 0, 1}, 0.5, {0, 0, 2}};
+  for (const ToolSphere& other : {wider, turned, capsule})
+    EXPECT_TRUE(touched.find(place, {}, {&other, 1}).empty());
+  const std::array two{sphere, sphere};
+  EXPECT_TRUE(touched.find(place, {}, two).empty());
+  touched.forget();
+  EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
+}
+
 // whatever is touched, the work of one tick is bounded and nothing is ever below by more than is allowed
 TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
