@@ -1,7 +1,7 @@
 # palpate: `make demo` shows it, `make test` proves it. See docs/contributing/development.md.
 SHELL := /bin/bash
 export FUZZ_SECONDS ?= 20
-# of `make test`: some of checks release asan builds fuzz
+# of `make test`: some of checks release asan fuzz, or asan-all builds tsan
 STAGES ?=
 
 .PHONY: demo test bench manual format clean help

@@ -15,6 +15,13 @@ add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-con
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12 warns of impossible overlaps in std::string concatenation (GCC bug 105651)
   add_compile_options(-Wno-restrict)
+  # A unit allocates a gigabyte and more in the compiler, which by default looks for garbage in it again and again
+  cmake_host_system_information(RESULT memory_MiB QUERY TOTAL_PHYSICAL_MEMORY)
+  cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
+  math(EXPR memory_per_core_MiB "${memory_MiB} / ${cores}")
+  if(CMAKE_UNITY_BUILD AND memory_per_core_MiB GREATER 3000)
+    add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:SHELL:--param ggc-min-heapsize=1048576>")
+  endif()
   # What refers to a temporary that is gone, as an `auto` of an Eigen expression may, the optimiser sees, and
   # sanitized builds do not look for (below). tests/checks/check_dangling.py shows that it does.
   if(PROJECT_IS_TOP_LEVEL AND NOT PALPATE_SANITIZE)
@@ -46,9 +53,9 @@ endif()
 if(PALPATE_SANITIZE)
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})
-  # Two widths of vectors and none at all show what a sanitizer can see; the release build has every target of
-  # Highway's, and its tests compare them all.
-  add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3|HWY_AVX3_DL)")
+  # One width of vectors and none at all show what a sanitizer can see; the tests of the release build compare
+  # every target.
+  add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3|HWY_AVX3_DL)")
   # clang's UndefinedBehaviorSanitizer, beyond what is ours
   if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fsanitize-ignorelist=${CMAKE_CURRENT_LIST_DIR}/sanitizer_ignores.txt)
@@ -60,4 +67,9 @@ if(PALPATE_SANITIZE)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND PALPATE_SANITIZE MATCHES "address" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize=object-size,pointer-overflow,null,alignment -fno-sanitize-address-use-after-scope)
   endif()
+endif()
+
+if(NOT PALPATE_SANITIZE)
+  # What has SSSE3 and no SSE4 was sold from 2006 to 2008, and takes one lane at a time.
+  add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3_DL)")
 endif()

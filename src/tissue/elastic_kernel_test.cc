@@ -93,7 +93,7 @@ TEST(ElasticKernel, TheDenseElementIsRight) {
   const double mu = 3, lambda = 20, h = 0.8;
   const CellStiffness k = cell_stiffness(mu, lambda, h);
   EXPECT_LE((k - k.transpose()).norm(), 1e-12 * k.norm());
-  const Eigen::VectorXd values = k.selfadjointView<Eigen::Lower>().eigenvalues();
+  const Eigen::VectorXd values = Eigen::MatrixXd(k).selfadjointView<Eigen::Lower>().eigenvalues();
   EXPECT_LE(values.head<6>().cwiseAbs().maxCoeff(), 1e-12 * values.maxCoeff());
   EXPECT_GE(values[6], 1e-3 * values.maxCoeff());
 

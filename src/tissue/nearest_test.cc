@@ -100,8 +100,7 @@ TEST(NearestMeter, CountsAllOfACylinder) {
   // with its far end down, in the patient, however the object is turned
   const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
   const Vector<World> down = model.X_WorldPatient * Vector<Patient>(0, 0, -1);
-  const Eigen::Quaterniond held =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), object * down.eigen());
+  const Eigen::Quaterniond held = smallest_turn(Eigen::Vector3d::UnitZ(), object * down.eigen());
   tick.rotation_felt_wxyz = {object.w(), object.x(), object.y(), object.z()};
   tick.device[0].orientation_wxyz = {held.w(), held.x(), held.y(), held.z()};
   meter.see(tick);

@@ -14,7 +14,7 @@ constexpr double kLook_s = 1;
 Rotation<TrackedTool, Device> shaft_of(const Point<TrackedTool>& tip) {
   const Eigen::Vector3d along = -tip.eigen();
   if (along.norm() < 1e-6) return {};
-  return Rotation<TrackedTool, Device>(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along));
+  return Rotation<TrackedTool, Device>(smallest_turn(Eigen::Vector3d::UnitZ(), along));
 }
 
 }  // namespace

@@ -131,6 +131,24 @@ class Rotation {
   Eigen::Quaterniond q_;
 };
 
+/// The smallest turn of one direction onto another, neither of them 0, as a unit quaternion. Where they point
+/// against each other: half a turn about any axis across. What Eigen's FromTwoVectors is, without the
+/// singular values that it takes of two such directions: they cost a compiler ten seconds wherever they are
+/// named.
+inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
+  const Eigen::Vector3d a = from.normalized(), b = onto.normalized();
+  const double twice_cosine = (a + b).norm();  // of half the angle
+  Eigen::Quaterniond turn;
+  if (twice_cosine < 1e-12) {
+    turn.w() = 0;
+    turn.vec() = a.unitOrthogonal();
+  } else {
+    turn.w() = twice_cosine / 2;
+    turn.vec() = a.cross(b) / twice_cosine;
+  }
+  return turn;
+}
+
 /// X_AB: an invertible affine map p_A = L p_B + t. Between millimetre frames ours are rigid; between
 /// Voxel and Patient the linear part holds spacing and direction, and may be left-handed.
 template <class To, class From>
