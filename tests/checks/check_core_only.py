@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Builds somebody else's program on palpate's core, as it is installed, and looks at what it loads.
+"""Builds somebody else's program on palpate's core, as a build installs it, and looks at what it loads.
 
-The core must build with Eigen and Highway alone, and its headers must do without those of other rooms. Every object of
-it is linked, so that nothing hides because it was not called. A program whose flags give Eigen's types another layout
-must not link.
+The core must need Eigen and Highway alone: no other package is looked for where it is configured by itself, none of its
+sources includes another library's header, and a program that links every object of it, called or not, loads no other
+library. A program whose flags give Eigen's types another layout must not link.
 """
 
 import argparse
+import json
 import os
 import pathlib
 import re
@@ -17,6 +18,8 @@ import sys
 # what the compiler brings, and Highway; Eigen is headers only
 ALLOWED = re.compile(r"^(linux-vdso|ld-linux-[a-z0-9-]+|libc|libm|libgcc_s|libstdc\+\+|libpthread|librt|libdl"
                      r"|libhwy|libasan|libubsan|libtsan)\.so")
+# whose headers its sources may include: the compiler's and the system's stand right in /usr/include or in folders of the C library's
+OTHER_HEADER = re.compile(r"/usr/(?:local/)?include/(?!eigen3/|hwy/|c\+\+/|(?:x86_64|aarch64)-linux-gnu/|linux/|asm|bits/|sys/|gnu/)[^/\s]+/\S+")
 # packages that the core must not even look for
 FORBIDDEN_IN_CACHE = ("ITK_DIR", "HDF5", "CURL", "TBB_DIR", "OPENSSL", "kissfft_DIR", "PNG_", "tomlplusplus",
                       "nlohmann_json_DIR", "CLI11_DIR")
@@ -30,25 +33,38 @@ def run(command):
     return result.stdout
 
 
+def other_headers(folder):
+    """What the sources of a configured build include of libraries that the core must do without."""
+    found = set()
+    for entry in json.loads((folder / "compile_commands.json").read_text()):
+        command = re.sub(r" -o \S+ -c ", " -M ", entry["command"])
+        result = subprocess.run(command, shell=True, cwd=entry["directory"], stdout=subprocess.PIPE, text=True, check=False)
+        if result.returncode != 0:
+            sys.exit(f"failed: {command}")
+        found.update(OTHER_HEADER.findall(result.stdout))
+    return sorted(found)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for option in ("--source", "--build", "--cmake", "--cxx"):
+    for option in ("--source", "--installs", "--build", "--cmake", "--cxx"):
         parser.add_argument(option, required=True)
     parser.add_argument("--sanitize", default="")
     options = parser.parse_args()
 
-    # what the consumer needs, it needs without optimisation, too, and then calls what would else be inlined; and for
-    # two widths of vectors as for all of them
-    flags = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0 '-DHWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3|HWY_AVX3_DL)'",
-             f"-DCMAKE_CXX_COMPILER={options.cxx}", f"-DPALPATE_SANITIZE={options.sanitize}"]
+    # what the consumer needs, it needs without optimisation, too, and then calls what would else be inlined
+    flags = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=", "-DCMAKE_CXX_FLAGS=-O0", f"-DCMAKE_CXX_COMPILER={options.cxx}",
+             f"-DPALPATE_SANITIZE={options.sanitize}"]
     core, consumer = (pathlib.Path(options.build) / name for name in ("core", "consumer"))
     installed = pathlib.Path(options.build).resolve() / "installed"
+    # by itself; in units, which read each header once
     run([options.cmake, "-S", options.source, "-B", core, "-DPALPATE_CORE_ONLY=ON", "-DPALPATE_BUILD_TESTS=OFF",
          "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0", *flags])
-    run([options.cmake, "--build", core, "--parallel", "1"])
+    if headers := other_headers(core):
+        sys.exit(f"the core includes {', '.join(headers)}")
     # what an earlier version installed is not to be found
     shutil.rmtree(installed, ignore_errors=True)
-    run([options.cmake, "--install", core, "--prefix", installed])
+    run([options.cmake, "--install", options.installs, "--component", "core", "--prefix", installed])
     run([options.cmake, "-S", pathlib.Path(__file__).parent / "core_consumer", "-B", consumer, f"-DCMAKE_PREFIX_PATH={installed}", *flags])
     run([options.cmake, "--build", consumer, "--parallel", "1"])
 
