@@ -1,6 +1,6 @@
 # palpate: `make demo` shows it, `make test` proves it. See docs/contributing/development.md.
 SHELL := /bin/bash
-export FUZZ_SECONDS ?= 20
+export FUZZ_SECONDS ?= 10
 # of `make test`: some of checks release asan fuzz, or asan-all builds tsan
 STAGES ?=
 
@@ -8,7 +8,7 @@ STAGES ?=
 
 help:
 	@echo "make demo     build palpate, let a simulated hand feel a generated knee, write a report"
-	@echo "make test     every test and check; FUZZ_SECONDS=20 for each fuzzer; STAGES='checks release' for some"
+	@echo "make test     every test and check; FUZZ_SECONDS=10 for each fuzzer; STAGES='checks release' for some"
 	@echo "make bench    comparisons with other libraries, same work in one run"
 	@echo "make manual   the manual as a site, build/manual/docs/README.html"
 	@echo "make format   clang-format every file"
