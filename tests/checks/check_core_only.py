@@ -18,7 +18,8 @@ import sys
 # what the compiler brings, and Highway; Eigen is headers only
 ALLOWED = re.compile(r"^(linux-vdso|ld-linux-[a-z0-9-]+|libc|libm|libgcc_s|libstdc\+\+|libpthread|librt|libdl"
                      r"|libhwy|libasan|libubsan|libtsan)\.so")
-# whose headers its sources may include: the compiler's and the system's stand right in /usr/include or in folders of the C library's
+# Headers that its sources may not include: all in /usr/include but those of Eigen, Highway, the compiler and the system. What
+# stands right in that folder may be the system's; a library that has its headers there is seen by what is loaded.
 OTHER_HEADER = re.compile(r"/usr/(?:local/)?include/(?!eigen3/|hwy/|c\+\+/|(?:x86_64|aarch64)-linux-gnu/|linux/|asm|bits/|sys/|gnu/)[^/\s]+/\S+")
 # packages that the core must not even look for
 FORBIDDEN_IN_CACHE = ("ITK_DIR", "HDF5", "CURL", "TBB_DIR", "OPENSSL", "kissfft_DIR", "PNG_", "tomlplusplus",
@@ -37,7 +38,9 @@ def other_headers(folder):
     """What the sources of a configured build include of libraries that the core must do without."""
     found = set()
     for entry in json.loads((folder / "compile_commands.json").read_text()):
-        command = re.sub(r" -o \S+ -c ", " -M ", entry["command"])
+        command, found_in_it = re.subn(r" -o \S+ -c ", " -M ", entry["command"])
+        if found_in_it != 1:
+            sys.exit(f"cannot be asked for its headers: {command}")
         result = subprocess.run(command, shell=True, cwd=entry["directory"], stdout=subprocess.PIPE, text=True, check=False)
         if result.returncode != 0:
             sys.exit(f"failed: {command}")

@@ -131,10 +131,10 @@ class Rotation {
   Eigen::Quaterniond q_;
 };
 
-/// The smallest turn of one direction onto another, neither of them 0, as a unit quaternion. Where they point
-/// against each other: half a turn about any axis across. What Eigen's FromTwoVectors is, without the
-/// singular values that it takes of two such directions: they cost a compiler ten seconds wherever they are
-/// named.
+/// The smallest turn of one direction onto another of the same frame, neither of them 0 and of any lengths,
+/// as a unit quaternion. Where they point against each other: half a turn about any axis across. What Eigen's
+/// FromTwoVectors is, without the singular values that it takes of two such directions: they cost a compiler
+/// ten seconds wherever they are named.
 inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
   const Eigen::Vector3d a = from.normalized(), b = onto.normalized();
   const double twice_cosine = (a + b).norm();  // of half the angle
