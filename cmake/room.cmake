@@ -20,8 +20,8 @@ endfunction()
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
 # once for every target, and that no other source can therefore share a unit with. FUZZED are the sources that the
-# fuzzers' bytes reach, where most of the room's are not. WORDS says that no loop of the room is over voxels or ticks:
-# it is optimised less, and compiles in two thirds of the time and less.
+# fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
+# that somebody waits for: it is optimised less, and compiles in two thirds of the time and less.
 function(palpate_room name)
   cmake_parse_arguments(ROOM "WORDS" "SLOW_SANITIZED" "SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
