@@ -60,7 +60,7 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
   constexpr std::size_t kWords = 41;
   const auto hash_of_words = [](const std::vector<std::uint64_t>& words) {
     HashOfWords hash;
-    for (const std::uint64_t word : words) hash.add_word(word);
+    for (const std::uint64_t word : words) hash.add(word);
     return hash.value();
   };
   std::set<std::uint64_t> seen;
@@ -90,7 +90,7 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
 TEST(HashOfWords, DoublesCountByTheirBits) {
   const auto hash_of_double = [](double value) {
     HashOfWords hash;
-    hash.add_double(value);
+    hash.add(value);
     return hash.value();
   };
   EXPECT_NE(hash_of_double(0.0), hash_of_double(-0.0));

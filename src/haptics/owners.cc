@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <utility>
+
+#include "palpate/base/for_each_index.h"
 
 namespace palpate {
 namespace {
@@ -19,23 +22,30 @@ std::int16_t joined(std::int16_t a, std::int16_t b) {
   return b == kNobody ? a : kSeveral;
 }
 
-// calls body(i, j, k, structure) for every voxel that has a face outside of all structures
+// calls body(i, j, k, structure) for every voxel of a slice that has a face outside of all structures
 template <class Body>
-void for_each_outer_voxel(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label,
-                          const Body& body) {
+void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
+                          const std::vector<std::int16_t>& structure_of_label, const Body& body) {
   const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
-  PALPATE_CHECK(is_out(labels.outside()));
   const auto& faces = BrickLayout::kFaces;
-  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
+  const auto look = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) return;
     for (int i = 0; i < piece.count; ++i) {
       const LabelId* const voxel = piece.voxels + i;
       if (is_out(*voxel)) continue;
       if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return is_out(voxel[face]); }))
-        body(piece.i + i, piece.j, piece.k, structure_of_label[*voxel]);
+        body(piece.i + i, piece.j, k, structure_of_label[*voxel]);
     }
-  });
+  };
+  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, look);
 }
+
+// a block's outer voxel
+struct InBlock {
+  std::size_t block;
+  std::int16_t structure;
+  std::array<int, 3> index;
+};
 
 }  // namespace
 
@@ -46,34 +56,70 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
       reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
       X_VoxelPatient_(labels.geometry().X_PatientVoxel().inverse()),
       dims_(labels.geometry().dims) {
+  PALPATE_CHECK(structure_of_label[labels.outside()] == kNobody);
   std::size_t count = 1;
   for (std::size_t a = 0; a < 3; ++a) {
-    block_[a] = static_cast<int>(std::ceil(reach_mm_ / spacing_mm_[static_cast<int>(a)])) + 1;
+    // a place is up to half a voxel from the nearest one, whose block it counts as in
+    const double voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)] + 0.5;
+    block_[a] = static_cast<int>(std::ceil(voxels / kBlocksInReach));
     blocks_[a] = (dims_[a] + block_[a] - 1) / block_[a];
     count *= static_cast<std::size_t>(blocks_[a]);
   }
 
-  // counted first, then each to its block
-  first_in_block_.assign(count + 1, 0);
-  for_each_outer_voxel(labels, structure_of_label, [&](int i, int j, int k, std::int16_t /*structure*/) {
-    ++first_in_block_[block_of(i, j, k) + 1];
-  });
-  for (std::size_t b = 0; b < count; ++b) first_in_block_[b + 1] += first_in_block_[b];
-  voxels_.structure.resize(first_in_block_.back());
-  for (std::vector<float>& index : voxels_.index) index.resize(first_in_block_.back());
+  // whose voxels each block has; a layer of blocks is one thread's work
+  const int layers = blocks_[2], workers = worker_count(0, layers);
   only_.assign(count, kNobody);
-  std::vector<std::uint32_t> next = first_in_block_;
-  for_each_outer_voxel(labels, structure_of_label, [&](int i, int j, int k, std::int16_t structure) {
-    const std::size_t block = block_of(i, j, k);
-    const std::uint32_t n = next[block]++;
-    voxels_.structure[n] = structure;
-    const std::array<int, 3> index{i, j, k};
-    for (std::size_t a = 0; a < 3; ++a) voxels_.index[a][n] = static_cast<float>(index[a]);
-    only_[block] = joined(only_[block], structure);
-    any_ = structure;
+  std::vector<std::int16_t> any_of_layer(static_cast<std::size_t>(layers), kNobody);
+  for_each_index(layers, workers, [&](int /*worker*/, int layer) {
+    each_of_layer(labels, layer, [&](int i, int j, int k, std::int16_t structure) {
+      std::int16_t& only = only_[block_of(i, j, k)];
+      only = joined(only, structure);
+      any_of_layer[static_cast<std::size_t>(layer)] = structure;
+    });
+    return true;
   });
+  for (const std::int16_t any : any_of_layer)
+    if (any != kNobody) any_ = any;
   PALPATE_CHECK(any_ >= 0);
-  join_blocks();
+  spread(only_, joined);
+
+  // their voxels, where some place sees several structures
+  std::vector<std::uint8_t> is_seen(count);
+  std::transform(only_.begin(), only_.end(), is_seen.begin(), [](auto only) { return only == kSeveral; });
+  spread(is_seen, [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
+  std::vector<std::vector<InBlock>> of_layer(static_cast<std::size_t>(layers));
+  for_each_index(layers, workers, [&](int /*worker*/, int layer) {
+    std::vector<InBlock>& voxels = of_layer[static_cast<std::size_t>(layer)];
+    each_of_layer(labels, layer, [&](int i, int j, int k, std::int16_t structure) {
+      const std::size_t block = block_of(i, j, k);
+      if (is_seen[block] != 0) voxels.push_back({block, structure, {i, j, k}});
+    });
+    std::stable_sort(voxels.begin(), voxels.end(), [](const InBlock& a, const InBlock& b) {
+      return std::pair(a.block, a.structure) < std::pair(b.block, b.structure);
+    });
+    return true;
+  });
+  first_run_of_block_.reserve(count + 1);
+  for (const std::vector<InBlock>& voxels : of_layer)
+    for (auto next = voxels.begin(); next != voxels.end();) {
+      first_run_of_block_.resize(next->block + 1, static_cast<std::uint32_t>(runs_.size()));
+      const auto end = std::find_if(next, voxels.end(), [&](const InBlock& voxel) {
+        return voxel.block != next->block || voxel.structure != next->structure;
+      });
+      runs_.push_back({static_cast<std::uint32_t>(index_[0].size()), next->structure});
+      for (; next != end; ++next)
+        for (std::size_t a = 0; a < 3; ++a) index_[a].push_back(static_cast<float>(next->index[a]));
+      while (index_[0].size() % kAtOnce != 0)
+        for (std::vector<float>& index : index_) index.push_back(kFarAway);
+    }
+  first_run_of_block_.resize(count + 1, static_cast<std::uint32_t>(runs_.size()));
+  runs_.push_back({static_cast<std::uint32_t>(index_[0].size()), kNobody});
+}
+
+template <class Body>
+void Owners::each_of_layer(const Bricks<LabelId>& labels, int layer, const Body& body) const {
+  const int end = std::min(dims_[2], (layer + 1) * block_[2]);
+  for (int k = layer * block_[2]; k < end; ++k) for_each_outer_voxel(labels, k, structure_of_label_, body);
 }
 
 std::size_t Owners::block_of(int i, int j, int k) const {
@@ -83,18 +129,40 @@ std::size_t Owners::block_of(int i, int j, int k) const {
          static_cast<std::size_t>(i / block_[0]);
 }
 
-// each block's structures with those of its neighbours
-void Owners::join_blocks() {
+// each block's value with those of all blocks within reach of it
+template <class Value, class Join>
+void Owners::spread(std::vector<Value>& of_block, const Join& join) const {
   std::size_t stride = 1;
   for (const int length : blocks_) {
-    const std::vector<std::int16_t> own = only_;
-    for (std::size_t b = 0; b < own.size(); ++b) {
-      const auto place = static_cast<int>(b / stride % static_cast<std::size_t>(length));
-      if (place > 0) only_[b] = joined(only_[b], own[b - stride]);
-      if (place + 1 < length) only_[b] = joined(only_[b], own[b + stride]);
+    for (int step = 0; step < kBlocksInReach; ++step) {
+      const std::vector<Value> own = of_block;
+      for (std::size_t b = 0; b < own.size(); ++b) {
+        const auto place = static_cast<int>(b / stride % static_cast<std::size_t>(length));
+        if (place > 0) of_block[b] = join(of_block[b], own[b - stride]);
+        if (place + 1 < length) of_block[b] = join(of_block[b], own[b + stride]);
+      }
     }
     stride *= static_cast<std::size_t>(length);
   }
+}
+
+// the sum of (1 - r^2 / R^2)^2 over a run's voxels within R of a place
+double Owners::weight_of(std::size_t run, const std::array<float, 3>& place,
+                         const std::array<float, 3>& per_reach) const {
+  using Several = Eigen::Array<float, kAtOnce, 1>;
+  Several all = Several::Zero();
+  for (std::size_t n = runs_[run].begin; n < runs_[run + 1].begin; n += kAtOnce) {
+    Several left = Several::Ones();
+    for (std::size_t a = 0; a < 3; ++a) {
+      const Several way = (Eigen::Map<const Several>(index_[a].data() + n) - place[a]) * per_reach[a];
+      left -= way * way;
+    }
+    const Several inside = left.max(0.0F);
+    all += inside * inside;
+  }
+  double weight = 0;
+  for (const float part : all) weight += static_cast<double>(part);
+  return weight;
 }
 
 OwnerShares Owners::at(const Point<Patient>& x) const {
@@ -112,44 +180,18 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   if (seen != kSeveral) return OwnerShares(seen == kNobody ? any_ : seen);
 
   OwnerShares shares;
-  std::array<float, 3> place{}, scale{};  // in parts of the reach
+  std::array<float, 3> place{}, per_reach{};  // in parts of the reach
   for (std::size_t a = 0; a < 3; ++a) {
     place[a] = static_cast<float>(p[static_cast<int>(a)]);
-    scale[a] = static_cast<float>(spacing_mm_[static_cast<int>(a)] / reach_mm_);
+    per_reach[a] = static_cast<float>(spacing_mm_[static_cast<int>(a)] / reach_mm_);
   }
-  const float *const x_of = voxels_.index[0].data(), *const y_of = voxels_.index[1].data(),
-                     *const z_of = voxels_.index[2].data();
-  // where the structure that was met last stands: neighbours mostly have the same owner
-  std::size_t last = 0;
-  const auto add = [&](std::int16_t structure, float part) {
-    if (last >= shares.count_ || shares.share_[last].structure != structure) {
-      last = 0;
-      while (last < shares.count_ && shares.share_[last].structure != structure) ++last;
-      // no tissue has more beside one another
-      if (last == OwnerShares::kMost) return;
-      if (last == shares.count_) shares.share_[shares.count_++] = {structure, 0};
-    }
-    shares.share_[last].part += static_cast<double>(part);
-  };
-  const auto add_all = [&](std::uint32_t begin, std::uint32_t end) {
-    constexpr std::uint32_t kAtOnce = 64;
-    std::array<float, kAtOnce> part;
-    for (; begin < end; begin += kAtOnce) {
-      const std::uint32_t count = std::min(kAtOnce, end - begin);
-      // indices of 32 bits may wrap, and a comparison may trap: of such loops compilers make no vectors
-      const float *const xs = x_of + begin, *const ys = y_of + begin, *const zs = z_of + begin;
-      for (std::uint32_t n = 0; n < count; ++n) {
-        const float dx = (xs[n] - place[0]) * scale[0];
-        const float dy = (ys[n] - place[1]) * scale[1];
-        const float dz = (zs[n] - place[2]) * scale[2];
-        const float left = 1 - (dx * dx + dy * dy + dz * dz);
-        // the greater of it and 0, without a comparison
-        const float inside = 0.5F * (left + std::abs(left));
-        part[n] = inside * inside;
-      }
-      for (std::uint32_t n = 0; n < count; ++n)
-        if (part[n] > 0) add(voxels_.structure[begin + n], part[n]);
-    }
+  const auto add = [&](std::int16_t structure, double weight) {
+    std::size_t n = 0;
+    while (n < shares.count_ && shares.share_[n].structure != structure) ++n;
+    // no tissue has more beside one another
+    if (n == OwnerShares::kMost) return;
+    if (n == shares.count_) shares.share_[shares.count_++] = {structure, 0};
+    shares.share_[n].part += weight;
   };
   for (int c = low[2]; c <= high[2]; ++c)
     for (int b = low[1]; b <= high[1]; ++b) {
@@ -157,8 +199,10 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
       const std::size_t row =
           (static_cast<std::size_t>(c) * static_cast<std::size_t>(blocks_[1]) + static_cast<std::size_t>(b)) *
           static_cast<std::size_t>(blocks_[0]);
-      add_all(first_in_block_[row + static_cast<std::size_t>(low[0])],
-              first_in_block_[row + static_cast<std::size_t>(high[0]) + 1]);
+      const std::uint32_t end = first_run_of_block_[row + static_cast<std::size_t>(high[0]) + 1];
+      for (std::uint32_t run = first_run_of_block_[row + static_cast<std::size_t>(low[0])]; run < end; ++run)
+        if (const double weight = weight_of(run, place, per_reach); weight > 0)
+          add(runs_[run].structure, weight);
     }
   return shares.count_ > 0 ? in_order(shares) : OwnerShares(any_);
 }

@@ -37,10 +37,6 @@ double part_of_stiffness(const FeltSurface& surface, const FeltSurface& structur
   return up_to - std::min(own, surface.from_N_per_mm);
 }
 
-struct Friction {
-  double still = 0, sliding = 0;
-};
-
 /// Where a proxy may go in one tick: its spring changes by no more than the tip's own way and what may slip.
 struct Leash {
   Point<Patient> middle;  ///< where the proxy would be, had it gone with the tip
@@ -212,13 +208,17 @@ class Walk {
     const auto touched = state_.at_rest.find(proxy_, state_.punctured, spheres_);
     if (touched.empty()) return false;
     near_.clear();
+    friction_known_.reset();
     for (const TouchedAtRest::Wall& wall : touched) {
       const FeltSurface& felt = surfaces_[static_cast<std::size_t>(wall.surface)];
       const ToolSphere& sphere = spheres_[static_cast<std::size_t>(wall.sphere)];
+      const std::size_t place = near_.count();
       walls_.recall(near_.recall({felt.surface.get(), wall.surface, wall.sphere, sphere, 0}),
                     {wall.normal, wall.offset_mm});
+      if (!wall.friction) continue;
+      friction_known_[place] = true;
+      friction_.make(place, *wall.friction);
     }
-    friction_known_.reset();
     const bool sticking = state_.sticking, anchored = anchored_;
     hold_where_it_is();
     if (const auto nearest = closest_point(tip_, walls_.half_spaces()); nearest && nearest->count > 0) {
@@ -241,9 +241,12 @@ class Walk {
     const bool stayed = proxy_ == state_.position && near_.count() < kMostNear && !has_capsules_;
     if (!stayed || walls_.count() == 0 || walls_.count() > TouchedAtRest::kMostWalls) return;
     std::array<TouchedAtRest::Wall, TouchedAtRest::kMostWalls> touched;
-    for (std::size_t n = 0; n < walls_.count(); ++n)
+    for (std::size_t n = 0; n < walls_.count(); ++n) {
+      const std::size_t place = near_.place_of(walls_.near(n));
       touched[n] = {walls_.half_space(n).normal, walls_.half_space(n).offset, walls_.near(n).index,
-                    walls_.near(n).sphere};
+                    walls_.near(n).sphere, std::nullopt};
+      if (friction_known_[place]) touched[n].friction = friction_[place];
+    }
     state_.at_rest.remember(proxy_, state_.punctured, spheres_, std::span(touched).first(walls_.count()));
   }
 

@@ -185,19 +185,15 @@ class SurfacesNeeded {
     return place;
   }
 
-  // each looks at the whole volume
+  // each looks at the whole volume, on all threads; false: it was stopped
   bool add_owners(const Bricks<LabelId>& labels, const Progress& progress) {
-    std::vector<const Part*> shared;
     for (const auto& [together, parts] : parts_)
-      for (const Part& part : parts)
-        if (part.structures.size() > 1) shared.push_back(&part);
-    const auto count = static_cast<int>(shared.size());
-    return for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
-      if (progress.stopped()) return false;
-      const Part& part = *shared[static_cast<std::size_t>(index)];
-      surfaces_[static_cast<std::size_t>(part.surface)].owners = owners_of(part.structures, labels);
-      return true;
-    });
+      for (const Part& part : parts) {
+        if (part.structures.size() == 1) continue;
+        if (progress.stopped()) return false;
+        surfaces_[static_cast<std::size_t>(part.surface)].owners = owners_of(part.structures, labels);
+      }
+    return true;
   }
 
   std::shared_ptr<const Owners> owners_of(const std::vector<LabelId>& structures,

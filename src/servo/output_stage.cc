@@ -22,6 +22,9 @@ bool all_finite(const Wrench& w) {
 
 // a length without overflow or underflow of its square
 double magnitude(const Vector<World>& v) {
+  constexpr double kLeastSquare = 1e-200, kMostSquare = 1e200;
+  const double square = v.squared_norm();
+  if (square > kLeastSquare && square < kMostSquare) return std::sqrt(square);
   const double largest = v.eigen().cwiseAbs().maxCoeff();
   return largest > 0 ? largest * (v / largest).norm() : 0;
 }

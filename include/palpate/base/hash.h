@@ -1,7 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <concepts>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <span>
@@ -78,26 +81,71 @@ inline std::uint64_t hash_finish(std::uint64_t hash) {
   return hash;
 }
 /// Of words one after the other, for a tick that has some hundreds of them. A step of hash_word() waits for
-/// the one before: here every eighth word goes into the same chain, and a processor works on all chains at
-/// once.
+/// the one before: here words are gathered first, and then multiplied in pairs into four chains, on which a
+/// processor works at once. Two words are folded into a chain as in wyhash (Wang Yi, 2019): the halves of a
+/// product of 128 bits, one over the other.
 class HashOfWords {
  public:
+  // what is gathered is written before it is read
   HashOfWords() {
     // no two begin alike
-    for (std::size_t n = 0; n < kChains; ++n) chain_[n] = kHashSeed + n;
+    for (std::size_t n = 0; n < kChains; ++n) chain_[n] = kHashSeed * (2 * n + 1);
   }
-  void add_word(std::uint64_t word) { hash_word(chain_[count_++ % kChains], word); }
-  void add_double(double value) { add_word(std::bit_cast<std::uint64_t>(value)); }
-  std::uint64_t value() const {
+  /// Words, and doubles by their bits; those of one call cost less than as many calls.
+  template <class... Words>
+  void add(Words... words) {
+    static_assert(sizeof...(words) <= kGathered - kAtOnce);
+    if (held_ > kGathered - sizeof...(words)) fold();
+    std::uint64_t* next = gathered_.data() + held_;
+    ((*next++ = word_of(words)), ...);
+    held_ += sizeof...(words);
+  }
+  /// Of all that was added; nothing is added afterwards.
+  std::uint64_t value() {
+    const std::uint64_t count = count_ + held_;
+    fold();
+    // what is left, and zeros
+    while (held_ > 0 && held_ < kAtOnce) gathered_[held_++] = 0;
+    fold();
     std::uint64_t hash = kHashSeed;
-    hash_word(hash, count_);
+    hash_word(hash, count);
     for (const std::uint64_t chain : chain_) hash_word(hash, chain);
     return hash_finish(hash);
   }
 
  private:
-  static constexpr std::size_t kChains = 8;
+  static constexpr std::size_t kChains = 4, kAtOnce = 2 * kChains, kGathered = 32 * kAtOnce;
+  static constexpr std::array<std::uint64_t, kChains> kSecret{0xa0761d6478bd642full, 0xe7037ed1a0b428dbull,
+                                                              0x8ebc6af09c88c6e3ull, 0x589965cc75374cc3ull};
+
+  static std::uint64_t folded_product(std::uint64_t a, std::uint64_t b) {
+    __extension__ using Wide = unsigned __int128;
+    const Wide product = static_cast<Wide>(a) * b;
+    return static_cast<std::uint64_t>(product >> 64) ^ static_cast<std::uint64_t>(product);
+  }
+  static std::uint64_t word_of(double value) { return std::bit_cast<std::uint64_t>(value); }
+  template <std::integral Word>
+  static std::uint64_t word_of(Word word) {
+    return static_cast<std::uint64_t>(word);
+  }
+  // what was gathered, so many words at once; fewer are left
+  void fold() {
+    std::array<std::uint64_t, kChains> chain = chain_;
+    std::size_t first = 0;
+    for (; first + kAtOnce <= held_; first += kAtOnce)
+      for (std::size_t n = 0; n < kChains; ++n)
+        chain[n] =
+            folded_product(gathered_[first + n] ^ kSecret[n], gathered_[first + kChains + n] ^ chain[n]);
+    chain_ = chain;
+    count_ += first;
+    std::copy(gathered_.begin() + static_cast<std::ptrdiff_t>(first),
+              gathered_.begin() + static_cast<std::ptrdiff_t>(held_), gathered_.begin());
+    held_ -= first;
+  }
+
+  std::array<std::uint64_t, kGathered> gathered_;
   std::array<std::uint64_t, kChains> chain_;
+  std::size_t held_ = 0;
   std::uint64_t count_ = 0;
 };
 

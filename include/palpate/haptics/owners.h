@@ -59,14 +59,25 @@ class Owners {
   std::uint64_t number() const { return number_; }
 
  private:
-  /// Of each axis one after the other, so that a loop over them fills the processor's vectors.
-  struct OuterVoxels {
-    std::array<std::vector<float>, 3> index;
-    std::vector<std::int16_t> structure;
+  /// A structure's voxels in a block, from one place of index_ on to where the next run begins.
+  struct Run {
+    std::uint32_t begin;
+    std::int16_t structure;
   };
+  // So many voxels are looked at together; what a run lacks to a multiple of that stands far away.
+  static constexpr std::size_t kAtOnce = 8;
+  static constexpr float kFarAway = 1e9F;
+  // A block's edges are at least as long as this part of the reach: a shorter one would make more of them,
+  // and of a longer one more voxels lie beyond the reach.
+  static constexpr int kBlocksInReach = 2;
 
   std::size_t block_of(int i, int j, int k) const;
-  void join_blocks();
+  template <class Body>
+  void each_of_layer(const Bricks<LabelId>& labels, int layer, const Body& body) const;
+  template <class Value, class Join>
+  void spread(std::vector<Value>& of_block, const Join& join) const;
+  double weight_of(std::size_t run, const std::array<float, 3>& place,
+                   const std::array<float, 3>& per_reach) const;
   static OwnerShares in_order(OwnerShares shares);
 
   std::uint64_t number_;
@@ -74,11 +85,10 @@ class Owners {
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;
   Transform<Voxel, Patient> X_VoxelPatient_;
-  // blocks of voxels whose edges are at least as long as the reach, so that a place sees its own and their
-  // neighbours
   std::array<int, 3> dims_, block_{1, 1, 1}, blocks_{0, 0, 0};
-  std::vector<std::uint32_t> first_in_block_;  // of a block's voxels; one more than there are blocks
-  OuterVoxels voxels_;                         // block by block
+  std::vector<std::uint32_t> first_run_of_block_;  // one more than there are blocks
+  std::vector<Run> runs_;                          // block by block; one more, where the last one ends
+  std::array<std::vector<float>, 3> index_;        // of the runs' voxels, by axis
   // Most places are far from a seam: the only structure that a place in the block sees, or that there are
   // none or several.
   std::vector<std::int16_t> only_;

@@ -166,6 +166,10 @@ inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sph
   return sphere.offset_mm + sphere.along_mm * contact.part -
          contact.normal * sphere.radius_at_mm(contact.part);
 }
+/// Coefficients of what is touched.
+struct Friction {
+  double still = 0, sliding = 0;
+};
 /// What a proxy that rests touches: while the same tool stays where it is and can meet the same surfaces, a
 /// tick need not look again. Of tools without capsules.
 class TouchedAtRest {
@@ -174,6 +178,7 @@ class TouchedAtRest {
     Vector<Patient> normal;  ///< outward, unit
     double offset_mm = 0;    ///< the tip's proxy may be where normal . p is at least that
     int surface = -1, sphere = 0;
+    std::optional<Friction> friction = std::nullopt;  ///< where somebody asked for it
   };
   static constexpr std::size_t kMostWalls = 4;
 
