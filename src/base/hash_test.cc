@@ -87,6 +87,43 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
     }
 }
 
+TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
+  constexpr std::size_t kBytes = 5000;
+  std::vector<unsigned char> bytes(kBytes);
+  for (std::size_t n = 0; n < kBytes; ++n)
+    bytes[n] = static_cast<unsigned char>(n % 8 == 0 ? n / 8 : n / 2048);
+  const auto hash_of_bytes = [&](std::size_t size) {
+    HashOfWords hash;
+    hash.add_bytes(bytes.data(), size);
+    return hash.value();
+  };
+  std::set<std::uint64_t> seen;
+  for (std::size_t size = 0; size <= kBytes; ++size)
+    EXPECT_TRUE(seen.insert(hash_of_bytes(size)).second) << size;
+  // each byte, and any two words that are exchanged
+  for (unsigned char& byte : bytes) {
+    byte ^= 1;
+    EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second);
+    byte ^= 1;
+  }
+  for (std::size_t n = 8; n + 8 <= kBytes; n += 8) {
+    std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
+    EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second) << n;
+    std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
+  }
+  // where it begins among words does not matter to what is read
+  std::vector<std::uint64_t> words(kBytes / 8);
+  std::memcpy(words.data(), bytes.data(), kBytes);
+  for (std::size_t before = 0; before < 300; before += 7) {
+    HashOfWords at_once, one_by_one;
+    for (std::size_t n = 0; n < before; ++n) at_once.add(n), one_by_one.add(n);
+    at_once.add_bytes(bytes.data(), kBytes);
+    one_by_one.add(kBytes);
+    for (const std::uint64_t word : words) one_by_one.add(word);
+    EXPECT_EQ(at_once.value(), one_by_one.value()) << before;
+  }
+}
+
 TEST(HashOfWords, DoublesCountByTheirBits) {
   const auto hash_of_double = [](double value) {
     HashOfWords hash;

@@ -137,7 +137,7 @@ bool folder_is_ours(const fs::path& folder) {
 
 struct EntryHead {
   char magic[8] = {'p', 'a', 'l', 'p', 'k', 'e', 'p', 't'};
-  std::uint32_t format = 1;
+  std::uint32_t format = 2;
   std::uint32_t nothing = 0;
   cache::Digest key{};
   std::uint64_t size = 0, checksum = 0;
@@ -148,11 +148,10 @@ EntryHead head_of(const cache::Digest& key, std::span<const std::byte> payload) 
   EntryHead head;
   head.key = key;
   head.size = payload.size();
-  std::uint64_t hash = kHashSeed;
-  hash_bytes(hash, key.data(), key.size());
-  // nothing has no address
-  if (!payload.empty()) hash_bytes(hash, payload.data(), payload.size());
-  head.checksum = hash_finish(hash);
+  HashOfWords hash;
+  hash.add_bytes(key.data(), key.size());
+  hash.add_bytes(payload.data(), payload.size());
+  head.checksum = hash.value();
   return head;
 }
 
@@ -245,7 +244,7 @@ std::string name_of_entry(const Digest& key) {
   return name + kEnding;
 }
 
-std::optional<std::vector<std::byte>> find(const Digest& key) try {
+std::optional<Payload> find(const Digest& key) try {
   if (!is_kept()) return std::nullopt;
   auto file = InputFile::open(cache_settings().folder / name_of_entry(key));
   if (!file || file->size() < sizeof(EntryHead)) return std::nullopt;
@@ -255,10 +254,10 @@ std::optional<std::vector<std::byte>> find(const Digest& key) try {
   EntryHead head;
   const auto head_bytes = file->read(std::as_writable_bytes(std::span(&head, 1)));
   if (!head_bytes || head.size != file->size() - sizeof head) return std::nullopt;
-  std::vector<std::byte> payload(static_cast<std::size_t>(head.size));
-  const auto got = file->read(payload);
-  if (!got || *got != payload.size()) return std::nullopt;
-  const EntryHead whole = head_of(key, payload);
+  Payload payload(static_cast<std::size_t>(head.size));
+  const auto got = file->read(payload.room());
+  if (!got || *got != payload.bytes().size()) return std::nullopt;
+  const EntryHead whole = head_of(key, payload.bytes());
   if (std::memcmp(&head, &whole, sizeof head) != 0) return std::nullopt;
   // used now
   ::futimens(file->descriptor(), nullptr);

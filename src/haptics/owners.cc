@@ -60,8 +60,7 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
   std::size_t count = 1;
   for (std::size_t a = 0; a < 3; ++a) {
     // a place is up to half a voxel from the nearest one, whose block it counts as in
-    const double voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)] + 0.5;
-    block_[a] = static_cast<int>(std::ceil(voxels / kBlocksInReach));
+    block_[a] = static_cast<int>(std::ceil(reach_mm_ / spacing_mm_[static_cast<int>(a)] + 0.5));
     blocks_[a] = (dims_[a] + block_[a] - 1) / block_[a];
     count *= static_cast<std::size_t>(blocks_[a]);
   }
@@ -129,20 +128,19 @@ std::size_t Owners::block_of(int i, int j, int k) const {
          static_cast<std::size_t>(i / block_[0]);
 }
 
-// each block's value with those of all blocks within reach of it
+// each block's value with those of its neighbours
 template <class Value, class Join>
 void Owners::spread(std::vector<Value>& of_block, const Join& join) const {
   std::size_t stride = 1;
   for (const int length : blocks_) {
-    for (int step = 0; step < kBlocksInReach; ++step) {
-      const std::vector<Value> own = of_block;
-      for (std::size_t b = 0; b < own.size(); ++b) {
-        const auto place = static_cast<int>(b / stride % static_cast<std::size_t>(length));
-        if (place > 0) of_block[b] = join(of_block[b], own[b - stride]);
-        if (place + 1 < length) of_block[b] = join(of_block[b], own[b + stride]);
+    const std::size_t line = stride * static_cast<std::size_t>(length);
+    const std::vector<Value> own = of_block;
+    for (std::size_t begin = 0; begin < own.size(); begin += line)
+      for (std::size_t b = begin; b + stride < begin + line; ++b) {
+        of_block[b] = join(of_block[b], own[b + stride]);
+        of_block[b + stride] = join(of_block[b + stride], own[b]);
       }
-    }
-    stride *= static_cast<std::size_t>(length);
+    stride = line;
   }
 }
 

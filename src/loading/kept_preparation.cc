@@ -88,7 +88,7 @@ std::optional<Kept> find_kept(const std::optional<cache::Digest>& key, const Rea
   if (!key) return std::nullopt;
   const auto payload = cache::find(*key);
   if (!payload) return std::nullopt;
-  FieldReader in(*payload);
+  FieldReader in(payload->bytes());
   std::optional<Kept> kept = read(in);
   return kept && in.finished() ? std::move(kept) : std::nullopt;
 } catch (const std::bad_alloc&) {
@@ -267,6 +267,30 @@ std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<cons
   return key;
 }
 
+// Of all voxels, some slices at a time on several threads. False where a digest cannot be had.
+bool put_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
+  constexpr std::size_t kAtOnce = std::size_t{1} << 21;
+  const std::array<int, 3>& dims = labels.geometry().dims;
+  const std::size_t slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
+  const int slices = static_cast<int>(std::max<std::size_t>(1, kAtOnce / std::max<std::size_t>(1, slice)));
+  const int count = (dims[2] + slices - 1) / slices;
+  std::vector<std::optional<cache::Digest>> digests(static_cast<std::size_t>(count));
+  for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
+    const int begin = index * slices, end = std::min(dims[2], begin + slices);
+    std::vector<LabelId> voxels(slice * static_cast<std::size_t>(end - begin));
+    LabelId* row = voxels.data();
+    for (int k = begin; k < end; ++k)
+      for (int j = 0; j < dims[1]; ++j, row += dims[0]) labels.copy_row(0, j, k, dims[0], row);
+    digests[static_cast<std::size_t>(index)] = cache::digest_of(voxels);
+    return true;
+  });
+  for (const auto& digest : digests) {
+    if (!digest) return false;
+    key.put(*digest);
+  }
+  return true;
+}
+
 // ---- phantoms ------------------------------------------------------------------------------------
 
 // its parameters are numbers and the names of its own structures, of which the key is only a digest
@@ -284,12 +308,9 @@ const std::optional<cache::Digest>& KeptPreparing::digest_of(const Bricks<LabelI
   labels_ = &labels;
   of_labels_.reset();
   if (!cache::is_kept()) return of_labels_;
-  const auto of_voxels = cache::digest_of(labels.dense().voxels());
-  if (!of_voxels) return of_labels_;
   cache::Key key("labels", kPreparationVersion);
-  key.put(*of_voxels);
   put_grid(labels.geometry(), key);
-  of_labels_ = key.digest();
+  if (put_voxels(labels, key)) of_labels_ = key.digest();
   return of_labels_;
 }
 
@@ -380,17 +401,24 @@ Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surface
   }
 
   std::vector<std::vector<LabelId>> missing;
-  for (std::size_t g = 0; g < groups.size(); ++g)
-    if (!surfaces[g]) missing.push_back(groups[g]);
-  if (missing.size() < groups.size()) report_found(progress);
-  if (missing.empty()) return surfaces;
-  auto prepared = Preparing::outer_surfaces(labels, missing, options, progress);
-  if (!prepared) return prepared.error();
-  auto next = prepared->begin();
+  std::vector<std::size_t> places;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (surfaces[g]) continue;
-    surfaces[g] = std::move(*next++);
-    keep_for_next(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
+    missing.push_back(groups[g]);
+    places.push_back(g);
+  }
+  if (missing.size() < groups.size()) report_found(progress);
+  // what is ready is kept, also where somebody stops it later
+  for (const std::vector<std::size_t>& go : in_goes(missing)) {
+    std::vector<std::vector<LabelId>> together;
+    for (const std::size_t n : go) together.push_back(missing[n]);
+    auto prepared = Preparing::outer_surfaces(labels, together, options, progress);
+    if (!prepared) return prepared.error();
+    for (std::size_t n = 0; n < go.size(); ++n) {
+      const std::size_t g = places[go[n]];
+      surfaces[g] = std::move((*prepared)[n]);
+      keep_for_next(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
+    }
   }
   return surfaces;
 }

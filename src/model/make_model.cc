@@ -18,9 +18,13 @@ namespace {
 template <class T>
 void hash_voxels(std::uint64_t& hash, const Bricks<T>& voxels) {
   HashOfPieces pieces(hash);
-  voxels.for_each_piece([&](const RowPiece<T>& piece) {
-    pieces.add(piece.voxels, static_cast<std::size_t>(piece.count) * sizeof(T));
-  });
+  const std::array<int, 3>& dims = voxels.geometry().dims;
+  std::vector<T> row(static_cast<std::size_t>(dims[0]));
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j) {
+      voxels.copy_row(0, j, k, dims[0], row.data());
+      pieces.add(row.data(), row.size() * sizeof(T));
+    }
   pieces.finish();
 }
 

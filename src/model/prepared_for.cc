@@ -102,18 +102,15 @@ class SurfacesNeeded {
   /// The model's surfaces with their shapes. Errors: those of prepare_outer_surfaces.
   Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
                                            const Progress& progress) {
-    // what is prepared together has no structure in common
-    std::map<std::vector<LabelId>, std::shared_ptr<const Surface>> known;
-    for (const auto& [together, parts] : parts_) {
-      std::vector<std::vector<LabelId>> groups;
-      for (const Part& part : parts)
-        if (known.count(part.structures) == 0) groups.push_back(part.structures);
-      auto prepared = preparing.outer_surfaces(labels, groups, {}, progress);
-      if (!prepared) return prepared.error();
-      for (std::size_t n = 0; n < groups.size(); ++n) known[groups[n]] = std::move((*prepared)[n]);
-      for (const Part& part : parts)
-        surfaces_[static_cast<std::size_t>(part.surface)].surface = known.at(part.structures);
-    }
+    const std::vector<std::vector<LabelId>> all = groups();
+    const auto prepared = preparing.outer_surfaces(labels, all, {}, progress);
+    if (!prepared) return prepared.error();
+    for (const auto& [together, parts] : parts_)
+      for (const Part& part : parts) {
+        const auto place = std::find(all.begin(), all.end(), part.structures) - all.begin();
+        surfaces_[static_cast<std::size_t>(part.surface)].surface =
+            (*prepared)[static_cast<std::size_t>(place)];
+      }
     if (!add_owners(labels, progress)) return Progress::interrupted();
     return surfaces_;
   }

@@ -1,5 +1,8 @@
 #include "palpate/model/preparing.h"
 
+#include <algorithm>
+#include <set>
+
 namespace palpate {
 
 Result<Ramps> Preparing::ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
@@ -15,7 +18,36 @@ Result<std::vector<std::pair<LabelId, LabelId>>> Preparing::touching_pairs(
 Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
-  return prepare_outer_surfaces(labels, groups, options, progress);
+  std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());
+  const std::vector<std::vector<std::size_t>> goes = in_goes(groups);
+  for (const std::vector<std::size_t>& go : goes) {
+    std::vector<std::vector<LabelId>> together;
+    for (const std::size_t place : go) together.push_back(groups[place]);
+    auto prepared = prepare_outer_surfaces(labels, together, options, progress);
+    if (!prepared) return prepared.error();
+    for (std::size_t n = 0; n < go.size(); ++n) surfaces[go[n]] = std::move((*prepared)[n]);
+  }
+  return surfaces;
+}
+
+std::vector<std::vector<std::size_t>> in_goes(const std::vector<std::vector<LabelId>>& groups) {
+  std::vector<std::vector<std::size_t>> goes;
+  std::vector<std::set<LabelId>> taken;  // by each go
+  for (std::size_t place = 0; place < groups.size(); ++place) {
+    const std::vector<LabelId>& group = groups[place];
+    const auto has_room = [&](const std::set<LabelId>& labels) {
+      return std::none_of(group.begin(), group.end(), [&](LabelId label) { return labels.count(label) > 0; });
+    };
+    const auto go =
+        static_cast<std::size_t>(std::find_if(taken.begin(), taken.end(), has_room) - taken.begin());
+    if (go == goes.size()) {
+      goes.emplace_back();
+      taken.emplace_back();
+    }
+    goes[go].push_back(place);
+    taken[go].insert(group.begin(), group.end());
+  }
+  return goes;
 }
 
 }  // namespace palpate

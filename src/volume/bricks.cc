@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "palpate/base/for_each_index.h"
 #include "palpate/base/hash.h"
 
 namespace palpate {
@@ -317,14 +318,25 @@ std::shared_ptr<const Bricks<LabelId>> label_bricks(const Volume<LabelId>& label
 }
 
 std::vector<std::size_t> label_counts(const Bricks<LabelId>& labels) {
-  std::vector<std::size_t> counts(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
-  labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
-    if (piece.uniform)
-      counts[*piece.voxels] += static_cast<std::size_t>(piece.count);
-    else
-      for (int i = 0; i < piece.count; ++i) ++counts[piece.voxels[i]];
+  const int slices = labels.geometry().dims[2], workers = worker_count(0, slices);
+  std::vector<std::vector<std::size_t>> of_worker(static_cast<std::size_t>(workers));
+  for (std::vector<std::size_t>& counts : of_worker)
+    counts.resize(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
+  for_each_index(slices, workers, [&](int worker, int k) {
+    std::vector<std::size_t>& counts = of_worker[static_cast<std::size_t>(worker)];
+    const auto count = [&](const RowPiece<LabelId>& piece) {
+      if (piece.uniform)
+        counts[*piece.voxels] += static_cast<std::size_t>(piece.count);
+      else
+        for (int i = 0; i < piece.count; ++i) ++counts[piece.voxels[i]];
+    };
+    for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, count);
+    return true;
   });
-  return counts;
+  std::vector<std::size_t>& all = of_worker.front();
+  for (std::size_t w = 1; w < of_worker.size(); ++w)
+    for (std::size_t label = 0; label < all.size(); ++label) all[label] += of_worker[w][label];
+  return std::move(all);
 }
 
 template class Bricks<std::uint8_t>;

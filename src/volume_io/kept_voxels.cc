@@ -64,7 +64,7 @@ KeptVoxels::KeptVoxels(const VolumeReader& reader, std::string_view kind, Unpack
 std::vector<std::vector<LabelId>> KeptVoxels::find_labels(std::size_t layers) const try {
   const auto payload = key_ ? cache::find(*key_) : std::nullopt;
   if (!payload) return {};
-  cache::FieldReader in(*payload);
+  cache::FieldReader in(payload->bytes());
   std::vector<std::vector<LabelId>> found(layers);
   for (std::vector<LabelId>& layer : found) {
     layer.resize(reader_.file().header.geometry.voxel_count());
@@ -88,7 +88,7 @@ void KeptVoxels::keep_labels(const std::vector<std::vector<LabelId>>& layers) co
 bool KeptVoxels::find_scan(std::vector<float>& voxels, std::uint64_t& replaced) const try {
   const auto payload = key_ ? cache::find(*key_) : std::nullopt;
   if (!payload) return false;
-  cache::FieldReader in(*payload);
+  cache::FieldReader in(payload->bytes());
   std::uint64_t were_replaced = 0;
   std::uint8_t narrow = 0;
   in.get(were_replaced);

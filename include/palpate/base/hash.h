@@ -100,6 +100,21 @@ class HashOfWords {
     ((*next++ = word_of(words)), ...);
     held_ += sizeof...(words);
   }
+  /// As words of eight bytes each, and how many bytes there are.
+  void add_bytes(const void* data, std::size_t size) {
+    add(size);
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    while (size > 0) {
+      if (held_ == kGathered) fold();
+      const std::size_t count = std::min(kGathered - held_, (size + 7) / 8),
+                        taken = std::min(size, 8 * count);
+      gathered_[held_ + count - 1] = 0;
+      std::memcpy(gathered_.data() + held_, bytes, taken);
+      held_ += count;
+      bytes += taken;
+      size -= taken;
+    }
+  }
   /// Of all that was added; nothing is added afterwards.
   std::uint64_t value() {
     const std::uint64_t count = count_ + held_;

@@ -1,10 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "palpate/cache/digest.h"
 
@@ -18,9 +18,20 @@ namespace palpate::cache {
 
 /// Whether anything is kept and looked for at all.
 bool is_kept();
+/// Bytes that are read from a file, into memory that nobody has filled before.
+class Payload {
+ public:
+  explicit Payload(std::size_t size) : bytes_(new std::byte[size]), size_(size) {}
+  std::span<std::byte> room() { return {bytes_.get(), size_}; }
+  std::span<const std::byte> bytes() const { return {bytes_.get(), size_}; }
+
+ private:
+  std::unique_ptr<std::byte[]> bytes_;
+  std::size_t size_;
+};
 /// The payload of an entry, as it was kept, and that entry is now the one used last. Nothing where there is
 /// none, or none that is whole.
-std::optional<std::vector<std::byte>> find(const Digest& key);
+std::optional<Payload> find(const Digest& key);
 /// Keeps a payload, in the place of what was used longest ago where there is no room; not at all where it is
 /// larger than the whole cache may be.
 void keep(const Digest& key, std::span<const std::byte> payload);

@@ -69,7 +69,7 @@ class Owners {
   static constexpr float kFarAway = 1e9F;
   // A block's edges are at least as long as this part of the reach: a shorter one would make more of them,
   // and of a longer one more voxels lie beyond the reach.
-  static constexpr int kBlocksInReach = 2;
+  static constexpr int kBlocksInReach = 1;
 
   std::size_t block_of(int i, int j, int k) const;
   template <class Body>
