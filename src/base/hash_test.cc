@@ -34,22 +34,6 @@ TEST(Hash, EveryBitOfALongInputCounts) {
     }
 }
 
-TEST(Hash, PiecesCountAsTheWhole) {
-  std::string bytes;
-  for (int n = 0; n < 61; ++n) bytes += static_cast<char>(7 * n);
-  for (std::size_t length = 0; length <= bytes.size(); ++length) {
-    const std::string whole = bytes.substr(0, length);
-    for (std::size_t piece = 1; piece < 20; ++piece) {
-      std::uint64_t hash = kHashSeed;
-      HashOfPieces pieces(hash);
-      for (std::size_t at = 0; at < length; at += piece)
-        pieces.add(whole.data() + at, std::min(piece, length - at));
-      pieces.finish();
-      EXPECT_EQ(hash_finish(hash), hash_of(whole)) << length << " bytes in pieces of " << piece;
-    }
-  }
-}
-
 TEST(Hash, LengthAndOrderCount) {
   EXPECT_NE(hash_of(""), hash_of(std::string(1, '\0')));
   EXPECT_NE(hash_of(std::string(8, '\0')), hash_of(std::string(16, '\0')));

@@ -14,20 +14,6 @@
 namespace palpate {
 namespace {
 
-// of all voxels of the grid, row by row
-template <class T>
-void hash_voxels(std::uint64_t& hash, const Bricks<T>& voxels) {
-  HashOfPieces pieces(hash);
-  const std::array<int, 3>& dims = voxels.geometry().dims;
-  std::vector<T> row(static_cast<std::size_t>(dims[0]));
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j) {
-      voxels.copy_row(0, j, k, dims[0], row.data());
-      pieces.add(row.data(), row.size() * sizeof(T));
-    }
-  pieces.finish();
-}
-
 void hash_tool(std::uint64_t& hash, const Tool& tool) {
   for (const Eigen::Vector3d& point : tool.points_mm)
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, point[axis]);
@@ -93,8 +79,8 @@ void hash_no_go(std::uint64_t& hash, const std::vector<NoGoRegion>& regions) {
 
 std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
-  std::visit([&](const auto& voxels) { hash_voxels(hash, voxels); }, model.field->bricks());
-  hash_voxels(hash, *model.labels);
+  std::visit([&](const auto& voxels) { hash_word(hash, voxels.content_hash()); }, model.field->bricks());
+  hash_word(hash, model.labels->content_hash());
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);

@@ -35,43 +35,6 @@ inline void hash_bytes(std::uint64_t& hash, const void* data, std::size_t size) 
   std::memcpy(&tail, bytes, size);
   hash_word(hash, tail ^ (static_cast<std::uint64_t>(size) << 56));
 }
-/// hash_bytes of bytes that come piece by piece.
-class HashOfPieces {
- public:
-  explicit HashOfPieces(std::uint64_t& hash) : hash_(hash) {}
-  void add(const void* data, std::size_t size) {
-    const auto* bytes = static_cast<const unsigned char*>(data);
-    if (size == 0) return;
-    if (held_ > 0) {
-      const std::size_t more = size < 8 - held_ ? size : 8 - held_;
-      std::memcpy(reinterpret_cast<unsigned char*>(&word_) + held_, bytes, more);
-      held_ += more;
-      bytes += more;
-      size -= more;
-      if (held_ < 8) return;
-      take();
-    }
-    for (; size >= 8; size -= 8, bytes += 8) {
-      std::memcpy(&word_, bytes, 8);
-      take();
-    }
-    std::memcpy(&word_, bytes, size);
-    held_ = size;
-  }
-  /// After the last piece.
-  void finish() { hash_word(hash_, word_ ^ (static_cast<std::uint64_t>(held_) << 56)); }
-
- private:
-  void take() {
-    hash_word(hash_, word_);
-    word_ = 0;
-    held_ = 0;
-  }
-
-  std::uint64_t& hash_;
-  std::uint64_t word_ = 0;  // of bytes that make no whole word yet
-  std::size_t held_ = 0;
-};
 inline std::uint64_t hash_finish(std::uint64_t hash) {
   hash ^= hash >> 33;
   hash *= 0xff51afd7ed558ccdull;
