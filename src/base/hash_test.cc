@@ -84,7 +84,7 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
   std::set<std::uint64_t> seen;
   for (std::size_t size = 0; size <= kBytes; ++size)
     EXPECT_TRUE(seen.insert(hash_of_bytes(size)).second) << size;
-  // each byte, and any two words that are exchanged
+  // each byte, and the first word exchanged with any other
   for (unsigned char& byte : bytes) {
     byte ^= 1;
     EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second);
@@ -95,16 +95,21 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
     EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second) << n;
     std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
   }
-  // where it begins among words does not matter to what is read
-  std::vector<std::uint64_t> words(kBytes / 8);
-  std::memcpy(words.data(), bytes.data(), kBytes);
-  for (std::size_t before = 0; before < 300; before += 7) {
-    HashOfWords at_once, one_by_one;
-    for (std::size_t n = 0; n < before; ++n) at_once.add(n), one_by_one.add(n);
-    at_once.add_bytes(bytes.data(), kBytes);
-    one_by_one.add(kBytes);
-    for (const std::uint64_t word : words) one_by_one.add(word);
-    EXPECT_EQ(at_once.value(), one_by_one.value()) << before;
+  // the same words one by one, the last one filled up with zeros, wherever they begin among others
+  for (const std::size_t size : {kBytes, kBytes - 3, kBytes - 7}) {
+    std::vector<std::uint64_t> words((size + 7) / 8);
+    std::memcpy(words.data(), bytes.data(), size);
+    for (std::size_t before = 0; before < 300; before += 7) {
+      HashOfWords at_once, one_by_one;
+      for (std::size_t n = 0; n < before; ++n) {
+        at_once.add(~n);
+        one_by_one.add(~n);
+      }
+      at_once.add_bytes(bytes.data(), size);
+      one_by_one.add(size);
+      for (const std::uint64_t word : words) one_by_one.add(word);
+      EXPECT_EQ(at_once.value(), one_by_one.value()) << size << " after " << before;
+    }
   }
 }
 

@@ -1168,6 +1168,21 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
       felt.layer = s / 2;
       if (scene % 3 == 0 && s == 0) felt.puncture_N = 1.5;
     }
+    // now and then its friction and stiffness are those of two, by shares that change along it
+    if (scene % 4 == 2) {
+      Volume<LabelId> halves(cube_grid(9, {0.5, 0.5, 0.5}));
+      const auto X_PatientVoxel = halves.geometry().X_PatientVoxel();
+      const auto& dims = halves.geometry().dims;
+      for (int k = 0; k < dims[2]; ++k)
+        for (int j = 0; j < dims[1]; ++j)
+          for (int i = 0; i < dims[0]; ++i) {
+            const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
+            if (p.norm() < 4) halves.at(i, j, k) = p.x() < 0.3 * p.y() ? 1 : 2;
+          }
+      run.surfaces[0].owners =
+          std::make_shared<const Owners>(*label_bricks(halves), std::vector<std::int16_t>{-1, 0, 1});
+      run.surfaces[1].stiffness_N_per_mm = 0.6;
+    }
     // one sphere, three that turn, or two with a shaft
     const double radius_mm = unit(random);
     run.spheres = {{{}, radius_mm}};

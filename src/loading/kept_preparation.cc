@@ -268,7 +268,7 @@ std::optional<cache::Key> key_of_resampled(std::string_view kind, std::span<cons
 }
 
 // Of all voxels, some slices at a time on several threads. False where a digest cannot be had.
-bool put_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
+bool put_digests_of_voxels(const Bricks<LabelId>& labels, cache::Key& key) {
   constexpr std::size_t kAtOnce = std::size_t{1} << 21;
   const std::array<int, 3>& dims = labels.geometry().dims;
   const std::size_t slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
@@ -310,7 +310,7 @@ const std::optional<cache::Digest>& KeptPreparing::digest_of(const Bricks<LabelI
   if (!cache::is_kept()) return of_labels_;
   cache::Key key("labels", kPreparationVersion);
   put_grid(labels.geometry(), key);
-  if (put_voxels(labels, key)) of_labels_ = key.digest();
+  if (put_digests_of_voxels(labels, key)) of_labels_ = key.digest();
   return of_labels_;
 }
 

@@ -81,6 +81,8 @@ std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
   std::visit([&](const auto& voxels) { hash_word(hash, voxels.content_hash()); }, model.field->bricks());
   hash_word(hash, model.labels->content_hash());
+  // bricks of a grid that is a little larger may be the same
+  for (const int dim : model.labels->geometry().dims) hash_word(hash, static_cast<std::uint64_t>(dim));
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) hash_double(hash, X.translation()[i]);

@@ -3,10 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <utility>
+#include <vector>
+
+#include "palpate/model/preparing.h"
 
 namespace palpate {
 namespace {
@@ -86,6 +92,40 @@ TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
   // what does not yield has none
   parts.tissue_law = TissueLaw::kLayers;
   EXPECT_FALSE(make_model(std::move(parts))->model->relaxation_times.any());
+}
+
+// The same block in a grid that has more background at its end: the bricks and where they lie are the same,
+// and the world is not, which is told from the grid's middle.
+TEST(MakeModel, AGridsSizeIsPartOfTheHash) {
+  const auto hash_of = [](std::array<int, 3> dims) {
+    ModelParts parts = yielding_block({10, 0.45});
+    parts.tissue_law = TissueLaw::kLayers;
+    parts.tissues[0].stiffness_N_per_mm = 0.5;
+    GridGeometry grid;
+    grid.dims = dims;
+    Volume<LabelId> labels(grid);
+    for (int k = 2; k < 8; ++k)
+      for (int j = 2; j < 8; ++j)
+        for (int i = 2; i < 8; ++i) labels.at(i, j, k) = 1;
+    parts.labels = label_bricks(labels);
+    const auto made = make_model(std::move(parts));
+    EXPECT_TRUE(made.ok()) << made.error().message();
+    return made->model->content_hash;
+  };
+  const std::uint64_t hash = hash_of({12, 12, 12});
+  EXPECT_EQ(hash_of({12, 12, 12}), hash);
+  EXPECT_NE(hash_of({13, 12, 12}), hash);
+  EXPECT_NE(hash_of({12, 13, 12}), hash);
+  EXPECT_NE(hash_of({12, 12, 13}), hash);
+}
+
+TEST(Preparing, GroupsWithAStructureInCommonGoOneAfterTheOther) {
+  using Groups = std::vector<std::vector<LabelId>>;
+  using Goes = std::vector<std::vector<std::size_t>>;
+  EXPECT_EQ(in_goes(Groups{}), Goes{});
+  EXPECT_EQ(in_goes(Groups{{1, 2}, {3}, {4, 5}}), (Goes{{0, 1, 2}}));
+  // as layers are: all, what is stiffer, the stiffest; and a group that shares nothing with the second
+  EXPECT_EQ(in_goes(Groups{{1, 2, 3}, {2, 3}, {3}, {1}, {4}}), (Goes{{0, 4}, {1, 3}, {2}}));
 }
 
 }  // namespace

@@ -15,6 +15,11 @@ namespace {
 struct Neighbours {
   std::size_t equal = 0, unequal = 0, near = 0;
 
+  void add(const Neighbours& more) {
+    equal += more.equal;
+    unequal += more.unequal;
+    near += more.near;
+  }
   /// Each of these voxels with the one before it.
   template <class T>
   void see(const std::vector<T>& voxels, std::size_t begin, std::size_t end) {
@@ -54,8 +59,9 @@ bool could_be_labels(const std::vector<float>& voxels, bool in_patches) {
   constexpr std::ptrdiff_t kMostLabels = 256;
   constexpr std::size_t kPiece = std::size_t{1} << 20;
   const auto pieces = static_cast<int>((voxels.size() + kPiece - 1) / kPiece);
-  std::vector<LabelsSeen> of_worker(static_cast<std::size_t>(worker_count(0, pieces)));
-  const bool are_labels = for_each_index(pieces, worker_count(0, pieces), [&](int worker, int index) {
+  const int workers = worker_count(0, pieces);
+  std::vector<LabelsSeen> of_worker(static_cast<std::size_t>(workers));
+  const bool are_labels = for_each_index(pieces, workers, [&](int worker, int index) {
     LabelsSeen& seen = of_worker[static_cast<std::size_t>(worker)];
     const std::size_t begin = static_cast<std::size_t>(index) * kPiece;
     const std::size_t end = std::min(voxels.size(), begin + kPiece);
@@ -68,10 +74,10 @@ bool could_be_labels(const std::vector<float>& voxels, bool in_patches) {
   for (std::size_t w = 1; w < of_worker.size(); ++w) {
     for (std::size_t label = 0; label < all.label.size(); ++label)
       all.label[label] |= of_worker[w].label[label];
-    all.neighbours.equal += of_worker[w].neighbours.equal;
-    all.neighbours.unequal += of_worker[w].neighbours.unequal;
+    all.neighbours.add(of_worker[w].neighbours);
   }
   const auto distinct = std::count(all.label.begin(), all.label.end(), 1);
+  // of background alone nothing is a label
   if (distinct == all.label.front()) return false;
   return !in_patches || (distinct <= kMostLabels && all.neighbours.equal >= all.neighbours.unequal);
 }

@@ -4,9 +4,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "base/test_files.h"
 #include "palpate/volume_io/volume_io.h"
+#include "volume_io/looks_like.h"
 
 namespace palpate {
 namespace {
@@ -344,6 +346,36 @@ TEST(Read, WhatIsNoVolumeFileIsAClearError) {
     EXPECT_FALSE(read_scan(file));
     EXPECT_FALSE(read_labels(file));
   }
+}
+
+// Volumes of more than a million voxels are looked at in pieces, on several threads.
+TEST(Read, WhatCouldBeLabelsIsSeenInEveryPiece) {
+  using volume_io::could_be_labels;
+  constexpr std::size_t kVoxels = (std::size_t{5} << 19) + 17, kPiece = std::size_t{1} << 20;
+  std::vector<float> voxels(kVoxels);
+  EXPECT_FALSE(could_be_labels(voxels, false)) << "background alone";
+  for (const std::size_t at : {std::size_t{0}, kPiece - 1, kPiece, kVoxels - 1}) {
+    for (const float value : {1.F, 4096.F}) {
+      voxels[at] = value;
+      EXPECT_TRUE(could_be_labels(voxels, true)) << value << " at " << at;
+    }
+    for (const float value : {-1.F, 0.5F, 4097.F, std::numeric_limits<float>::quiet_NaN()}) {
+      voxels[at] = value;
+      EXPECT_FALSE(could_be_labels(voxels, false)) << value << " at " << at;
+    }
+    voxels[at] = 0;
+  }
+  // in patches neighbours are equal: here one pair is, and one across two pieces is not
+  voxels[10] = voxels[11] = voxels[kPiece - 1] = 2;
+  voxels[kPiece] = 3;
+  EXPECT_TRUE(could_be_labels(voxels, true));
+  voxels[kPiece + 1] = 4;
+  EXPECT_FALSE(could_be_labels(voxels, true));
+  EXPECT_TRUE(could_be_labels(voxels, false));
+  // labels that only one piece has count once all together
+  for (std::size_t n = 0; n < 300; ++n) voxels[n * 8000] = static_cast<float>(10 + n);
+  voxels[kPiece + 1] = 3;
+  EXPECT_FALSE(could_be_labels(voxels, true));
 }
 
 }  // namespace

@@ -108,6 +108,7 @@ class HashOfWords {
   }
   // what was gathered, so many words at once; fewer are left
   void fold() {
+    if (held_ < kAtOnce) return;
     std::array<std::uint64_t, kChains> chain = chain_;
     std::size_t first = 0;
     for (; first + kAtOnce <= held_; first += kAtOnce)

@@ -67,9 +67,6 @@ class Owners {
   // So many voxels are looked at together; what a run lacks to a multiple of that stands far away.
   static constexpr std::size_t kAtOnce = 8;
   static constexpr float kFarAway = 1e9F;
-  // A block's edges are at least as long as this part of the reach: a shorter one would make more of them,
-  // and of a longer one more voxels lie beyond the reach.
-  static constexpr int kBlocksInReach = 1;
 
   std::size_t block_of(int i, int j, int k) const;
   template <class Body>
@@ -85,6 +82,8 @@ class Owners {
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;
   Transform<Voxel, Patient> X_VoxelPatient_;
+  // A block's edges are at least as long as the reach and half a voxel, so that a place sees its own block
+  // and those around it.
   std::array<int, 3> dims_, block_{1, 1, 1}, blocks_{0, 0, 0};
   std::vector<std::uint32_t> first_run_of_block_;  // one more than there are blocks
   std::vector<Run> runs_;                          // block by block; one more, where the last one ends

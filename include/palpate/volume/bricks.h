@@ -148,7 +148,8 @@ class Bricks : public BrickLayout {
   const T* brick(std::size_t number) const { return table_[number]; }
   bool is_uniform(std::size_t number) const { return held(number)->uniform; }
 
-  /// The same for equal voxels on as many along each axis with the same `outside`, however they came to be.
+  /// The same for equal voxels on as many along each axis with the same `outside`, however they came to be. A
+  /// grid that has some more of `outside` at its end may have the same one.
   std::uint64_t content_hash() const { return hash_; }
   /// What this version would take if it stood alone.
   std::size_t bytes() const;
