@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// Inline: several words of one call are gathered without looking for room each time.
+// Inline, as parts of one function: how many words are held need not go through memory between them.
 
 // what hashes itself
 template <class Part>
@@ -40,7 +40,7 @@ template <class Place>
   hash_place(hash, proxy.position);
   hash_place(hash, proxy.last_way);
   hash_quaternion(hash, proxy.attitude);
-  // shifts of so many bits would take a quarter of the time of all
+  // its words as they stand: shifts of so many bits cost more
   const auto punctured = std::bit_cast<std::array<std::uint64_t, kMostSurfaces / 64>>(proxy.punctured);
   for (const std::uint64_t bits : punctured) hash.add(bits);
   hash.add(proxy.part, proxy.spring_N_per_mm.value_or(-1), proxy.behind_mm, proxy.lost_s, proxy.contacts);

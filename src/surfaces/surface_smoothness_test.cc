@@ -246,12 +246,12 @@ TEST(SurfaceSmoothness, ARidgeKeepsItsHeight) {
   for (const Vector3d& spacing : {kThinSlices, kEven}) {
     for (const bool along_slices : {true, false}) {
       // some places' labels are those of a flatter ridge, too (docs/decisions/0017-surface-nets.md)
-      constexpr int kRidges = 4;
+      constexpr int kRidges = 12;
       double kept = 0;
       for (int n = 0; n < kRidges; ++n) kept += kept_of_ridge(spacing, along_slices, random) / kRidges;
       std::printf("spacing %.3f %.2f: a ridge %s the slices keeps %.2f mm of 1\n", spacing[0], spacing[2],
                   along_slices ? "along" : "across", kept);
-      EXPECT_GE(kept, 0.72);
+      EXPECT_GE(kept, 0.8);
     }
   }
 }
