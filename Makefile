@@ -1,24 +1,31 @@
 # palpate: `make demo` shows it, `make test` proves it. See docs/contributing/development.md.
 SHELL := /bin/bash
-export FUZZ_SECONDS ?= 10
-# of `make test`: some of checks release asan fuzz, or asan-all builds tsan
-STAGES ?=
+export FUZZ_SECONDS ?= 5
 
-.PHONY: demo test bench manual format clean help
+.PHONY: demo test test-ci test-all bench manual format clean help
 
 help:
-	@echo "make demo     build palpate, let a simulated hand feel a generated knee, write a report"
-	@echo "make test     every test and check; FUZZ_SECONDS=10 for each fuzzer; STAGES='checks release' for some"
-	@echo "make bench    comparisons with other libraries, same work in one run"
-	@echo "make manual   the manual as a site, build/manual/docs/README.html"
-	@echo "make format   clang-format every file"
-	@echo "make clean    remove build/ and out/"
+	@echo "make demo      build palpate, let a simulated hand feel a generated knee, write a report"
+	@echo "make test      build, and run the tests that every commit has to pass"
+	@echo "make test-ci   these and the rest of what decides a landing: journeys, sanitizers, fuzzers (FUZZ_SECONDS=5)"
+	@echo "make test-all  every test and check there is; goes on where an interrupted run stopped"
+	@echo "make bench     comparisons with other libraries, same work in one run"
+	@echo "make manual    the manual as a site, build/manual/docs/README.html"
+	@echo "make format    clang-format every file"
+	@echo "make clean     remove build/ and out/"
 
 demo:
 	@tools/demo
 
 test:
-	@tools/test $(STAGES)
+	@tools/test checks release
+
+# goes on after `make test` where that has passed on the same sources
+test-ci:
+	@tools/test --resume checks release ci asan fuzz
+
+test-all:
+	@tools/test --resume checks release ci asan fuzz nightly asan-all tsan builds
 
 bench:
 	@tools/bench

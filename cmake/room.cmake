@@ -1,12 +1,18 @@
-# palpate_tests(TARGET PREFIX [SLOW_SANITIZED FILTER] [PROPERTIES ...]): the tests of an executable, a process for each
-# suite. Those that FILTER (as --gtest_filter has it) names prove physics by so much work that a sanitizer run
-# leaves them out; smaller ones take the same code through it. PROPERTIES are ctest's, of the others.
+# palpate_tests(TARGET PREFIX [CI FILTER] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [PROPERTIES ...])
+#
+# Registers the tests of a GoogleTest executable with ctest, one process per suite and lane. CI is a GoogleTest filter
+# of the tests in the lane `ci`. NIGHTLY takes pairs: a filter of tests in the lane `nightly`, and the reason why a
+# landing does not need them. All others are in the lane `test` (docs/contributing/testing.md). SLOW_SANITIZED is a filter
+# of tests that sanitized runs leave out because they prove physics by many repetitions of code that smaller tests
+# execute as well. PROPERTIES are properties of all ctest tests.
 function(palpate_tests target prefix)
-  cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "PROPERTIES" ${ARGN})
+  cmake_parse_arguments(TESTS "" "CI;SLOW_SANITIZED" "NIGHTLY;PROPERTIES" ${ARGN})
   set(listing ${CMAKE_CURRENT_BINARY_DIR}/${target}_tests.cmake)
   file(GENERATE OUTPUT ${listing} CONTENT "set(program \"$<TARGET_FILE:${target}>\")
 set(prefix \"${prefix}\")
 set(slow \"${TESTS_SLOW_SANITIZED}\")
+set(ci \"${TESTS_CI}\")
+set(nightly \"${TESTS_NIGHTLY}\")
 set(properties \"${TESTS_PROPERTIES}\")
 set(timeout 1800)
 set(results \"${PROJECT_BINARY_DIR}/suites\")
@@ -15,15 +21,30 @@ include(\"${PROJECT_SOURCE_DIR}/cmake/list_suites.cmake\")
   set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${listing})
 endfunction()
 
-# palpate_room(NAME [WORDS] SOURCES ... [SIMD ...] [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
+# palpate_test_options(TARGET NUMERIC BOOL): how a test's own sources are compiled in a release build. The library is
+# optimised; its tests compile in two thirds of the time that -O1 takes without optimisation, and need it only where they
+# loop over many points or ticks themselves.
+function(palpate_test_options target)
+  cmake_parse_arguments(OPTIONS "" "NUMERIC" "" ${ARGN})
+  if(OPTIONS_NUMERIC)
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+  else()
+    # glibc's checks of sizes need an optimised build
+    target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O0;-U_FORTIFY_SOURCE>")
+  endif()
+endfunction()
+
+# palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [CI FILTER]
+#              [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
 # once for every target, and that no other source can therefore share a unit with. FUZZED are the sources that the
 # fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
-# that somebody waits for: it is optimised less, and compiles in two thirds of the time and less.
+# that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
+# its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "WORDS" "SLOW_SANITIZED" "SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "CI;SLOW_SANITIZED" "NIGHTLY;SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   set(less_optimised)
   if(ROOM_WORDS AND NOT PALPATE_BUILD_FUZZERS)
@@ -59,8 +80,10 @@ function(palpate_room name)
   if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
     add_executable(${name}_test ${ROOM_TESTS})
     target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
-    # what is tested is optimised; the tests themselves compile in three quarters of the time
-    target_compile_options(${name}_test PRIVATE $<$<CONFIG:Release>:-O1> ${less_optimised})
+    palpate_test_options(${name}_test NUMERIC ${ROOM_NUMERIC_TESTS})
+    if(PALPATE_SANITIZE)
+      target_compile_options(${name}_test PRIVATE ${less_optimised})
+    endif()
     target_compile_definitions(${name}_test PRIVATE
       PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
     # undefined behaviour is looked for in the libraries: the tests compile in half the time without. What a
@@ -68,7 +91,7 @@ function(palpate_room name)
     if(PALPATE_SANITIZE MATCHES "undefined")
       target_compile_options(${name}_test PRIVATE -fno-sanitize=undefined)
     endif()
-    palpate_tests(${name}_test ${name} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
+    palpate_tests(${name}_test ${name} CI "${ROOM_CI}" NIGHTLY ${ROOM_NIGHTLY} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
   endif()
 
   if(PALPATE_BUILD_FUZZERS AND ROOM_FUZZERS)

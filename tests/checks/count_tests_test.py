@@ -21,17 +21,18 @@ PASSED = '<testsuite><testcase name="a" status="run"/></testsuite>'
 
 
 def run(files, *options):
-    """Exit code and the lines printed."""
+    """Runs the tool on the stages of `files`; returns its exit code and the lines printed."""
+    stages = list(dict.fromkeys(name.partition(".")[0] for name in files)) or ["release"]
     with tempfile.TemporaryDirectory() as folder:
         for name, text in files.items():
             (pathlib.Path(folder) / name).write_text(text)
-        result = subprocess.run([TOOL, *options, folder], stdout=subprocess.PIPE, text=True, check=False)
+        result = subprocess.run([TOOL, *options, folder, *stages], stdout=subprocess.PIPE, text=True, check=False)
     return result.returncode, result.stdout.splitlines()
 
 
 class CountTests(unittest.TestCase):
     def test_counts_every_outcome(self):
-        code, lines = run({"release.xml": JUNIT, "checks.tsv": "checks\tformat\tpassed\nfuzz\tx\tfailed\n"})
+        code, lines = run({"release.xml": JUNIT, "fuzz.tsv": "fuzz\ty\tpassed\nfuzz\tx\tfailed\n"})
         self.assertEqual(code, 1)
         self.assertEqual(lines[-1], "2 passed, 3 failed, 2 skipped")
         self.assertIn("failed: release: b", lines)
@@ -48,6 +49,19 @@ class CountTests(unittest.TestCase):
         self.assertEqual(run(files)[0], 0)
         code, lines = run(files, "--no-skips")
         self.assertEqual((code, lines[-1]), (1, "1 passed, 1 failed, 0 skipped"))
+
+    def test_a_stage_counts_ctest_and_other_tests(self):
+        code, lines = run({"ci.xml": PASSED, "ci.tsv": "ci\tsources stand alone\tpassed\n"})
+        self.assertEqual((code, lines[-1]), (0, "2 passed, 0 failed, 0 skipped"))
+
+    def test_a_stage_that_did_not_run_fails(self):
+        with tempfile.TemporaryDirectory() as folder:
+            (pathlib.Path(folder) / "release.xml").write_text(PASSED)
+            (pathlib.Path(folder) / "asan.xml").write_text(JUNIT)
+            result = subprocess.run([TOOL, folder, "release", "fuzz"], stdout=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("failed: fuzz: the stage did not run", result.stdout)
+        self.assertTrue(result.stdout.endswith("1 passed, 1 failed, 0 skipped\n"), result.stdout)
 
     def test_nothing_ran(self):
         self.assertEqual(run({})[0], 1)
