@@ -34,17 +34,18 @@ function(palpate_test_options target)
   endif()
 endfunction()
 
-# palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [LINK ...] [PRIVATE_LINK ...] [TESTS ...] [CI FILTER]
-#              [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
+# palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
+#              [TESTS ...] [TESTS_ALONE ...] [CI FILTER] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
-# once for every target, and that no other source can therefore share a unit with. FUZZED are the sources that the
+# once for every target, and that no other source can therefore share a unit with. ALONE and TESTS_ALONE are sources
+# whose headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that the
 # fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
 # that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
 # its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "CI;SLOW_SANITIZED" "NIGHTLY;SOURCES;SIMD;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "CI;SLOW_SANITIZED" "NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TESTS_ALONE;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   set(less_optimised)
   if(ROOM_WORDS AND NOT PALPATE_BUILD_FUZZERS)
@@ -53,15 +54,17 @@ function(palpate_room name)
       set(less_optimised -O0)
     endif()
   endif()
-  if(ROOM_SIMD)
-    set_source_files_properties(${ROOM_SIMD} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  set(alone ${ROOM_SIMD} ${ROOM_ALONE} ${ROOM_TESTS_ALONE})
+  if(alone)
+    set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   endif()
   if(name IN_LIST PALPATE_TYPES_ALONE)
     set(ROOM_SOURCES ${PALPATE_FUZZED_${name}})
     set(ROOM_SIMD)
+    set(ROOM_ALONE)
   endif()
   if(ROOM_SOURCES)
-    add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD})
+    add_library(${library} STATIC ${ROOM_SOURCES} ${ROOM_SIMD} ${ROOM_ALONE})
     # a function that no fuzzer calls, and what it would call, are left out when one is linked
     if(name IN_LIST PALPATE_TYPES_ALONE OR (PALPATE_BUILD_FUZZERS AND ROOM_FUZZED))
       target_compile_options(${library} PRIVATE -ffunction-sections)
@@ -78,7 +81,7 @@ function(palpate_room name)
   target_link_libraries(${library} ${scope} ${ROOM_LINK})
 
   if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
-    add_executable(${name}_test ${ROOM_TESTS})
+    add_executable(${name}_test ${ROOM_TESTS} ${ROOM_TESTS_ALONE})
     target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
     palpate_test_options(${name}_test NUMERIC ${ROOM_NUMERIC_TESTS})
     if(PALPATE_SANITIZE)

@@ -1,18 +1,17 @@
 #include "haply/connection.h"
 
 #include <poll.h>
+#include <sys/socket.h>
 
 #include <algorithm>
-#include <boost/asio/connect.hpp>
+#include <boost/asio/buffer.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/parser.hpp>
 #include <boost/beast/http/read.hpp>
 #include <boost/beast/http/string_body.hpp>
-#include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <cerrno>
 #include <chrono>
@@ -37,91 +36,6 @@ Clock::time_point at(std::int64_t ns) {
   return Clock::time_point(std::chrono::nanoseconds(ns));
 }
 
-// runs what was begun until it is done; false: it is not by then, and was cancelled by closing
-template <class Done>
-bool run_until(asio::io_context& context, tcp::socket& socket, Clock::time_point until, const Done& done) {
-  context.restart();
-  while (!done() && context.run_one_until(until) > 0) {
-  }
-  if (done()) return true;
-  boost::system::error_code ignored;
-  socket.close(ignored);
-  context.restart();
-  // handlers refer to what their caller holds
-  context.run();
-  return false;
-}
-
-bool connect(asio::io_context& context, tcp::socket& socket, const std::string& host, std::uint16_t port,
-             Clock::time_point until) {
-  boost::system::error_code bad;
-  const auto address = asio::ip::make_address(host, bad);
-  if (bad) return false;
-  bool done = false;
-  boost::system::error_code failed;
-  socket.async_connect(tcp::endpoint(address, port), [&](const boost::system::error_code& error) {
-    failed = error;
-    done = true;
-  });
-  if (!run_until(context, socket, until, [&] { return done; }) || failed) return false;
-  // without it a small message waits for the one before it to be acknowledged
-  socket.set_option(tcp::no_delay(true), bad);
-  return !bad;
-}
-
-/// The body of a 200, empty for everything else.
-std::string http_get(const std::string& host, std::uint16_t port, const char* target) try {
-  asio::io_context context(1);
-  tcp::socket socket(context);
-  const auto until = Clock::now() + kConnectPatience;
-  if (!connect(context, socket, host, port, until)) return "";
-  beast::http::request<beast::http::empty_body> request(beast::http::verb::get, target, 11);
-  request.set(beast::http::field::host, host + ":" + std::to_string(port));
-  request.set(beast::http::field::connection, "close");
-  beast::flat_buffer buffer;
-  beast::http::response_parser<beast::http::string_body> answer;
-  answer.body_limit(kMostAnswer_bytes);
-  bool done = false, fine = false;
-  beast::http::async_write(socket, request, [&](const boost::system::error_code& error, std::size_t) {
-    if (error) {
-      done = true;
-      return;
-    }
-    beast::http::async_read(socket, buffer, answer,
-                            [&](const boost::system::error_code& failed, std::size_t) {
-                              done = true;
-                              fine = !failed;
-                            });
-  });
-  if (!run_until(context, socket, until, [&] { return done; })) return "";
-  return fine && answer.get().result() == beast::http::status::ok ? answer.get().body() : "";
-} catch (const boost::system::system_error&) {
-  // no more handles
-  return "";
-}
-
-Error not_there(const HaplySettings& settings) {
-  const std::string place = settings.host + ":" + std::to_string(settings.port);
-  return {ErrorKind::kUnavailable, "no Inverse Service answers at " + place, "haply",
-          "install the Inverse Service from Haply's pages for developers (develop.haply.co), start it, and "
-          "plug the Inverse3 in"};
-}
-
-}  // namespace
-
-Result<ServiceVersion> find_service(const HaplySettings& settings) {
-  // a newer service answers where its WebSocket is, the older ones at a port of their own
-  struct Place {
-    std::uint16_t port;
-    const char* target;
-  };
-  for (const Place& place : {Place{settings.port, "/3.5/version"}, Place{settings.port, "/version"},
-                             Place{settings.old_http_port, "/3.0/version"}})
-    if (const auto version = parse_version(http_get(settings.host, place.port, place.target)))
-      return *version;
-  return not_there(settings);
-}
-
 /// A socket for Beast's blocking calls, which end when their time is over. Every tick waits for an answer,
 /// and Asio's reactor would add a system call and its handlers to each.
 class TimedSocket {
@@ -133,8 +47,29 @@ class TimedSocket {
 
   explicit TimedSocket(asio::io_context& context) : socket_(context) {}
   executor_type get_executor() { return socket_.get_executor(); }
-  tcp::socket& socket() { return socket_; }
   void wait_until(Clock::time_point until) { until_ = until; }
+
+  /// @param until  also of what is read and written next
+  /// False: nobody listens there, or it is not connected by then.
+  bool connect(const std::string& host, std::uint16_t port, Clock::time_point until) {
+    until_ = until;
+    boost::system::error_code error;
+    const auto address = asio::ip::make_address(host, error);
+    if (error) return false;
+    const tcp::endpoint endpoint(address, port);
+    socket_.open(endpoint.protocol());
+    // what waits is wait_for()
+    socket_.non_blocking(true, error);
+    // without it a small message waits for the one before it to be acknowledged
+    if (!error) socket_.set_option(tcp::no_delay(true), error);
+    if (error) return false;
+    if (::connect(socket_.native_handle(), endpoint.data(), static_cast<socklen_t>(endpoint.size())) == 0)
+      return true;
+    if (errno != EINPROGRESS || !wait_for(POLLOUT)) return false;
+    int failed = 0;
+    socklen_t size = sizeof failed;
+    return ::getsockopt(socket_.native_handle(), SOL_SOCKET, SO_ERROR, &failed, &size) == 0 && failed == 0;
+  }
 
   template <class Buffers>
   std::size_t read_some(const Buffers& buffers, boost::system::error_code& error) {
@@ -185,19 +120,59 @@ class TimedSocket {
   Clock::time_point until_;
 };
 
+/// The body of a 200, empty for everything else.
+std::string http_get(const std::string& host, std::uint16_t port, const char* target) try {
+  asio::io_context context(1);
+  TimedSocket socket(context);
+  if (!socket.connect(host, port, Clock::now() + kConnectPatience)) return "";
+  const std::string request = std::string("GET ") + target + " HTTP/1.1\r\nHost: " + host + ":" +
+                              std::to_string(port) + "\r\nConnection: close\r\n\r\n";
+  boost::system::error_code error;
+  for (std::string_view left = request; !left.empty();) {
+    left.remove_prefix(socket.write_some(asio::const_buffer(left.data(), left.size()), error));
+    if (error) return "";
+  }
+  beast::flat_buffer buffer;
+  beast::http::response_parser<beast::http::string_body> answer;
+  answer.body_limit(kMostAnswer_bytes);
+  beast::http::read(socket, buffer, answer, error);
+  return !error && answer.get().result() == beast::http::status::ok ? answer.get().body() : "";
+} catch (const TimedSocket::NothingYet&) {
+  return "";
+} catch (const boost::system::system_error&) {
+  // no more handles
+  return "";
+}
+
+Error not_there(const HaplySettings& settings) {
+  const std::string place = settings.host + ":" + std::to_string(settings.port);
+  return {ErrorKind::kUnavailable, "no Inverse Service answers at " + place, "haply",
+          "install the Inverse Service from Haply's pages for developers (develop.haply.co), start it, and "
+          "plug the Inverse3 in"};
+}
+
+}  // namespace
+
+Result<ServiceVersion> find_service(const HaplySettings& settings) {
+  // a newer service answers where its WebSocket is, the older ones at a port of their own
+  struct Place {
+    std::uint16_t port;
+    const char* target;
+  };
+  for (const Place& place : {Place{settings.port, "/3.5/version"}, Place{settings.port, "/version"},
+                             Place{settings.old_http_port, "/3.0/version"}})
+    if (const auto version = parse_version(http_get(settings.host, place.port, place.target)))
+      return *version;
+  return not_there(settings);
+}
+
 class Connection::Stream {
  public:
   Stream() : context_(1), stream_(context_) {}
 
   bool open(const HaplySettings& settings, std::uint16_t port) try {
-    const auto until = Clock::now() + kConnectPatience;
-    TimedSocket& timed = stream_.next_layer();
+    if (!stream_.next_layer().connect(settings.host, port, Clock::now() + kConnectPatience)) return false;
     boost::system::error_code error;
-    if (!connect(context_, timed.socket(), settings.host, port, until)) return false;
-    // what waits is wait_for()
-    timed.socket().non_blocking(true, error);
-    if (error) return false;
-    timed.wait_until(until);
     stream_.read_message_max(kMostMessage_bytes);
     stream_.handshake(settings.host + ":" + std::to_string(port), "/", error);
     return !error;

@@ -1,64 +1,68 @@
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <atomic>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/write.hpp>
-#include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/websocket/stream.hpp>
 #include <chrono>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "haply/connection.h"
+#include "haply/test_service_socket.h"
+#include "palpate/base/check.h"
 #include "palpate/base/clock.h"
 
 namespace palpate::haply {
 namespace {
 
-namespace asio = boost::asio;
-namespace websocket = boost::beast::websocket;
-using tcp = asio::ip::tcp;
+using palpate::testing::service_frame;
+using palpate::testing::TestServiceSocket;
 using std::chrono::milliseconds;
 
 /// Accepts one connection and writes bytes onto it.
 class RawService {
  public:
-  RawService() : acceptor_(context_, tcp::endpoint(asio::ip::address_v4::loopback(), 0)) {}
-  HaplySettings settings() const {
-    HaplySettings settings;
-    settings.port = acceptor_.local_endpoint().port();
-    return settings;
+  RawService() : listening_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address;
+    PALPATE_CHECK(::bind(listening_, reinterpret_cast<sockaddr*>(&address), size) == 0 &&
+                  ::listen(listening_, 1) == 0 &&
+                  ::getsockname(listening_, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+    settings_.port = ntohs(address.sin_port);
   }
+  const HaplySettings& settings() const { return settings_; }
   /// Pieces, each after a pause; then what `then` does with the socket.
   template <class Then>
   void serve(std::vector<std::string> pieces, milliseconds pause, Then then) {
     thread_ = std::thread([this, pieces = std::move(pieces), pause, then] {
-      websocket::stream<tcp::socket> stream(context_);
-      acceptor_.accept(stream.next_layer());
-      stream.accept();
-      stream.next_layer().set_option(tcp::no_delay(true));
+      TestServiceSocket socket(::accept4(listening_, nullptr, nullptr, SOCK_CLOEXEC));
+      EXPECT_TRUE(socket.read_request() && socket.accept());
       for (const std::string& piece : pieces) {
         std::this_thread::sleep_for(pause);
-        asio::write(stream.next_layer(), asio::buffer(piece));
+        EXPECT_TRUE(socket.write_raw(piece));
       }
-      then(stream);
+      then(socket);
     });
   }
-  ~RawService() { thread_.join(); }
+  ~RawService() {
+    thread_.join();
+    ::close(listening_);
+  }
 
  private:
-  asio::io_context context_;
-  tcp::acceptor acceptor_;
+  int listening_;
+  HaplySettings settings_;
   std::thread thread_;
 };
 
-/// A text's frame as a server sends it (RFC 6455, 5.2). @param fin  false: another part of the text follows
-std::string frame(const std::string& text, int opcode = 1, bool fin = true) {
-  std::string bytes(1, static_cast<char>((fin ? 0x80 : 0) | opcode));
-  if (text.size() < 126) return bytes + static_cast<char>(text.size()) + text;
-  return bytes + '\x7e' + static_cast<char>(text.size() >> 8) + static_cast<char>(text.size() & 0xff) + text;
+/// Reads one text, for two seconds at most.
+void read_text(TestServiceSocket& socket) {
+  std::string text;
+  EXPECT_EQ(socket.read_for(milliseconds(2000), text), TestServiceSocket::Read::kMessage);
 }
 
 /// What comes within two seconds, asked for again and again as the driver does. @param nothings  times that
@@ -76,8 +80,8 @@ Connection::Received next(Connection& connection, std::string& text, int& nothin
 // a message in pieces, with pauses longer than anybody waits: within its header, its length, its text and
 // between its frames, and with the service's question in between
 TEST(HaplyConnection, AMessageInPiecesComesWhole) {
-  const std::string long_text(300, 'a'),
-      all = frame(long_text) + frame("one", 1, false) + frame("?", 9) + frame("two", 0);
+  const std::string long_text(300, 'a'), all = service_frame(long_text) + service_frame("one", 1, false) +
+                                               service_frame("?", 9) + service_frame("two", 0);
   std::vector<std::string> pieces;
   std::size_t from = 0;
   for (const std::size_t to :
@@ -88,12 +92,9 @@ TEST(HaplyConnection, AMessageInPiecesComesWhole) {
   }
   std::atomic<bool> answered{false};
   RawService service;
-  service.serve(pieces, milliseconds(5), [&](auto& stream) {
-    boost::beast::flat_buffer buffer;
-    stream.control_callback([&](websocket::frame_type kind, boost::beast::string_view payload) {
-      answered = kind == websocket::frame_type::pong && payload == "?";
-    });
-    stream.read(buffer);
+  service.serve(pieces, milliseconds(5), [&](TestServiceSocket& socket) {
+    read_text(socket);
+    answered = socket.pong() == "?";
   });
   auto connection = Connection::open(service.settings(), service.settings().port);
   ASSERT_TRUE(connection) << connection.error().message();
@@ -112,10 +113,8 @@ TEST(HaplyConnection, AMessageInPiecesComesWhole) {
 // what came together is told one after another, though nothing more can be heard
 TEST(HaplyConnection, TwoMessagesAtOnceAreTwo) {
   RawService service;
-  service.serve({frame("first") + frame("second") + frame("third")}, milliseconds(0), [](auto& stream) {
-    boost::beast::flat_buffer buffer;
-    stream.read(buffer);
-  });
+  service.serve({service_frame("first") + service_frame("second") + service_frame("third")}, milliseconds(0),
+                read_text);
   auto connection = Connection::open(service.settings(), service.settings().port);
   ASSERT_TRUE(connection);
   std::string text;
@@ -131,12 +130,11 @@ TEST(HaplyConnection, TwoMessagesAtOnceAreTwo) {
 TEST(HaplyConnection, AClosedOneStaysLost) {
   for (const bool politely : {true, false}) {
     RawService service;
-    service.serve({frame("last")}, milliseconds(0), [&](auto& stream) {
-      boost::system::error_code ignored;
+    service.serve({service_frame("last")}, milliseconds(0), [&](TestServiceSocket& socket) {
       if (politely)
-        asio::write(stream.next_layer(), asio::buffer(std::string("\x88\0", 2)), ignored);
+        socket.write_raw(service_frame("", 8));
       else
-        stream.next_layer().close(ignored);
+        socket.close();
     });
     auto connection = Connection::open(service.settings(), service.settings().port);
     ASSERT_TRUE(connection);
@@ -153,7 +151,7 @@ TEST(HaplyConnection, AClosedOneStaysLost) {
 TEST(HaplyConnection, SendingToWhoDoesNotReadEnds) {
   std::atomic<bool> ended{false};
   RawService service;
-  service.serve({}, milliseconds(0), [&](auto&) {
+  service.serve({}, milliseconds(0), [&](TestServiceSocket&) {
     for (int n = 0; n < 10000 && !ended; ++n) std::this_thread::sleep_for(milliseconds(1));
   });
   auto connection = Connection::open(service.settings(), service.settings().port);

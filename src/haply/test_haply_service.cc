@@ -8,26 +8,16 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/beast/core/buffers_to_string.hpp>
-#include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/http/read.hpp>
-#include <boost/beast/http/string_body.hpp>
-#include <boost/beast/http/write.hpp>
-#include <boost/beast/websocket/rfc6455.hpp>
-#include <boost/beast/websocket/stream.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "haply/test_service_socket.h"
 #include "palpate/base/clock.h"
 
 namespace palpate::testing {
 namespace {
 
-namespace beast = boost::beast;
 using ServiceJson = nlohmann::json;
-using tcp = boost::asio::ip::tcp;
 
 constexpr int kPoll_ms = 2;
 constexpr double kMPerMm = 1e-3;
@@ -157,32 +147,20 @@ void FakeInverseService::listen(Listener& listener) {
 /// What one client says by its WebSocket.
 class FakeInverseService::Session {
  public:
-  Session(FakeInverseService& service, beast::websocket::stream<tcp::socket>& socket)
-      : service_(service), socket_(socket) {}
+  Session(FakeInverseService& service, TestServiceSocket& socket) : service_(service), socket_(socket) {}
 
   void run() {
     if (!answer(true)) return go_idle();
-    // a read that is always under way: what has come with the message before it lies in no socket any more
-    auto& context = static_cast<boost::asio::io_context&>(socket_.get_executor().context());
-    beast::flat_buffer buffer;
-    bool reading = false, failed = false;
-    while (!service_.ended_ && !failed) {
+    std::string text;
+    while (!service_.ended_) {
       if (service_.deaf) {
         std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms));
       } else {
-        if (!reading) {
-          reading = true;
-          socket_.async_read(buffer, [&](const boost::system::error_code& error, std::size_t) {
-            reading = false;
-            failed = bool(error);
-          });
-        }
-        context.restart();
-        context.run_for(std::chrono::milliseconds(kPoll_ms));
-        if (!reading && !failed) {
+        const auto read = socket_.read_for(std::chrono::milliseconds(kPoll_ms), text);
+        if (read == TestServiceSocket::Read::kLost) break;
+        if (read == TestServiceSocket::Read::kMessage) {
           last_ns_ = monotonic_ns();
-          take(beast::buffers_to_string(buffer.data()));
-          buffer.consume(buffer.size());
+          take(text);
           ++service_.messages_;
           if (!service_.silent && !answer(false)) break;
         }
@@ -190,10 +168,7 @@ class FakeInverseService::Session {
       if (monotonic_ns() - last_ns_ > kIdle_ns) go_idle();
     }
     go_idle();
-    boost::system::error_code ignored;
-    beast::get_lowest_layer(socket_).close(ignored);
-    context.restart();
-    context.run();
+    socket_.close();
   }
 
  private:
@@ -244,59 +219,43 @@ class FakeInverseService::Session {
     std::string text = service_.state_text(sample, inventory);
     if (service_.breaks_json) text.resize(text.size() / 2);
     if (service_.says_other) text = R"({"hello":[1,2,3]})";
-    boost::system::error_code error;
-    socket_.write(boost::asio::buffer(text), error);
-    return !error;
+    return socket_.write(text);
   }
 
   FakeInverseService& service_;
-  beast::websocket::stream<tcp::socket>& socket_;
+  TestServiceSocket& socket_;
   bool first_ = true, idle_ = true;
   std::int64_t last_ns_ = monotonic_ns();
 };
 
 void FakeInverseService::serve(int handle) {
-  boost::asio::io_context context;
-  tcp::socket socket(context, tcp::v4(), handle);
-  boost::system::error_code error;
-  socket.set_option(tcp::no_delay(true), error);
-  const auto port = socket.local_endpoint(error).port();
+  TestServiceSocket socket(handle);
+  const std::uint16_t port = socket.local_port();
   const bool at_websocket = port == port_;
-  beast::flat_buffer buffer;
-  beast::http::request<beast::http::string_body> request;
-  beast::http::read(socket, buffer, request, error);
-  if (error) return;
-  if (at_websocket && beast::websocket::is_upgrade(request)) {
-    beast::websocket::stream<tcp::socket> stream(std::move(socket));
-    stream.accept(request, error);
-    if (error) return;
+  if (!socket.read_request()) return;
+  if (at_websocket && socket.is_upgrade()) {
+    if (!socket.accept()) return;
     ++connections_;
-    Session(*this, stream).run();
+    Session(*this, socket).run();
     return;
   }
-  if (port == events_port_ && !is_old() && beast::websocket::is_upgrade(request)) {
-    beast::websocket::stream<tcp::socket> stream(std::move(socket));
-    stream.accept(request, error);
+  if (port == events_port_ && !is_old() && socket.is_upgrade()) {
+    bool fine = socket.accept();
     ++event_listeners_;
-    for (int told = events_; !error && !ended_;
+    for (int told = events_; fine && !ended_;
          std::this_thread::sleep_for(std::chrono::milliseconds(kPoll_ms))) {
       if (told == events_) continue;
       const std::lock_guard lock(mutex_);
       told = events_;
-      stream.write(boost::asio::buffer(event_), error);
+      fine = socket.write(event_);
     }
     return;
   }
-  beast::http::response<beast::http::string_body> answer(beast::http::status::not_found, 11);
-  const bool asked = is_old() ? !at_websocket && request.target() == "/3.0/version"
-                              : at_websocket && request.target() == "/3.5/version";
-  if (asked) {
-    const std::lock_guard lock(mutex_);
-    answer.result(beast::http::status::ok);
-    answer.body() = "{\"version\":\"" + version_ + "\"}";
-  }
-  answer.prepare_payload();
-  beast::http::write(socket, answer, error);
+  const bool asked = is_old() ? !at_websocket && socket.target() == "/3.0/version"
+                              : at_websocket && socket.target() == "/3.5/version";
+  if (!asked) return socket.answer(404, "");
+  const std::lock_guard lock(mutex_);
+  socket.answer(200, "{\"version\":\"" + version_ + "\"}");
 }
 
 std::string FakeInverseService::state_text(const DeviceSample& sample, bool inventory) const {

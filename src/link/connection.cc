@@ -1,12 +1,5 @@
 #include "link/connection.h"
 
-#include <array>
-#include <boost/asio/write.hpp>
-#include <boost/beast/http/error.hpp>
-#include <boost/beast/http/read.hpp>
-#include <boost/beast/http/rfc7230.hpp>
-#include <boost/beast/websocket/rfc6455.hpp>
-#include <limits>
 #include <utility>
 
 #include "link/hub.h"
@@ -15,49 +8,28 @@
 namespace palpate::link {
 namespace {
 
-namespace http = beast::http;
-
 // for the first request, TLS included; a later one may come after a while
 constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
 // so much of an answer, or what is left of it: who takes less keeps a place that others may need
-constexpr std::size_t kTaken_bytes = 64 << 10;
+constexpr std::size_t kTaken_bytes = HttpConnection::kPart_bytes;
 constexpr auto kTakenWithin = std::chrono::seconds(10);
 constexpr auto kMadeWithin = std::chrono::seconds(60);
 constexpr auto kLingers = std::chrono::seconds(1);
 
-// as a viewer writes it: an IPv4 address that came by an IPv6 socket is itself, and a scope is our own affair
-std::string as_asked_for(const boost::asio::ip::address& address) {
-  if (!address.is_v6()) return address.to_string();
-  boost::asio::ip::address_v6 v6 = address.to_v6();
-  if (v6.is_v4_mapped()) return boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, v6).to_string();
-  v6.scope_id(0);
-  return v6.to_string();
-}
-
-std::string_view view(beast::string_view text) {
-  return {text.data(), text.size()};
-}
-
 }  // namespace
 
-Connection::Connection(std::unique_ptr<Stream> stream, Hub& hub)
-    : stream_(std::move(stream)),
+Connection::Connection(std::shared_ptr<HttpConnection> http, Hub& hub)
+    : http_(std::move(http)),
       hub_(hub),
-      peer_(peer_of(*stream_)),
-      from_(block_of(*stream_)),
-      turn_(stream_->get_executor()),
+      turn_(hub.timer()),
       since_(Clock::now()),
-      close_by_(since_ + kFirstHeadWithin) {
-  ErrorCode failed;
-  const auto local = stream_->socket().local_endpoint(failed);
-  if (!failed) local_address_ = as_asked_for(local.address());
-}
+      close_by_(since_ + kFirstHeadWithin) {}
 
 void Connection::begin() {
-  if (!stream_->is_tls()) return read();
-  stream_->async_handshake([self = shared_from_this()](ErrorCode failed) {
-    if (!failed) return self->read();
-    self->hub_.log().say(self->peer_, "no TLS");
+  if (!http_->is_tls()) return read();
+  http_->handshake([self = shared_from_this()](bool ok) {
+    if (ok) return self->read();
+    self->hub_.log().say(self->http_->peer(), "no TLS");
     self->close();
   });
 }
@@ -65,60 +37,30 @@ void Connection::begin() {
 void Connection::read() {
   if (closed_) return;
   about_ = About::kSilent;
-  // it looks into the parser
+  // its views end with the next read
   request_ = {};
-  parser_.emplace();
-  parser_->header_limit(kMostHead_bytes);
-  // a body is refused when it is known who asks, and never read
-  parser_->body_limit(std::numeric_limits<std::uint64_t>::max());
-  http::async_read_header(*stream_, input_, *parser_,
-                          [self = shared_from_this()](ErrorCode failed, std::size_t head_bytes) {
-                            if (self->closed_) return;
-                            self->about_ = About::kTaking;
-                            // the parser's own limit leaves some of the ends of lines out
-                            if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
-                            if (failed) return self->read_failed(failed);
-                            self->serve();
-                          });
+  http_->read_head([self = shared_from_this()](HttpConnection::Head outcome) {
+    if (self->closed_) return;
+    self->about_ = About::kTaking;
+    if (outcome != HttpConnection::Head::kRead) return self->read_failed(outcome);
+    self->serve();
+  });
 }
 
-void Connection::read_failed(ErrorCode failed) {
-  const bool too_long = failed == http::error::header_limit || failed == http::error::buffer_overflow;
-  const bool malformed = failed.category() == ErrorCode(http::error::bad_version).category();
-  if (failed == http::error::end_of_stream || failed == http::error::partial_message || !malformed)
-    return close();
-  hub_.log().say(peer_, too_long ? "a request head that is too long" : "a malformed request");
+void Connection::read_failed(HttpConnection::Head outcome) {
+  if (outcome == HttpConnection::Head::kClosed) return close();
+  const bool too_long = outcome == HttpConnection::Head::kTooLong;
+  hub_.log().say(http_->peer(), too_long ? "a request head that is too long" : "a malformed request");
   send(Site::refusal(too_long ? 431 : 400), false);
 }
 
 void Connection::serve() {
-  const auto& head = parser_->get();
-  request_.method = view(head.method_string());
-  request_.target = view(head.target());
-  request_.host = view(head[http::field::host]);
-  request_.origin = view(head[http::field::origin]);
-  request_.fetch_site = view(head["Sec-Fetch-Site"]);
-  request_.authorization = view(head[http::field::authorization]);
-  request_.accept_encoding = view(head[http::field::accept_encoding]);
-  request_.if_none_match = view(head[http::field::if_none_match]);
-  for (const auto once :
-       {http::field::host, http::field::origin, http::field::authorization, http::field::content_length})
-    request_.ambiguous = request_.ambiguous || head.count(once) > 1;
-  // where two programs on the way differ about the length of a body, its end is somebody's next request
-  request_.ambiguous = request_.ambiguous || head.count(http::field::transfer_encoding) > 0 ||
-                       head[http::field::content_length].find(',') != beast::string_view::npos;
-  request_.has_body = parser_->content_length().value_or(0) > 0;
-  request_.upgrade = beast::websocket::is_upgrade(head);
-  request_.subprotocol = http::token_list(head[http::field::sec_websocket_protocol]).exists("palpate.v1");
-  request_.local_address = local_address_;
-  request_.from = from_;
-  request_.at = Clock::now();
-
+  request_ = http_->request();
   auto answer = hub_.site().answer(request_);
-  const bool keep_alive = head.keep_alive() && !request_.has_body;
+  const bool keep_alive = request_.keep_alive && !request_.has_body;
   if (std::holds_alternative<Upgrade>(answer)) return become_viewer();
   if (auto* ready = std::get_if<HttpAnswer>(&answer)) {
-    if (ready->status >= 400) hub_.log().say(peer_, "refused, " + std::to_string(ready->status));
+    if (ready->status >= 400) hub_.log().say(http_->peer(), "refused, " + std::to_string(ready->status));
     return send(std::move(*ready), keep_alive && ready->status < 400);
   }
 
@@ -160,19 +102,19 @@ void Connection::serve() {
 }
 
 void Connection::refuse_volume(const std::string& what) {
-  hub_.log().say(peer_, what + " could not be made");
+  hub_.log().say(http_->peer(), what + " could not be made");
   send(Site::refusal(503), false);
 }
 
 void Connection::become_viewer() {
   // nobody may speak the new protocol before it is agreed upon
-  if (input_.size() > 0) return send(Site::refusal(400), false);
+  if (http_->has_more()) return send(Site::refusal(400), false);
   hub_.make_room_for_silent_viewer();
-  const auto viewer = std::make_shared<Viewer>(std::move(stream_), hub_);
+  const auto viewer = std::make_shared<Viewer>(http_->upgrade(), http_->peer(), http_->from(), hub_);
   closed_ = true;
   hub_.remove(shared_from_this());
   hub_.add(viewer);
-  viewer->begin(parser_->release());
+  viewer->begin();
 }
 
 void Connection::get_on(Clock::duration within) {
@@ -191,13 +133,12 @@ bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
 
 void Connection::send(HttpAnswer answer, bool keep_alive) {
   const std::string_view body = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
-  const std::array<net::const_buffer, 2> bytes{net::buffer(head_), net::buffer(body)};
-  write(bytes, [this, keep_alive] { sent(keep_alive); });
+  write(head_, body, [this, keep_alive] { sent(keep_alive); });
 }
 
 void Connection::send_volume(HttpAnswer answer, bool keep_alive) {
   volume_left_ = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
-  write(std::array{net::buffer(head_)}, [this, keep_alive] { send_part(keep_alive); });
+  write(head_, "", [this, keep_alive] { send_part(keep_alive); });
 }
 
 // one part after the other, each when it is its turn among those of all downloads
@@ -206,32 +147,28 @@ void Connection::send_part(bool keep_alive) {
   const auto turn = hub_.next_part(volume_left_.size());
   const auto send = [this, part = volume_left_.substr(0, turn.bytes), keep_alive] {
     volume_left_.remove_prefix(part.size());
-    write(std::array{net::buffer(part)}, [this, keep_alive] { send_part(keep_alive); });
+    write(part, "", [this, keep_alive] { send_part(keep_alive); });
   };
   if (turn.at <= Clock::now()) return send();
-  turn_.expires_at(turn.at);
-  turn_.async_wait([self = shared_from_this(), send](ErrorCode failed) {
-    if (!failed && !self->closed_) send();
+  turn_->wait_until(turn.at, [self = shared_from_this(), send] {
+    if (!self->closed_) send();
   });
 }
 
-template <class Buffers, class Then>
-void Connection::write(const Buffers& bytes, Then then) {
+void Connection::write(std::string_view head, std::string_view body, std::function<void()> then) {
   // so much that is taken gives time for as much
-  const auto progress = [self = shared_from_this()](ErrorCode failed, std::size_t taken) -> std::size_t {
-    if (self->written_bytes_ + taken >= self->taken_bytes_ + kTaken_bytes) {
-      self->taken_bytes_ = self->written_bytes_ + taken;
-      self->get_on(kTakenWithin);
-    }
-    return failed ? 0 : kTaken_bytes;
+  auto progress = [this](std::size_t taken) {
+    if (written_bytes_ + taken < taken_bytes_ + kTaken_bytes) return;
+    taken_bytes_ = written_bytes_ + taken;
+    get_on(kTakenWithin);
   };
-  net::async_write(*stream_, bytes, progress,
-                   [self = shared_from_this(), then](ErrorCode failed, std::size_t taken) {
-                     self->written_bytes_ += taken;
-                     if (self->closed_) return;
-                     if (failed) return self->close();
-                     then();
-                   });
+  http_->write(head, body, std::move(progress),
+               [self = shared_from_this(), then = std::move(then)](bool ok, std::size_t taken) {
+                 self->written_bytes_ += taken;
+                 if (self->closed_) return;
+                 if (!ok) return self->close();
+                 then();
+               });
 }
 
 void Connection::sent(bool keep_alive) {
@@ -245,23 +182,22 @@ void Connection::sent(bool keep_alive) {
 // for a moment.
 void Connection::linger() {
   close_by_ = Clock::now() + kLingers;
-  async_teardown(beast::role_type::server, *stream_,
-                 [self = shared_from_this()](ErrorCode) { self->close(); });
+  http_->linger([self = shared_from_this()] { self->close(); });
 }
 
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
   // browsers open connections that they may never use, and keep those that they have used
-  if (about_ == About::kSilent && parser_ && parser_->got_some()) hub_.log().say(peer_, "no request in time");
+  if (about_ == About::kSilent && http_->has_begun()) hub_.log().say(http_->peer(), "no request in time");
   if (about_ == About::kTaking && !answer_.text().empty())
-    hub_.log().say(peer_, "takes its answer too slowly");
+    hub_.log().say(http_->peer(), "takes its answer too slowly");
   close();
 }
 
 void Connection::close() {
   if (std::exchange(closed_, true)) return;
-  turn_.cancel();
-  stream_->close();
+  turn_->cancel();
+  http_->close();
   hub_.remove(shared_from_this());
 }
 

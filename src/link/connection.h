@@ -1,17 +1,14 @@
 #pragma once
 
-#include <boost/asio/basic_waitable_timer.hpp>
-#include <boost/beast/core/flat_static_buffer.hpp>
-#include <boost/beast/http/empty_body.hpp>
-#include <boost/beast/http/parser.hpp>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
-#include <optional>
 #include <string>
+#include <string_view>
 
 #include "link/site.h"
-#include "link/stream.h"
+#include "link/transport.h"
 
 namespace palpate::link {
 
@@ -21,10 +18,8 @@ class Hub;
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   using Clock = std::chrono::steady_clock;
-  /// No request's head is longer.
-  static constexpr std::size_t kMostHead_bytes = 8192;
 
-  Connection(std::unique_ptr<Stream> stream, Hub& hub);
+  Connection(std::shared_ptr<HttpConnection> http, Hub& hub);
 
   void begin();
   /// Closes what takes too long.
@@ -44,10 +39,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool is_loading() const { return !volume_left_.empty(); }
 
  private:
-  using Parser = beast::http::request_parser<beast::http::empty_body>;
-
   void read();
-  void read_failed(ErrorCode failed);
+  void read_failed(HttpConnection::Head outcome);
   void serve();
   void refuse_volume(const std::string& what);
   void become_viewer();
@@ -57,19 +50,13 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void send_volume(HttpAnswer answer, bool keep_alive);
   void send_part(bool keep_alive);
   /// Writes, and says that it got on with each 64 KiB that were taken.
-  template <class Buffers, class Then>
-  void write(const Buffers& bytes, Then then);
+  void write(std::string_view head, std::string_view body, std::function<void()> then);
   void sent(bool keep_alive);
   void linger();
   void get_on(Clock::duration within);
 
-  std::unique_ptr<Stream> stream_;
+  std::shared_ptr<HttpConnection> http_;
   Hub& hub_;
-  const std::string peer_;
-  const AddressBlock from_;
-  std::string local_address_;
-  beast::flat_static_buffer<2 * kMostHead_bytes> input_;
-  std::optional<Parser> parser_;
   HttpRequest request_;
   HttpAnswer answer_;
   std::string head_;
@@ -77,7 +64,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool closed_ = false;
   std::size_t taken_bytes_ = 0, written_bytes_ = 0;  // of the answer
   std::string_view volume_left_;
-  net::basic_waitable_timer<Clock, net::wait_traits<Clock>, Stream::executor_type> turn_;
+  std::unique_ptr<Timer> turn_;
   Clock::time_point since_, close_by_;
 };
 

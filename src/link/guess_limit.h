@@ -1,18 +1,13 @@
 #pragma once
 
-#include <array>
-#include <boost/asio/ip/address.hpp>
 #include <chrono>
 #include <cstddef>
 #include <map>
 
+#include "link/address.h"
 #include "link/token_bucket.h"
 
 namespace palpate::link {
-
-/// Whose guesses count together: an IPv4 address, or the /64 of IPv6, of which one machine has all.
-using AddressBlock = std::array<unsigned char, 16>;
-AddressBlock block_of(const boost::asio::ip::address& address);
 
 /// How many wrong tokens are looked at, at most 10 in any second of one address. What is beyond is refused
 /// without a look, the right token as well: an answer to it would be an answer to every guess. Nobody is kept

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <boost/asio/ip/address.hpp>
 #include <deque>
 #include <random>
 
@@ -20,10 +19,12 @@ using Clock = GuessLimit::Clock;
 constexpr const char* kRight = "a-token-of-our-own-71";
 
 AddressBlock block(const std::string& address) {
-  return block_of(boost::asio::ip::make_address(address));
+  return block_of(IpAddress::parse(address).value());
 }
 AddressBlock block(std::uint32_t address) {
-  return block_of(boost::asio::ip::make_address_v4(address));
+  return block_of(IpAddress(
+      IpAddress::V4Bytes{static_cast<unsigned char>(address >> 24), static_cast<unsigned char>(address >> 16),
+                         static_cast<unsigned char>(address >> 8), static_cast<unsigned char>(address)}));
 }
 
 Access guarded() {

@@ -1,8 +1,6 @@
 #include "link/hub.h"
 
 #include <algorithm>
-#include <boost/asio/post.hpp>
-#include <boost/beast/websocket/rfc6455.hpp>
 #include <utility>
 #include <vector>
 
@@ -47,8 +45,8 @@ Right right_for(const Request& request) {
 
 }  // namespace
 
-Hub::Hub(net::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
-         PictureStore& pictures, DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
+Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+         DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
       site_(site),
       volumes_(volumes),
@@ -56,9 +54,9 @@ Hub::Hub(net::io_context& context, ViewerHost& host, Site& site, PayloadStore& v
       downloads_(downloads),
       log_(std::move(log)),
       count_viewers_(std::move(count_viewers)),
-      context_(context),
-      pose_timer_(context),
-      sweep_timer_(context) {}
+      loop_(loop),
+      pose_timer_(loop.timer()),
+      sweep_timer_(loop.timer()) {}
 
 Hub::~Hub() = default;
 
@@ -68,14 +66,12 @@ void Hub::begin() {
 
 void Hub::end() {
   ended_ = true;
-  pose_timer_.cancel();
+  pose_timer_->cancel();
   // whoever has not answered by then is not waited for
-  sweep_timer_.expires_after(kGoodbyeWithin);
-  sweep_timer_.async_wait([this](ErrorCode) { context_.stop(); });
+  sweep_timer_->wait_until(Clock::now() + kGoodbyeWithin, [this] { loop_.stop(); });
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
-  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end()))
-    viewer->end(beast::websocket::close_code::going_away, "");
-  if (viewers_.empty()) context_.stop();
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->end(kGoingAway, "");
+  if (viewers_.empty()) loop_.stop();
 }
 
 // ---- connections
@@ -100,7 +96,7 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
     (void)host_.take_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
-  if (ended_ && viewers_.empty()) context_.stop();
+  if (ended_ && viewers_.empty()) loop_.stop();
 }
 
 bool Hub::one_loads_alone() const {
@@ -162,7 +158,7 @@ bool Hub::make_room_for_viewer(Role role) {
 
 void Hub::want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
   volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
-    net::post(context_, [then, payload = std::move(payload)] { then(payload); });
+    loop_.post([then, payload = std::move(payload)] { then(payload); });
   });
 }
 
@@ -170,15 +166,14 @@ void Hub::want_picture(PictureKey key, std::weak_ptr<const void> asker,
                        std::function<void(PictureStore::Payload)> then) {
   pictures_.want(std::move(key), std::move(asker),
                  [this, then = std::move(then)](PictureStore::Payload payload) mutable {
-                   net::post(context_,
-                             [then = std::move(then), payload = std::move(payload)] { then(payload); });
+                   loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
                  });
 }
 
 void Hub::want_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
   volumes_.run([this, learner, then = std::move(then)] {
     Result<std::string> page = host_.curves(learner);
-    net::post(context_, [then, page = std::move(page)] { then(page); });
+    loop_.post([then, page = std::move(page)] { then(page); });
   });
 }
 
@@ -389,9 +384,8 @@ void Hub::look_at_plan() {
 void Hub::wait_for_poses() {
   // turns that were missed stay missed
   next_pose_ = std::max(next_pose_ + kPosePeriod, Clock::now());
-  pose_timer_.expires_at(next_pose_);
-  pose_timer_.async_wait([this](ErrorCode failed) {
-    if (failed || ended_) return;
+  pose_timer_->wait_until(next_pose_, [this] {
+    if (ended_) return;
     if (welcomed_ == 0) {
       posing_ = false;
       return;
@@ -482,9 +476,8 @@ void Hub::show_pose() {
 // ---- what has to be seen to now and then
 
 void Hub::wait_for_sweep() {
-  sweep_timer_.expires_after(kSweepPeriod);
-  sweep_timer_.async_wait([this](ErrorCode failed) {
-    if (failed || ended_) return;
+  sweep_timer_->wait_until(Clock::now() + kSweepPeriod, [this] {
+    if (ended_) return;
     wait_for_sweep();
     sweep();
   });

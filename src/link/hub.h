@@ -1,8 +1,6 @@
 #pragma once
 
 #include <array>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -17,6 +15,7 @@
 #include "link/pose_message.h"
 #include "link/request.h"
 #include "link/site.h"
+#include "link/transport.h"
 #include "link/yield_message.h"
 
 namespace palpate::link {
@@ -44,9 +43,9 @@ class Hub {
   /// A viewer loads scan and labels at once.
   static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 
-  /// @param host, site, volumes, pictures  outlive the hub
-  Hub(boost::asio::io_context& context, ViewerHost& host, Site& site, PayloadStore& volumes,
-      PictureStore& pictures, DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
+  /// @param loop, host, site, volumes, pictures  outlive the hub
+  Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+      DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
   ~Hub();
 
   void begin();
@@ -72,6 +71,7 @@ class Hub {
   // ---- what they need
 
   Site& site() { return site_; }
+  std::unique_ptr<Timer> timer() { return loop_.timer(); }
   FaultLog& log() { return log_; }
   /// The next part of a connection's download, which has sent the one before.
   DownloadPace::Turn next_part(std::size_t left_bytes);
@@ -139,8 +139,8 @@ class Hub {
   FaultLog log_;
   const std::function<void(int)> count_viewers_;
 
-  boost::asio::io_context& context_;
-  boost::asio::steady_timer pose_timer_, sweep_timer_;
+  EventLoop& loop_;
+  const std::unique_ptr<Timer> pose_timer_, sweep_timer_;
   Clock::time_point next_pose_{};
   std::set<std::shared_ptr<Connection>> connections_;
   std::set<std::shared_ptr<Viewer>> viewers_;

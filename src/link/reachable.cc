@@ -5,27 +5,21 @@
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <memory>
 
 namespace palpate::link {
 namespace {
 
-namespace ip = boost::asio::ip;
-
 // what only this machine or this cable knows
-bool is_local(const ip::address& address) {
-  constexpr std::uint32_t kLinkLocal = 0xa9fe0000, kLinkLocalMask = 0xffff0000;  // 169.254.0.0/16
-  if (address.is_loopback()) return true;
-  if (address.is_v6()) return address.to_v6().is_link_local();
-  return (address.to_v4().to_uint() & kLinkLocalMask) == kLinkLocal;
+bool is_local(const IpAddress& address) {
+  return address.is_loopback() || address.is_link_local();
 }
 
 }  // namespace
 
-std::vector<ip::address> own_addresses() {
-  std::vector<ip::address> own;
+std::vector<IpAddress> own_addresses() {
+  std::vector<IpAddress> own;
   ifaddrs* first = nullptr;
   if (::getifaddrs(&first) != 0) return own;
   const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> list(first, ::freeifaddrs);
@@ -34,32 +28,32 @@ std::vector<ip::address> own_addresses() {
     if (entry->ifa_addr->sa_family == AF_INET) {
       sockaddr_in v4;
       std::memcpy(&v4, entry->ifa_addr, sizeof v4);
-      own.push_back(ip::make_address_v4(ntohl(v4.sin_addr.s_addr)));
+      IpAddress::V4Bytes bytes;
+      std::memcpy(bytes.data(), &v4.sin_addr, bytes.size());
+      own.emplace_back(bytes);
     } else if (entry->ifa_addr->sa_family == AF_INET6) {
       sockaddr_in6 v6;
       std::memcpy(&v6, entry->ifa_addr, sizeof v6);
-      ip::address_v6::bytes_type bytes;
+      IpAddress::V6Bytes bytes;
       std::copy(std::begin(v6.sin6_addr.s6_addr), std::end(v6.sin6_addr.s6_addr), bytes.begin());
-      own.push_back(ip::address_v6(bytes));
+      own.emplace_back(bytes);
     }
   }
   return own;
 }
 
-ip::address reachable_address(const ip::address& listened, const std::vector<ip::address>& own,
-                              bool v6_only) {
+IpAddress reachable_address(const IpAddress& listened, const std::vector<IpAddress>& own, bool v6_only) {
   if (!listened.is_unspecified()) return listened;
-  const bool takes_v4 = listened.is_v4() || !v6_only, takes_v6 = listened.is_v6();
+  const bool takes_v4 = !listened.is_v6() || !v6_only, takes_v6 = listened.is_v6();
   // IPv4 first: people can type it
   for (const bool v4 : {true, false}) {
     if (!(v4 ? takes_v4 : takes_v6)) continue;
-    const auto found = std::find_if(own.begin(), own.end(), [&](const ip::address& address) {
-      return address.is_v4() == v4 && !is_local(address);
+    const auto found = std::find_if(own.begin(), own.end(), [&](const IpAddress& address) {
+      return address.is_v6() != v4 && !is_local(address);
     });
     if (found != own.end()) return *found;
   }
-  if (takes_v4) return ip::address_v4::loopback();
-  return ip::address_v6::loopback();
+  return takes_v4 ? IpAddress::loopback_v4() : IpAddress::loopback_v6();
 }
 
 }  // namespace palpate::link

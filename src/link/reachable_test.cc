@@ -8,12 +8,10 @@
 namespace palpate::link {
 namespace {
 
-namespace ip = boost::asio::ip;
-
 std::string told(const char* listened, const std::vector<const char*>& own, bool v6_only = false) {
-  std::vector<ip::address> addresses;
-  for (const char* text : own) addresses.push_back(ip::make_address(text));
-  return reachable_address(ip::make_address(listened), addresses, v6_only).to_string();
+  std::vector<IpAddress> addresses;
+  for (const char* text : own) addresses.push_back(IpAddress::parse(text).value());
+  return reachable_address(IpAddress::parse(listened).value(), addresses, v6_only).text();
 }
 
 TEST(Reachable, AnAddressThatCanBeOpened) {

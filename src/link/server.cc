@@ -1,10 +1,4 @@
-#include <openssl/ssl.h>
-#include <pthread.h>
-
 #include <atomic>
-#include <boost/asio/basic_socket_acceptor.hpp>
-#include <boost/asio/ip/address.hpp>
-#include <boost/asio/ip/v6_only.hpp>
 #include <exception>
 #include <system_error>
 #include <thread>
@@ -14,31 +8,23 @@
 #include "link/hub.h"
 #include "link/ordinary_thread.h"
 #include "link/reachable.h"
-#include "link/stream.h"
-#include "palpate/base/file.h"
+#include "link/transport.h"
+#include "palpate/base/check.h"
 #include "palpate/link/viewer_server.h"
 
 namespace palpate {
 namespace link {
 namespace {
 
-using net::ip::tcp;
-
-constexpr auto kAcceptAgain = std::chrono::milliseconds(100);
 constexpr int kMostPort = 65535;
-// ephemeral keys and authenticated encryption alone
-constexpr const char *kCiphers12 = "ECDHE+AESGCM:ECDHE+CHACHA20:!aNULL",
-                     *kCiphers13 =
-                         "TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256";
 
 Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
-Result<net::ip::address> checked_address(const ViewerServerOptions& options) {
-  ErrorCode failed;
-  const auto address = net::ip::make_address(options.address, failed);
-  if (failed)
+Result<IpAddress> checked_address(const ViewerServerOptions& options) {
+  const auto address = IpAddress::parse(options.address);
+  if (!address)
     return usage("is no numeric address", "--listen " + options.address,
                  "give one of this machine's, 0.0.0.0 or [::] without its brackets for all of them");
   if (options.port < 0 || options.port > kMostPort)
@@ -46,58 +32,28 @@ Result<net::ip::address> checked_address(const ViewerServerOptions& options) {
   if (options.tls_certificate.empty() != options.tls_key.empty())
     return usage("a certificate and its key go together",
                  options.tls_key.empty() ? "--tls-cert" : "--tls-key", "give both --tls-cert and --tls-key");
-  if (!address.is_loopback() && options.token_file.empty())
+  if (!address->is_loopback() && options.token_file.empty())
     return usage("whoever reaches this address could see and change the session",
                  "--listen " + options.address, "give --token-file FILE, or listen at 127.0.0.1 alone");
-  return address;
-}
-
-Error bad_tls(const std::filesystem::path& file, const char* what) {
-  return {ErrorKind::kBadInput, what, file.string(),
-          "give PEM files that belong together and that you may read"};
-}
-
-Result<std::unique_ptr<net::ssl::context>> tls_context(const ViewerServerOptions& options) {
-  if (options.tls_certificate.empty()) return std::unique_ptr<net::ssl::context>();
-  auto tls = std::make_unique<net::ssl::context>(net::ssl::context::tls_server);
-  // keys are gone when the connection is: whoever learns the certificate's key later reads nothing of it
-  SSL_CTX* const context = tls->native_handle();
-  PALPATE_CHECK(SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION) == 1 &&
-                SSL_CTX_set_cipher_list(context, kCiphers12) == 1 &&
-                SSL_CTX_set_ciphersuites(context, kCiphers13) == 1);
-  SSL_CTX_set_options(context, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET);
-  SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
-  ErrorCode failed;
-  // a key with a passphrase must not ask for it at the terminal
-  tls->set_password_callback([](std::size_t, net::ssl::context::password_purpose) { return std::string(); },
-                             failed);
-  constexpr std::size_t kMostPemBytes = std::size_t{1} << 20;
-  const auto certificate = read_file(options.tls_certificate, kMostPemBytes);
-  if (!certificate) return certificate.error();
-  tls->use_certificate_chain(net::buffer(*certificate), failed);
-  if (failed) return bad_tls(options.tls_certificate, "holds no certificate that can be read");
-  const auto key = read_file(options.tls_key, kMostPemBytes);
-  if (!key) return key.error();
-  tls->use_private_key(net::buffer(*key), net::ssl::context::pem, failed);
-  if (failed) return bad_tls(options.tls_key, "holds no key of that certificate that can be read");
-  return tls;
+  return *address;
 }
 
 class Server : public ViewerServer {
  public:
-  /// The socket is bound and listens before anything is made that costs time.
-  Server(ViewerHost& host, const ViewerServerOptions& options, std::unique_ptr<net::ssl::context> tls,
-         Tokens tokens, const net::ip::address& address, ErrorCode& failed)
-      : tls_(std::move(tls)), acceptor_(context_), accept_again_(context_) {
-    listen({address, static_cast<std::uint16_t>(options.port)}, failed);
-    if (failed) return;
+  /// @param listener  of the loop
+  Server(ViewerHost& host, const ViewerServerOptions& options, Tokens tokens, const IpAddress& address,
+         std::unique_ptr<EventLoop> loop, std::unique_ptr<Listener> listener)
+      : loop_(std::move(loop)),
+        listener_(std::move(listener)),
+        is_tls_(!options.tls_certificate.empty()),
+        address_(reachable_address(listener_->address(), own_addresses(), listener_->is_v6_only())) {
     const ViewedScene& scene = host.scene();
     PALPATE_CHECK(scene.labels &&
                   (!scene.scan || scene.scan->geometry().dims == scene.labels->geometry().dims));
     const ScanScale scale = scene.scan ? ScanScale::of(*scene.scan) : ScanScale{};
     const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
                             needs_wide_labels(*scene.labels)};
-    Access access(address.to_string(), port(), tls_ != nullptr, options.host_names, std::move(tokens));
+    Access access(address.text(), port(), is_tls_, options.host_names, std::move(tokens));
     if (access.has_learners() && has_quiz(scene)) veil_.emplace(scene);
     volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
                                   veil_ ? veil_->scene().labels : nullptr));
@@ -107,67 +63,36 @@ class Server : public ViewerServer {
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
                                  DownloadPace::Clock::now());
-    hub_.emplace(context_, host, *site_, *volumes_, *pictures_, downloads, FaultLog(options.log),
+    hub_.emplace(*loop_, host, *site_, *volumes_, *pictures_, downloads, FaultLog(options.log),
                  [this](int viewers) { viewers_ = viewers; });
     hub_->begin();
-    accept();
+    listener_->accept([this](std::shared_ptr<HttpConnection> http) { take(std::move(http)); });
     thread_ = std::thread([this] { run(); });
   }
 
   ~Server() override {
     if (!thread_.joinable()) return;
-    net::post(context_, [this] {
-      acceptor_.close();
+    loop_->post([this] {
+      listener_->close();
       hub_->end();
     });
     thread_.join();
-    // their threads may still hand something to the context
+    // their threads may still hand something to the loop
     volumes_.reset();
     pictures_.reset();
   }
 
   std::string url() const override {
-    const std::string host = address_.is_v6() ? "[" + address_.to_string() + "]" : address_.to_string();
-    return (tls_ ? "https://" : "http://") + host + ":" + std::to_string(port_) + "/";
+    const std::string host = address_.is_v6() ? "[" + address_.text() + "]" : address_.text();
+    return (is_tls_ ? "https://" : "http://") + host + ":" + std::to_string(port()) + "/";
   }
-  int port() const override { return port_; }
+  int port() const override { return listener_->port(); }
   int viewers() const override { return viewers_; }
 
  private:
-  void listen(const tcp::endpoint& endpoint, ErrorCode& failed) {
-    acceptor_.open(endpoint.protocol(), failed);
-    // a server that has just ended may be followed by another
-    if (!failed) acceptor_.set_option(net::socket_base::reuse_address(true), failed);
-    if (!failed) acceptor_.bind(endpoint, failed);
-    if (!failed) acceptor_.listen(net::socket_base::max_listen_connections, failed);
-    const auto bound = failed ? endpoint : acceptor_.local_endpoint(failed);
-    net::ip::v6_only v6_only(false);
-    if (!failed && bound.address().is_v6()) acceptor_.get_option(v6_only, failed);
-    address_ = reachable_address(bound.address(), own_addresses(), v6_only.value());
-    port_ = bound.port();
-  }
-
-  void accept() {
-    acceptor_.async_accept([this](ErrorCode failed, Stream::Socket socket) {
-      if (!acceptor_.is_open()) return;
-      if (failed) {
-        // out of file descriptors, most likely: trying at once would spin
-        accept_again_.expires_after(kAcceptAgain);
-        accept_again_.async_wait([this](ErrorCode cancelled) {
-          if (!cancelled && acceptor_.is_open()) accept();
-        });
-        return;
-      }
-      // whatever becomes of this one, others may come
-      accept();
-      take(std::move(socket));
-    });
-  }
-
-  void take(Stream::Socket socket) {
+  void take(std::shared_ptr<HttpConnection> http) {
     hub_->make_room_for_connection();
-    const auto connection =
-        std::make_shared<Connection>(std::make_unique<Stream>(std::move(socket), tls_.get()), *hub_);
+    const auto connection = std::make_shared<Connection>(std::move(http), *hub_);
     hub_->add(connection);
     connection->begin();
   }
@@ -175,19 +100,17 @@ class Server : public ViewerServer {
   void run() {
     be_ordinary_thread("viewers");
     // what one connection's handler throws (no memory) ends that handler and nobody else's
-    while (!context_.stopped()) try {
-        context_.run();
+    while (!loop_->is_stopped()) try {
+        loop_->run();
       } catch (const std::exception&) {
         hub_->log().say("", "a fault in the server");
       }
   }
 
-  net::io_context context_{1};
-  std::unique_ptr<net::ssl::context> tls_;
-  net::basic_socket_acceptor<tcp, net::io_context::executor_type> acceptor_;
-  net::steady_timer accept_again_;
-  net::ip::address address_;  // that others are told
-  int port_ = 0;
+  const std::unique_ptr<EventLoop> loop_;
+  const std::unique_ptr<Listener> listener_;
+  const bool is_tls_;
+  const IpAddress address_;  // in the URL that others are told
   std::atomic<int> viewers_{0};
   std::optional<Veil> veil_;
   std::optional<PayloadStore> volumes_;
@@ -199,9 +122,9 @@ class Server : public ViewerServer {
 
 // what options name, read
 struct Admission {
-  net::ip::address address;
+  IpAddress address;
   Tokens tokens;
-  std::unique_ptr<net::ssl::context> tls;
+  std::shared_ptr<TlsIdentity> tls;  // null: in the clear
 };
 
 Result<Admission> admission(const ViewerServerOptions& options) {
@@ -213,9 +136,11 @@ Result<Admission> admission(const ViewerServerOptions& options) {
     if (!tokens) return tokens.error();
     read.tokens = *std::move(tokens);
   }
-  auto tls = tls_context(options);
-  if (!tls) return tls.error();
-  read.tls = *std::move(tls);
+  if (!options.tls_certificate.empty()) {
+    auto tls = TlsIdentity::read(options.tls_certificate, options.tls_key);
+    if (!tls) return tls.error();
+    read.tls = *std::move(tls);
+  }
   return read;
 }
 
@@ -237,14 +162,15 @@ Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
     options.log(
         "viewers: tokens and data cross the network in the clear; --tls-cert and --tls-key encrypt them");
 
-  link::ErrorCode failed;
-  auto server = std::make_unique<link::Server>(host, options, std::move(read->tls), std::move(read->tokens),
-                                               read->address, failed);
-  if (failed)
-    return Error{ErrorKind::kUnavailable, "cannot be listened at: " + failed.message(),
+  // the socket is bound and listens before anything is made that costs time
+  auto loop = link::EventLoop::make();
+  auto listener = loop->listen(read->address, options.port, std::move(read->tls));
+  if (!listener)
+    return Error{ErrorKind::kUnavailable, "cannot be listened at: " + listener.error().what,
                  options.address + ":" + std::to_string(options.port),
                  "choose another --port, or end the program that has this one"};
-  return std::unique_ptr<ViewerServer>(std::move(server));
+  return std::unique_ptr<ViewerServer>(std::make_unique<link::Server>(
+      host, options, std::move(read->tokens), read->address, std::move(loop), *std::move(listener)));
 } catch (const std::system_error& error) {
   return Error{ErrorKind::kUnavailable, std::string("no thread for the viewers: ") + error.what(), "",
                "close other programs, or raise the limit of processes (ulimit -u)"};

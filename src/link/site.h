@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "link/access.h"
+#include "link/http_request.h"
 #include "link/payload_store.h"
 #include "link/scene_json.h"
 #include "link/veil.h"
@@ -14,21 +15,6 @@
 
 /// What is served at which address, without a word of sockets.
 namespace palpate::link {
-
-/// The parts of a request that decide its answer. Header fields that are not there are empty.
-struct HttpRequest {
-  std::string_view method, target;
-  std::string_view host, origin, fetch_site, authorization, accept_encoding, if_none_match;
-  /// What two programs could read in two ways: host, origin, authorization or the length of a body twice, or
-  /// a body in another form than its bytes.
-  bool ambiguous = false;
-  bool has_body = false;
-  bool upgrade = false;            ///< to a WebSocket
-  bool subprotocol = false;        ///< ours is among those that the viewer speaks
-  std::string_view local_address;  ///< where the connection arrived
-  AddressBlock from{};             ///< where it came from
-  GuessLimit::Clock::time_point at{};
-};
 
 struct HttpAnswer {
   int status = 200;

@@ -1,11 +1,5 @@
 #include "link/viewer.h"
 
-#include <netinet/in.h>
-#include <netinet/tcp.h>
-#include <sys/socket.h>
-
-#include <boost/beast/core/buffers_to_string.hpp>
-#include <boost/beast/http/field.hpp>
 #include <utility>
 
 #include "link/hub.h"
@@ -13,7 +7,7 @@
 namespace palpate::link {
 namespace {
 
-namespace websocket = beast::websocket;
+static_assert(WebSocket::kMostMessage_bytes == kMostMessage_bytes);
 
 constexpr auto kHelloWithin = std::chrono::seconds(5);
 constexpr auto kReadWithin = std::chrono::seconds(10);
@@ -21,20 +15,10 @@ constexpr auto kLeaveWithin = std::chrono::seconds(2);
 constexpr double kMostMessages_each_second = 250;
 // so many answers may wait before no more requests are taken
 constexpr std::size_t kMostAnswers = 32;
-// close codes of ours, 4000 and above as RFC 6455 leaves them to applications
+// close codes of RFC 6455, and of ours: 4000 and above, which it leaves to applications
+constexpr std::uint16_t kUnknownData = 1003, kBadPayload = 1007, kPolicyError = 1008, kInternalError = 1011;
 constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408,
                         kTooManyGuesses = 4429;
-
-// What waits in the system for a viewer that does not read is old when it does: keep that small, and send
-// small messages at once.
-void keep_fresh(Stream::Socket& socket) {
-  const int handle = socket.native_handle();
-  const int on = 1, buffer_bytes = 16 << 10, unsent_bytes = 2 << 10;
-  // none of these is needed for anything but speed
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  ::setsockopt(handle, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes, sizeof unsent_bytes);
-}
 
 // nothing has yielded
 ToldYield untold_yield(std::size_t device) {
@@ -43,37 +27,24 @@ ToldYield untold_yield(std::size_t device) {
 
 }  // namespace
 
-Viewer::Viewer(std::unique_ptr<Stream> stream, Hub& hub)
-    : stream_(std::move(stream)),
+Viewer::Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const AddressBlock& from, Hub& hub)
+    : socket_(std::move(socket)),
       hub_(hub),
-      peer_(peer_of(*stream_)),
-      from_(block_of(*stream_)),
-      socket_(*stream_),
+      peer_(std::move(peer)),
+      from_(from),
       messages_(kMostMessages_each_second, kMostMessages_each_second, Clock::now()),
       hello_by_(Clock::now() + kHelloWithin) {}
 
-void Viewer::begin(UpgradeRequest request) {
-  keep_fresh(stream_->socket());
-  // the hub's sweep watches the time
-  socket_.set_option(
-      websocket::stream_base::timeout{websocket::stream_base::none(), websocket::stream_base::none(), false});
-  socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
-    response.set(beast::http::field::sec_websocket_protocol, "palpate.v1");
-    response.erase(beast::http::field::server);
-  }));
-  socket_.read_message_max(kMostMessage_bytes);
-  socket_.auto_fragment(false);
-  // pings cost an answer each. This is called in the middle of a read, where no goodbye can begin
-  socket_.control_callback([this](websocket::frame_type, beast::string_view) {
-    net::post(stream_->get_executor(), [self = shared_from_this()] { self->too_many(); });
-  });
-  request_ = std::move(request);
+void Viewer::begin() {
   reading_ = true;
-  socket_.async_accept(request_, [self = shared_from_this()](ErrorCode failed) {
+  // pings cost an answer each; the socket does not keep its viewer alive
+  const auto on_control = [viewer = weak_from_this()] {
+    if (const auto self = viewer.lock()) self->too_many();
+  };
+  socket_->accept(on_control, [self = shared_from_this()](bool ok) {
     self->reading_ = false;
-    if (failed) return self->gone();
+    if (!ok) return self->gone();
     self->open_ = true;
-    self->request_ = {};
     self->read();
   });
 }
@@ -82,11 +53,9 @@ void Viewer::begin(UpgradeRequest request) {
 
 void Viewer::read() {
   if (reading_ || ending_ || gone_) return;
-  socket_.async_read(input_, [self = shared_from_this()](ErrorCode failed, std::size_t) {
+  socket_->read([self = shared_from_this()](WebSocket::Read outcome, std::string_view text) {
     self->reading_ = false;
-    const auto bytes = self->input_.data();
-    self->take_whole({static_cast<const char*>(bytes.data()), bytes.size()}, failed);
-    self->input_.consume(self->input_.size());
+    self->take_whole(text, outcome);
     self->read();
   });
   // no sooner: what could not begin for want of memory, the next sweep begins
@@ -95,35 +64,33 @@ void Viewer::read() {
 
 bool Viewer::too_many() {
   if (messages_.take(Clock::now())) return false;
-  end(websocket::close_code::policy_error, "too many messages");
+  end(kPolicyError, "too many messages");
   return true;
 }
 
 // no error of ours leaves a viewer that is never heard again
-void Viewer::take_whole(std::string_view text, ErrorCode failed) try {
+void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
   const auto message = parse_viewer_message(text);
   // a stop comes before whatever ends this viewer
   const bool stop = welcomed_ && is_stop(message);
   if (stop) take(std::get<Request>(*message));
-  if (failed) return read_failed(failed);
-  if (socket_.got_binary()) return end(websocket::close_code::unknown_data, "a binary message");
+  if (outcome == WebSocket::Read::kBinary) return end(kUnknownData, "a binary message");
+  if (outcome != WebSocket::Read::kText) return read_failed(outcome);
   if (!too_many() && !stop) take(message);
 } catch (const std::exception&) {
-  end(websocket::close_code::internal_error, "an error of the server's own");
+  end(kInternalError, "an error of the server's own");
 }
 
-void Viewer::read_failed(ErrorCode failed) {
-  if (!ending_ && failed != websocket::error::closed && failed != net::error::eof &&
-      failed.category() == ErrorCode(websocket::error::closed).category())
+void Viewer::read_failed(WebSocket::Read outcome) {
+  if (!ending_ && outcome == WebSocket::Read::kMalformed)
     hub_.log().say(peer_, "a frame that is malformed or too long");
   gone();
 }
 
 void Viewer::take(const std::optional<ViewerMessage>& message) {
-  if (!message) return end(websocket::close_code::bad_payload, "a message that is malformed");
+  if (!message) return end(kBadPayload, "a message that is malformed");
   const auto* hello = std::get_if<Hello>(&*message);
-  if ((hello != nullptr) == welcomed_)
-    return end(websocket::close_code::policy_error, "a message out of turn");
+  if ((hello != nullptr) == welcomed_) return end(kPolicyError, "a message out of turn");
   if (hello) return greet(*hello);
   if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
   take(std::get<Request>(*message));
@@ -217,31 +184,31 @@ void Viewer::write_next() {
   if (!answers_.empty()) {
     text_out_ = std::move(answers_.front());
     answers_.pop_front();
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (std::exchange(state_due_, false)) {
     text_out_ = hub_.state_for(*this);
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (next_plan()) {
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_navigation()) {
     pose_is_next_ = true;
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_training()) {
     pose_is_next_ = true;
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_sweeps()) {
     pose_is_next_ = true;
-    write(net::buffer(text_out_), false);
+    write(text_out_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
     pose_is_next_ = true;
-    write(net::buffer(*yield_out_), true);
+    write(*yield_out_, true);
   } else if (std::exchange(near_due_, false)) {
     near_out_ = *near_;
-    write(net::buffer(near_out_.bytes()), true);
+    write(near_out_.bytes(), true);
   } else if (std::exchange(pose_due_, false)) {
     pose_is_next_ = false;
     pose_out_ = pose_;
-    write(net::buffer(pose_out_.bytes()), true);
+    write(pose_out_.bytes(), true);
   }
 }
 
@@ -310,13 +277,12 @@ void Viewer::rest_from_yields() {
   no_yield_before_ = now + 2 * (now - write_begun_);
 }
 
-void Viewer::write(net::const_buffer bytes, bool binary) {
+void Viewer::write(std::string_view bytes, bool binary) {
   writing_ = true;
   write_begun_ = Clock::now();
-  socket_.binary(binary);
-  socket_.async_write(bytes, [self = shared_from_this()](ErrorCode failed, std::size_t) {
+  socket_->write(bytes, binary, [self = shared_from_this()](bool ok) {
     self->writing_ = false;
-    if (failed) return self->write_failed();
+    if (!ok) return self->write_failed();
     if (std::exchange(self->yield_is_out_, false)) self->rest_from_yields();
     self->write_next();
   });
@@ -334,11 +300,10 @@ void Viewer::write_failed() {
 void Viewer::end(std::uint16_t code, std::string_view fault) {
   if (gone_ || std::exchange(ending_, true)) return;
   if (!fault.empty()) hub_.log().say(peer_, fault);
-  // there is nobody to say goodbye to yet, and Beast's streams cannot close while they open
+  // there is nobody to say goodbye to yet, and a WebSocket cannot close while it opens
   if (!open_) return gone();
   end_by_ = Clock::now() + kLeaveWithin;
-  socket_.async_close(websocket::close_reason(static_cast<websocket::close_code>(code)),
-                      [self = shared_from_this()](ErrorCode) { self->gone(); });
+  socket_->close(code, [self = shared_from_this()] { self->gone(); });
 }
 
 void Viewer::check(Clock::time_point now) {
@@ -356,7 +321,7 @@ void Viewer::check(Clock::time_point now) {
 
 void Viewer::gone() {
   if (std::exchange(gone_, true)) return;
-  stream_->close();
+  socket_->drop();
   hub_.remove(shared_from_this());
 }
 

@@ -2,10 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <boost/beast/core/flat_static_buffer.hpp>
-#include <boost/beast/http/empty_body.hpp>
-#include <boost/beast/http/message.hpp>
-#include <boost/beast/websocket/stream.hpp>
 #include <chrono>
 #include <deque>
 #include <memory>
@@ -13,13 +9,13 @@
 #include <string>
 #include <string_view>
 
-#include "link/guess_limit.h"
+#include "link/address.h"
 #include "link/near_message.h"
 #include "link/pose_message.h"
 #include "link/request.h"
 #include "link/scene_json.h"
-#include "link/stream.h"
 #include "link/token_bucket.h"
+#include "link/transport.h"
 #include "palpate/device/telemetry.h"
 
 namespace palpate::link {
@@ -33,7 +29,8 @@ struct SweepsHad {
       0;  ///< how many its page shows; those beyond `count` were undone, and it must drop them
 };
 
-inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
+// close codes of RFC 6455's registry
+inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
 
 /// One viewer's WebSocket. What it is sent waits here, never in the hub and never more than this:
 ///
@@ -51,11 +48,11 @@ inline constexpr std::uint16_t kTryAgainLater = 1013;  // RFC 6455's registry
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   using Clock = std::chrono::steady_clock;
-  using UpgradeRequest = beast::http::request<beast::http::empty_body>;
 
-  Viewer(std::unique_ptr<Stream> stream, Hub& hub);
+  /// @param peer, from  the viewer's address, HttpConnection::peer() and from()
+  Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const AddressBlock& from, Hub& hub);
 
-  void begin(UpgradeRequest request);
+  void begin();
   /// Closes what takes too long.
   void check(Clock::time_point now);
   /// Offers a pose; taken where the viewer's own rate says that one is due.
@@ -95,8 +92,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
  private:
   void read();
-  void read_failed(ErrorCode failed);
-  void take_whole(std::string_view text, ErrorCode failed);
+  void read_failed(WebSocket::Read outcome);
+  void take_whole(std::string_view text, WebSocket::Read outcome);
   void take(const std::optional<ViewerMessage>& message);
   void take(const Request& request);
   void greet(const Hello& hello);
@@ -108,17 +105,14 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_navigation();
   void rest_from_yields();
   /// @param bytes  stay as they are until it is done
-  void write(net::const_buffer bytes, bool binary);
+  void write(std::string_view bytes, bool binary);
   void write_failed();
   bool too_many();
 
-  std::unique_ptr<Stream> stream_;
+  std::shared_ptr<WebSocket> socket_;
   Hub& hub_;
   const std::string peer_;
   const AddressBlock from_;
-  beast::websocket::stream<Stream&, false> socket_;
-  UpgradeRequest request_;
-  beast::flat_static_buffer<kMostMessage_bytes> input_;
   TokenBucket messages_;
 
   bool open_ = false, welcomed_ = false, ending_ = false, gone_ = false, reading_ = false, writing_ = false;

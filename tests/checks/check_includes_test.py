@@ -34,6 +34,9 @@ GOOD = {
     "tests/servo/two_test.cc": '#include "servo/test_loop.h"\n',
     "apps/palpate/verb.h": '#include <CLI/CLI.hpp>\n#include "palpate/base/result.h"\n',
     "apps/palpate/info.cc": '#include "verb.h"\n#include "palpate/session/session.h"\n',
+    "src/link/CMakeLists.txt": "palpate_room(link_messages\n  SOURCES pose.cc wire.h\n          request.cc\n  LINK palpate_base)\n",
+    "src/link/pose.cc": '#include "link/pose.h"\n#include "link/wire.h"\n#include <nlohmann/json.hpp>\n#include <vector>\n',
+    "src/link/network.cc": '#include <boost/asio.hpp>\n#include <openssl/ssl.h>\n#include "link/pose.h"\n',
     "bench/gaussian_bench.cc": '#include <itkImage.h>\n#include <CLI/CLI.hpp>\n',
 }
 
@@ -59,6 +62,13 @@ BAD = [
     ("src/volume/a.cc", "#include <gtest/gtest.h>", "may not include GoogleTest"),
     ("src/volume/test_grids.cc", "#include <gtest/gtest.h>", "may not include GoogleTest"),
     ("src/volume/a.cc", "#include <boost/asio.hpp>", "may not include Boost"),
+    ("src/link/hub.cc", "#include <boost/asio.hpp>", "may not include Boost"),
+    ("src/link/hub.h", "#include <boost/asio.hpp>", "may not include Boost"),
+    ("src/link/hub_test.cc", "#include <boost/asio.hpp>", "may not include Boost"),
+    ("src/link/pose.cc", "#include <boost/asio.hpp>", "may not include Boost"),
+    ("src/link/pose.h", "#include <openssl/evp.h>", "may not include OpenSSL"),
+    ("src/link/wire.h", '#include "link/network.h"', "is not of 'link_messages'"),
+    ("src/link/request.cc", "#include <zlib.h>", "'link_messages' may not include zlib"),
     ("src/volume/a.cc", '#include "../servo/tick.h"', "'..'"),
     ("src/volume/a.cc", "#include <palpate/base/result.h>", "is ours"),
     ("src/volume/a.cc", '#include "test_grids.h"', 'write it as "volume/test_grids.h"'),
@@ -83,6 +93,10 @@ class CheckIncludes(unittest.TestCase):
                 place = f"{path}:1:" if "no room" in complaint else f"{path}:2:"
                 self.assertTrue(lines[0].startswith(place), lines)
                 self.assertIn(complaint, lines[0])
+
+    def test_a_part_without_sources_is_a_fault(self):
+        code, lines = run({**GOOD, "src/link/CMakeLists.txt": "palpate_room(link SOURCES hub.cc)\n"})
+        self.assertEqual((code, lines), (1, ["src/link/CMakeLists.txt:1: lists no sources of link_messages"]))
 
     def test_empty_tree_is_a_fault(self):
         self.assertEqual(run({"README.md": ""})[0], 1)
