@@ -4,7 +4,8 @@
 #   WEB      this folder
 #   SOURCES  what the page is made of, separated by |
 #   SHARED   folder that all build folders share: a page by the hash of its sources
-#   OUT      where the page's files go
+#   FILES    names of the page's files, separated by |: all that its build makes
+#   OUT      where they go
 #   STEP     build or test
 cmake_minimum_required(VERSION 3.25)
 
@@ -64,6 +65,15 @@ if(NOT EXISTS ${page})
   file(REMOVE_RECURSE ${SHARED}/new)
   run_quietly(${SHARED}/npm-build.log "The viewer's page could not be built." ${NPM} run build -- --outDir ${SHARED}/new
               --logLevel warn)
+  # one that is made and not named would be missing from palpate
+  string(REPLACE "|" ";" named "${FILES}")
+  file(GLOB made RELATIVE ${SHARED}/new/assets ${SHARED}/new/assets/*)
+  list(APPEND made index.html)
+  list(SORT made)
+  list(SORT named)
+  if(NOT made STREQUAL named)
+    message(FATAL_ERROR "the build made ${made}, and web/CMakeLists.txt names ${named}")
+  endif()
   # pages of earlier sources go, this one comes in one step
   file(GLOB old LIST_DIRECTORIES true ${SHARED}/????????????????)
   if(old)
@@ -72,8 +82,12 @@ if(NOT EXISTS ${page})
   file(RENAME ${SHARED}/new ${page})
 endif()
 # newer than the sources, even where the content is the same: else the step would run every time
-foreach(file index.html assets/viewer.js assets/viewer_worker.js assets/viewer.css assets/icon.svg)
-  get_filename_component(name ${file} NAME)
+string(REPLACE "|" ";" files "${FILES}")
+foreach(name ${files})
+  set(file assets/${name})
+  if(name STREQUAL "index.html")
+    set(file index.html)
+  endif()
   file(COPY_FILE ${page}/${file} ${OUT}/${name})
   file(TOUCH ${OUT}/${name})
 endforeach()

@@ -1,8 +1,13 @@
 import { defineConfig } from "vite";
 
-// five files with fixed names: they are compiled into palpate (CMakeLists.txt)
+/** Indentation of index.html, a tenth of it, is not sent. */
+const withoutIndentation = { name: "without-indentation", transformIndexHtml: (html: string) => html.replace(/^ +/gm, "") };
+
+// files with fixed names: they are compiled into palpate (CMakeLists.txt). A module that is imported when it is used is a file of its own,
+// assets/viewer_NAME.js
 export default defineConfig({
   base: "/",
+  plugins: [withoutIndentation],
   worker: { format: "es", rollupOptions: { output: { entryFileNames: "assets/viewer_worker.js" } } },
   build: {
     target: "es2022",
@@ -15,8 +20,8 @@ export default defineConfig({
     rollupOptions: {
       output: {
         entryFileNames: "assets/viewer.js",
+        chunkFileNames: "assets/viewer_[name].js",
         assetFileNames: "assets/viewer[extname]",
-        inlineDynamicImports: true,
       },
     },
   },

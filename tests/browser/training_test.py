@@ -301,7 +301,7 @@ class WholeTask(Trainee):
         self.assertEqual([by_finger["runs"], by_finger["in_a_row"]], [3, 3])
 
         # in the other language, and on a telephone
-        self.page.run("const l = document.getElementById('language'); l.value = 'de'; l.dispatchEvent(new Event('change'))")
+        viewer_test.speak(self.page, "de")
         for words in ("Noch einmal", "Jeder gezählte Wert in seinem Bereich", "Größte Kraft", "nicht validiert", "Erledigt: press"):
             self.assertIn(words, self.text("#training"))
         self.page.resize(390, 844)

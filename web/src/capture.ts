@@ -1,5 +1,6 @@
 // Screenshots and recordings: the pictures as they are on the page, with what every picture of a patient needs burned in.
 
+import { download, fileStem } from "./download.js";
 import { FONT } from "./overlay.js";
 import type { Picture } from "./picture.js";
 import { pixelRatio } from "./screen.js";
@@ -9,20 +10,6 @@ import { words } from "./words.js";
 
 const FRAMES_A_SECOND = 30;
 const HEAD_PX = 30;
-
-export function download(blob: Blob, name: string): void {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
-}
-/** "palpate-2026-11-20-17-05-09": of now, in the clock of this machine. */
-export function fileStem(): string {
-  const now = new Date();
-  const two = (n: number) => String(n).padStart(2, "0");
-  return ["palpate", now.getFullYear(), two(now.getMonth() + 1), two(now.getDate()), two(now.getHours()), two(now.getMinutes()), two(now.getSeconds())].join("-");
-}
 
 export class Capture {
   /** What is being recorded. */

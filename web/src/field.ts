@@ -3,67 +3,12 @@
 // surface, which lies where coverage is one half, is round and can be shaded. A texel is a voxel, or a block of `factor` of them each way.
 
 import type { Vec3 } from "./geometry.js";
-import type { Memory } from "./scene.js";
+import { texelsFor, type Piece } from "./texels.js";
 
 /** Side of the blocks of texels of which is known what is in them, so that rays pass what is empty at once. */
 export const BLOCK = 8;
 /** A texel: two places in the list of structures + 1, then their shares, 255 being all of it. */
 export const TEXEL_BYTES = 4;
-
-/** A box of voxels: what some texels are made of. */
-export interface Piece {
-  lo: Vec3; // of the texels
-  size: Vec3;
-  from: Vec3; // of the voxels
-  span: Vec3;
-  structure: Uint8Array; // of the voxels, i fastest: 0, or the place in the list of structures + 1
-  scan: Int16Array | null;
-}
-
-/** How many texels there are each way. */
-export const texelsFor = (voxels: Vec3, factor: Vec3): Vec3 => voxels.map((n, axis) => Math.ceil(n / factor[axis]!)) as Vec3;
-
-/** How many voxels each way make a texel, so that all of them suit the device. What is finest is coarsened first. @param edges  of a voxel, mm */
-export function coarsening(dims: Vec3, edges: Vec3, { mostTexels, mostSide }: Memory): Vec3 {
-  const factor: Vec3 = [1, 1, 1];
-  for (;;) {
-    const texels = texelsFor(dims, factor);
-    // with a border (Field.bordered)
-    const long = texels.findIndex((n) => n + 2 > mostSide);
-    if (long < 0 && texels[0] * texels[1] * texels[2] <= mostTexels) return factor;
-    const size = factor.map((n, axis) => (texels[axis]! > 1 ? n * edges[axis]! : Infinity));
-    factor[long < 0 ? size.indexOf(Math.min(...size)) : long]! += 1;
-  }
-}
-
-/** The texels that hold any of a box of voxels, and those beside them, which smoothing reaches. */
-export function texelsOf(lo: Vec3, size: Vec3, voxels: Vec3, factor: Vec3): { lo: Vec3; size: Vec3 } {
-  const dims = texelsFor(voxels, factor);
-  const first = lo.map((n, axis) => Math.max(0, Math.floor(n / factor[axis]!) - 1)) as Vec3;
-  const end = lo.map((n, axis) => Math.min(dims[axis]!, Math.floor((n + size[axis]! - 1) / factor[axis]!) + 2));
-  return { lo: first, size: end.map((n, axis) => n - first[axis]!) as Vec3 };
-}
-
-/** Copies what texels are made of out of the whole volume. */
-export function pieceOf(volume: { dims: Vec3; structure: Uint8Array; scan: Int16Array | null }, factor: Vec3, lo: Vec3, size: Vec3): Piece {
-  const from = lo.map((n, axis) => Math.max(0, (n - 1) * factor[axis]!)) as Vec3;
-  const span = lo.map((n, axis) => Math.min(volume.dims[axis]!, (n + size[axis]! + 1) * factor[axis]!) - from[axis]!) as Vec3;
-  const copy = <T extends Uint8Array | Int16Array>(all: T, out: T): T => {
-    for (let k = 0, n = 0; k < span[2]; k++) {
-      for (let j = 0; j < span[1]; j++, n += span[0]) {
-        const at = from[0] + volume.dims[0] * (from[1] + j + volume.dims[1] * (from[2] + k));
-        out.set(all.subarray(at, at + span[0]) as T, n);
-      }
-    }
-    return out;
-  };
-  const voxels = span[0] * span[1] * span[2];
-  return {
-    lo, size, from, span,
-    structure: copy(volume.structure, new Uint8Array(voxels)),
-    scan: volume.scan && copy(volume.scan, new Int16Array(voxels)),
-  };
-}
 
 /** Of texels that no one structure fills: the sums of their neighbourhood. */
 class Shares {

@@ -2,6 +2,7 @@
 
 import { hush } from "./announce.js";
 import { byId } from "./dom.js";
+import { fetchPart, reportMissingParts } from "./part.js";
 import { LANGUAGES, speak, type Language } from "./words.js";
 
 const KEY = "palpate.language";
@@ -18,12 +19,23 @@ export const onLanguage = (listener: () => void): void => void listeners.push(li
 export function applyLanguage(): void {
   const choice = byId<HTMLSelectElement>("language");
   const kept = localStorage.getItem(KEY);
-  choice.value = isKnown(kept) ? kept : preferred(navigator.languages);
-  speak(choice.value as Language);
+  onLanguage(reportMissingParts);
   choice.addEventListener("change", () => {
     localStorage.setItem(KEY, choice.value);
-    speak(choice.value as Language);
-    hush();
-    for (const listener of listeners) listener();
+    void change(choice.value as Language);
   });
+  choice.value = "en";
+  void speak("en");
+  const first = isKnown(kept) ? kept : preferred(navigator.languages);
+  if (first !== "en") void change(first);
+}
+
+/** The page goes on in the language it has until the other one is there, and where that cannot be fetched. */
+async function change(language: Language): Promise<void> {
+  const choice = byId<HTMLSelectElement>("language");
+  choice.value = language;
+  const isSpoken = await fetchPart("language", async () => (await speak(language), true));
+  if (!isSpoken) choice.value = document.documentElement.lang;
+  hush();
+  for (const listener of listeners) listener();
 }

@@ -1,7 +1,7 @@
 // The volume in one place of the page: coarse pictures while something moves, a sharp one when it has come to rest.
 
 import type { Picture } from "./picture.js";
-import { BACKGROUND, type Found, type View } from "./volume_caster.js";
+import { BACKGROUND, type Found, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 
 /** A picture that took longer is drawn coarser while something moves. */

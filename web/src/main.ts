@@ -1,34 +1,28 @@
-import "./theme.css";
 import { Bookmarks } from "./bookmarks.js";
-import { Capture, download, fileStem } from "./capture.js";
 import { Connection, type Link } from "./connection.js";
 import { complain, Controls } from "./controls.js";
 import { Cuts } from "./cuts.js";
 import { Displacement, type Nodes } from "./displacement.js";
 import { byId, element, press, toast, write } from "./dom.js";
+import { download, fileStem } from "./download.js";
 import { History } from "./history.js";
-import { Lesson } from "./lesson.js";
 import type { Measure } from "./measure.js";
 import { Measures } from "./measures_panel.js";
-import { NearPanel } from "./near_panel.js";
+import { Part } from "./part.js";
 import type { Picture } from "./picture.js";
-import { PlanPanel } from "./plan_panel.js";
 import { PlanStore } from "./plan_store.js";
 import { PointerDevice } from "./pointer.js";
 import { conceal, revealed, type Concealed } from "./quiz.js";
 import { Requests } from "./requests.js";
 import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Scene, type State } from "./scene.js";
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
-import { ScopeView } from "./scope_view.js";
 import { LAYOUTS, PAGE_KEY, Session, type KeptPage, type Layout } from "./session.js";
 import { showTracked } from "./tracked.js";
 import { anySlicer } from "./plain_slicer.js";
 import { keep, recall } from "./kept.js";
 import { applyLanguage } from "./language.js";
 import { applyTheme } from "./theme.js";
-import { Timeline } from "./timeline.js";
-import { Training } from "./training.js";
-import { openToTests } from "./test_hook.js";
+import type { Debriefing, TaskRun } from "./training.js";
 import { Gone, isMemoryShort, Lasting, versionTrouble } from "./trouble.js";
 import { addVolumeControls } from "./volume_controls.js";
 import { VolumeView } from "./volume_view.js";
@@ -60,16 +54,51 @@ class Page {
   readonly measures = new Measures(this.session, this.history, (measure) => this.goTo(measure));
   readonly sections: SectionView[];
   readonly volume: VolumeView;
-  readonly scope: ScopeView;
-  readonly capture: Capture;
   readonly controls: Controls;
   readonly pointer: PointerDevice;
   readonly requests: Requests;
-  readonly timeline: Timeline;
-  readonly training: Training;
-  readonly lesson: Lesson;
-  readonly nearPanel: NearPanel;
-  readonly planPanel: PlanPanel;
+  private readonly pictures: Picture[];
+  // what few sessions show
+  readonly capture = new Part("capture", async () => {
+    const { Capture } = await import("./capture.js");
+    return new Capture(this.session, this.pictures, byId("pictures"), (error) => {
+      complain(error);
+      press(byId("record"), false);
+    });
+  });
+  readonly scope = new Part("scope", async () => {
+    const { ScopeView } = await import("./scope_view.js");
+    const scope = new ScopeView(this.session, this.renderer, this.slicer.isSoftware, this.history);
+    this.volume.picture.element.after(scope.picture.element);
+    this.pictures.splice(1, 0, scope.picture);
+    return scope;
+  });
+  readonly timeline = new Part("recording", async () => {
+    const { Timeline } = await import("./timeline.js");
+    return new Timeline(this.session, this.connection, this.requests);
+  });
+  readonly training = new Part("training", async () => {
+    const { Training } = await import("./training.js");
+    const training = new Training(this.session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
+      ({ optics_deg, back_mm }) => void this.scope.get().then((scope) => scope?.standAs(optics_deg, back_mm)));
+    if (this.run) training.tell(this.run);
+    if (this.debriefing) training.debrief(this.debriefing);
+    return training;
+  });
+  readonly lesson = new Part("lesson", async () => {
+    const { Lesson } = await import("./lesson.js");
+    return new Lesson(this.connection, this.requests, () => this.token);
+  });
+  readonly nearPanel = new Part("near", async () => {
+    const { NearPanel } = await import("./near_panel.js");
+    return new NearPanel(this.session, this.connection);
+  });
+  readonly planPanel = new Part("plan", async () => {
+    const { PlanPanel } = await import("./plan_panel.js");
+    return new PlanPanel(this.session, (place) => this.showPlace(place));
+  });
+  private run: TaskRun | null = null; // as reported last, for a panel that is fetched later
+  private debriefing: Debriefing | null = null;
   readonly slicer = anySlicer(() => toast(words.noWebGl));
   readonly renderer = new VolumeRenderer();
   private token = sessionStorage.getItem(TOKEN_KEY);
@@ -98,6 +127,7 @@ class Page {
   private hopeless = 0; // timer
   private isHopeless = false; // it has run out
   private isAskingWhy = false;
+  private hasShownSection = false;
 
   constructor() {
     this.connection = new Connection({
@@ -113,11 +143,17 @@ class Page {
         this.cuts.tell(first, sweeps);
         this.cut();
       },
-      onTask: (run) => this.training.tell(run),
+      onTask: (run) => {
+        this.run = run;
+        this.training.now?.tell(run);
+      },
       onPlan: (plan) => this.session.plans.tell(plan),
       onNear: (near) => (this.session.near = near),
       onTracked: showTracked,
-      onDebriefing: (debriefing) => this.training.debrief(debriefing),
+      onDebriefing: (debriefing) => {
+        this.debriefing = debriefing;
+        this.training.now?.debrief(debriefing);
+      },
       onYield: (told) => {
         this.yields.tell(told);
         this.areYieldsDue = true;
@@ -128,34 +164,28 @@ class Page {
     this.requests = new Requests(this.connection, () => session.state?.armed === true, () => session.state, this.history);
     session.plans = new PlanStore(this.history, (request) => this.requests.once({ type: "plan", ...request }),
       () => this.connection.allows("plan"));
+    session.plans.onChange = () => {
+      if (session.plans.drawn.length > 0) void this.planPanel.get();
+      session.touch();
+    };
+    byId("plan-card").addEventListener("toggle", () => void this.planPanel.get());
     this.pointer = new PointerDevice(session, this.connection);
     this.volume = new VolumeView(session, this.renderer, this.slicer.isSoftware, this.slicer.mostSide, this.pointer, this.history, (rotation, gesture) =>
       void this.requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture));
-    this.scope = new ScopeView(session, this.renderer, this.slicer.isSoftware, this.history);
     this.history.part("planes", () => session.planes, (to) => (session.planes = to));
     this.history.part("window", () => session.window, (to) => (session.window = to));
     this.sections = (["oblique", "axial", "sagittal", "coronal"] as PlaneKind[]).map(
       (kind) => new SectionView(kind, session, this.slicer, this.measures, this.pointer, this.history));
-    const pictures: Picture[] = [this.volume.picture, this.scope.picture, ...this.sections.map((section) => section.picture)];
-    byId("pictures").append(...pictures.map((picture) => picture.element));
-    this.capture = new Capture(session, pictures, byId("pictures"), (error) => {
-      complain(error);
-      press(byId("record"), false);
-    });
+    this.pictures = [this.volume.picture, ...this.sections.map((section) => section.picture)];
+    byId("pictures").append(...this.pictures.map((picture) => picture.element));
     this.controls = new Controls(session, this.connection, this.requests, this.history, {
       layout: (name) => this.layout(name),
-      screenshot: () => void this.capture.screenshot().then((blob) => download(blob, `${fileStem()}.png`)).catch(complain),
-      record: () => this.record(),
-      togglePlaying: () => this.timeline.toggle(),
-      beginOrEnd: () => this.training.beginOrEnd(),
-      toggleSound: () => this.nearPanel.toggleSound(),
+      screenshot: () => void this.screenshot(),
+      record: () => void this.record(),
+      togglePlaying: () => this.timeline.now?.toggle(),
+      beginOrEnd: () => this.training.now?.beginOrEnd(),
+      toggleSound: () => this.nearPanel.now?.toggleSound(),
     });
-    this.nearPanel = new NearPanel(session, this.connection);
-    this.planPanel = new PlanPanel(session, (place) => this.showPlace(place));
-    this.timeline = new Timeline(session, this.connection, this.requests);
-    this.training = new Training(session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
-      ({ optics_deg, back_mm }) => this.scope.standAs(optics_deg, back_mm));
-    this.lesson = new Lesson(this.connection, this.requests, () => this.token);
     const orient = this.addHeads();
     const { layout } = recall<KeptPage>(PAGE_KEY);
     this.layout(layout && LAYOUTS.includes(layout) ? layout : "two");
@@ -185,14 +215,14 @@ class Page {
   private workerFailed(isReplaced: boolean): void {
     this.failed = isReplaced ? "once" : "again";
     this.graphics.volume = isReplaced ? "restorable" : "lost";
-    for (const view of [this.volume, this.scope]) view.lost();
+    for (const view of [this.volume, this.scope.now]) view?.lost();
     this.session.touch();
     this.tellOfGraphics();
     void this.mend();
   }
   private graphicsLost(which: "sections" | "volume"): void {
     this.graphics[which] = "lost";
-    if (which === "volume") for (const view of [this.volume, this.scope]) view.lost();
+    if (which === "volume") for (const view of [this.volume, this.scope.now]) view?.lost();
     // every section is drawn anew, empty
     this.session.touchLooks();
     clearTimeout(this.hopeless);
@@ -339,14 +369,15 @@ class Page {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
+        await this.fetchPanels(scene);
         if (this.session.volumes && showsTheSame(scene, this.session.scene)) this.session.setScene(scene, this.session.volumes);
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
-        this.nearPanel.show(scene);
-        this.timeline.show(scene.recording);
-        this.training.show(scene);
-        this.lesson.show(scene);
+        this.nearPanel.now?.show(scene);
+        this.timeline.now?.show(scene.recording);
+        this.training.now?.show(scene);
+        this.lesson.now?.show(scene);
         if (this.session.state) this.onState(this.session.state);
         break;
       } catch (error) {
@@ -361,6 +392,17 @@ class Page {
       }
     }
     byId("cover").hidden = true;
+  }
+
+  /** The panels of what a scene has. They come before the volume: names that a quiz hides are not to be seen until its panel is there. */
+  private async fetchPanels({ tasks, recording, distances, no_go, may, role }: Scene): Promise<void> {
+    const wanted = [
+      ...(tasks && tasks.length > 0 ? [this.training] : []),
+      ...(may.includes("lesson") || role === "learner" || role === "teacher" ? [this.lesson] : []),
+      ...(recording ? [this.timeline] : []),
+      ...(distances || no_go.length > 0 ? [this.nearPanel] : []),
+    ];
+    await Promise.all(wanted.map((part) => part.get()));
   }
 
   private async loadVolumes(scene: Scene): Promise<void> {
@@ -468,17 +510,18 @@ class Page {
       this.session.near = [];
       this.session.plans.tell(null);
       showTracked(null);
-      this.planPanel.beginAnew();
+      this.planPanel.now?.beginAnew();
       this.areYieldsDue = true;
-      this.training.beginAnew();
+      this.run = this.debriefing = null;
+      this.training.now?.beginAnew();
       this.cut();
       void this.load();
     }
     this.controls.allow();
-    this.timeline.allow();
-    this.training.allow();
-    this.lesson.allow();
-    this.nearPanel.sound();
+    this.timeline.now?.allow();
+    this.training.now?.allow();
+    this.lesson.now?.allow();
+    this.nearPanel.now?.sound();
     this.session.touch();
   }
   private onState(state: State): void {
@@ -489,11 +532,11 @@ class Page {
       this.isOutdated = true;
       void this.load();
     }
-    this.nearPanel.sound();
+    this.nearPanel.now?.sound();
     this.controls.showState(state);
-    this.timeline.showState(state);
-    this.training.showLesson(state.lesson);
-    this.lesson.showState(state);
+    this.timeline.now?.showState(state);
+    this.training.now?.showLesson(state.lesson);
+    this.lesson.now?.showState(state);
     // without a word where another viewer has it: then the tool says so when it is chosen
     if (!this.askedForHand && this.session.tool === "touch") {
       this.askedForHand = true;
@@ -503,25 +546,32 @@ class Page {
   }
   private onPose(pose: Pose): void {
     this.session.setPose(pose);
-    this.nearPanel.sound();
-    this.planPanel.addPose(pose.devices[0]!);
+    this.nearPanel.now?.sound();
+    this.planPanel.now?.addPose(pose.devices[0]!);
     this.controls.addPose(pose);
-    this.timeline.addPose(pose);
-    this.capture.addPose(pose);
+    this.timeline.now?.addPose(pose);
+    this.capture.now?.addPose(pose);
   }
 
-  private record(): void {
+  private async screenshot(): Promise<void> {
+    const capture = await this.capture.get();
+    await capture?.screenshot().then((blob) => download(blob, `${fileStem()}.png`)).catch(complain);
+  }
+  private async record(): Promise<void> {
+    const capture = await this.capture.get();
+    if (!capture) return;
     try {
-      if (this.capture.isRecording) this.capture.stop();
-      else this.capture.start();
+      if (capture.isRecording) capture.stop();
+      else capture.start();
     } catch (error) {
       complain(error);
     }
-    press(byId("record"), this.capture.isRecording);
+    press(byId("record"), capture.isRecording);
   }
 
   private layout(name: Layout): void {
     this.layoutName = name;
+    if (name === "inside" || name === "scope") void this.scope.get();
     keep<KeptPage>(PAGE_KEY, { layout: name });
     byId("pictures").className = `pictures layout-${name}`;
     for (const button of document.querySelectorAll<HTMLElement>("[data-layout]")) button.setAttribute("aria-checked", String(button.dataset.layout === name));
@@ -630,29 +680,36 @@ class Page {
       if (!isDone || now - this.drawn_ms < least) {
         // what draws the volume beside the page waits for none of this
         this.volume.ask(now);
-        this.scope.ask(now);
+        this.scope.now?.ask(now);
         return;
       }
       this.drawn_ms = now;
     }
     // the volume's sharp picture comes after a while without any change; a picture that comes has the tool drawn over it
     this.volume.draw(now, this.slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
-    this.scope.draw(now);
+    this.scope.now?.draw(now);
     const areSectionsDue = this.drawnVersion !== session.version || this.sections.some(({ isCoarse }) => isCoarse);
     // the page would wait until the volume's shader is compiled
     if (areSectionsDue && session.volumes && !this.renderer.isCompiling) {
       this.drawnVersion = session.version;
       this.drawSections(!this.slicer.isSoftware ? Infinity : this.renderer.isDrawing ? SECTIONS_BESIDE_MS : SECTIONS_MS);
+      if (!this.hasShownSection) {
+        this.hasShownSection = true;
+        // up to here counts what the page weighs (tests/browser/smoke_test.py)
+        performance.mark("first section");
+        this.renderer.begin();
+      }
     }
-    this.capture.drawn();
+    this.capture.now?.drawn();
     if (now - this.figures_ms > FIGURES_MS) {
       this.figures_ms = now;
       this.controls.draw();
-      this.nearPanel.draw(now);
-      this.planPanel.draw();
-      this.timeline.draw();
-      this.training.draw();
-      write(byId("record"), this.capture.isRecording ? words.recording(`${this.capture.seconds().toFixed(0)} s`) : words.record);
+      this.nearPanel.now?.draw(now);
+      this.planPanel.now?.draw();
+      this.timeline.now?.draw();
+      this.training.now?.draw();
+      const capture = this.capture.now;
+      write(byId("record"), capture?.isRecording ? words.recording(`${capture.seconds().toFixed(0)} s`) : words.record);
     }
   }
 }
@@ -662,7 +719,8 @@ applyLanguage();
 write(byId("cover-text"), words.loading);
 try {
   const page = new Page();
-  openToTests(page);
+  // nobody else's browser needs it
+  if (navigator.webdriver) void import("./test_hook.js").then(({ openToTests }) => openToTests(page));
   void page.start();
 } catch (error) {
   write(byId("cover-text"), (error as Error).message);

@@ -1,7 +1,7 @@
 // The list of lengths and angles: names, going to one, deleting one, all of them as a table.
 
-import { download, fileStem } from "./capture.js";
 import { byId, element } from "./dom.js";
+import { download, fileStem } from "./download.js";
 import type { History } from "./history.js";
 import { measureText, measuresTable, type Measure } from "./measure.js";
 import type { Session } from "./session.js";

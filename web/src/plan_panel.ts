@@ -1,8 +1,8 @@
 // The plan that is rehearsed: its trajectories, how the tool stands beside the nearest one, what it is to keep away from, and what of it is changed.
 
 import { announce } from "./announce.js";
-import { download, fileStem } from "./capture.js";
 import { byId, element, toast, write } from "./dom.js";
+import { download, fileStem } from "./download.js";
 import { digits, quantity } from "./figures.js";
 import { rotate, type Vec3 } from "./geometry.js";
 import { onLanguage } from "./language.js";

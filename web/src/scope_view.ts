@@ -10,7 +10,7 @@ import { drawNoGoWarning } from "./no_go_marks.js";
 import { Picture } from "./picture.js";
 import { BACK_MM, HALF_FIELD_DEG, OPTICS_DEG, Scope, standOff, type ScopeFrame, type ScopeStand } from "./scope.js";
 import { readable, type Session } from "./session.js";
-import type { View } from "./volume_caster.js";
+import type { View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import type { DevicePose, Pose } from "./wire.js";
 import { says, words } from "./words.js";

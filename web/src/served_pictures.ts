@@ -2,7 +2,7 @@
 // which a worker would. One is asked for at a time, and when it has come the newest that is wanted.
 
 import type { Vec3 } from "./geometry.js";
-import type { View } from "./volume_caster.js";
+import type { View } from "./view.js";
 import type { Answered, Asked, Port, Work } from "./volume_service.js";
 
 /** Which volume, and how many structures it has. */

@@ -1,5 +1,5 @@
-// window.palpateViewer: what tests read of the page. It changes nothing but what is drawn for a test, and no part of the
-// page uses it.
+// window.palpateViewer: what tests read of the page. It is there in a browser that a test drives (navigator.webdriver). It changes nothing
+// but what is drawn for a test, and no part of the page uses it.
 
 import type { Nodes } from "./displacement.js";
 import { dot, normalOf, type Vec3 } from "./geometry.js";
@@ -49,11 +49,11 @@ export function openToTests(page: Page): void {
     draw() {
       page.drawSections(Infinity);
       volume.draw(performance.now());
-      page.scope.draw(performance.now());
+      page.scope.now?.draw(performance.now());
       page.controls.draw();
-      page.nearPanel.draw(performance.now());
-      page.planPanel.draw();
-      page.timeline.draw();
+      page.nearPanel.now?.draw(performance.now());
+      page.planPanel.now?.draw();
+      page.timeline.now?.draw();
     },
     /** [x, y] of a patient's point in a section's picture, in pixels of its canvas, and how far off its plane it is */
     pixelOf(kind: string, p: Vec3) {
@@ -84,18 +84,22 @@ export function openToTests(page: Page): void {
     /** What is told of what is near each tool, to which region it is how far, and the tone that is heard of that. */
     get near() { return session.near; },
     get approach() { return session.approach; },
-    get tone() { return page.nearPanel.heard.tone; },
+    get tone() { return page.nearPanel.now?.heard.tone ?? null; },
     /** Of tasks: what the panel shows, how far a run is, and the last one that is over. */
-    get training() { return { view: page.training.view, task: page.training.task?.name ?? null, run: page.training.run, debriefing: page.training.debriefing }; },
+    get training() { 
+      const panel = page.training.now;
+      return { view: panel?.view ?? "none", task: panel?.task?.name ?? null, run: panel?.run ?? null, debriefing: panel?.debriefing ?? null };
+    },
     /** Points of the rulers and angles that are made, in the patient. */
     get measures() { return page.measures.all.map(({ points }) => points); },
     /** Where the scope stands: of the patient. */
-    get scopeFrame() { return page.scope.frame(); },
-    get scopeWords() { return page.scope.told; },
-    get isScopeSharp() { return page.scope.isSharp; },
+    get scopeFrame() { return page.scope.now?.frame() ?? null; },
+    get scopeWords() { return page.scope.now?.told ?? ""; },
+    get isScopeSharp() { return page.scope.now?.isSharp === true; },
     /** What is seen by a scope that stands so: RGBA of a square, row by row, in base64. */
     async scopePicture(frame: ScopeFrame, size: number) {
-      return btoa(Array.from(await page.scope.pixels(frame, size), (byte) => String.fromCharCode(byte)).join(""));
+      const scope = (await page.scope.get())!;
+      return btoa(Array.from(await scope.pixels(frame, size), (byte) => String.fromCharCode(byte)).join(""));
     },
     /** Alpha of what is drawn over the volume, all around the tool at so many pixels from its middle. */
     drawnAround(radius: number) {
@@ -143,7 +147,7 @@ export function openToTests(page: Page): void {
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** The picture that "Screenshot" writes, as a data URL. */
     async screenshot() {
-      const bytes = new Uint8Array(await (await page.capture.screenshot()).arrayBuffer());
+      const bytes = new Uint8Array(await (await (await page.capture.get())!.screenshot()).arrayBuffer());
       return "data:image/png;base64," + btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
     },
   };

@@ -1,14 +1,15 @@
 // The page's side of the volume's pictures: a worker draws them (volume_service.ts), or the page itself where the worker cannot.
 
 import type { Displacement } from "./displacement.js";
-import { coarsening, pieceOf, texelsFor, texelsOf } from "./field.js";
 import { invert, type Vec3 } from "./geometry.js";
+import { fetchPart } from "./part.js";
 import { breathe, slicesOfPiece } from "./pieces.js";
 import { shrunkGrid, type Memory, type Volumes } from "./scene.js";
 import type { Session } from "./session.js";
-import { servePictures, type Served } from "./served_pictures.js";
-import { Found, type View } from "./volume_caster.js";
-import { serve, type Answered, type Asked, type Port, type Work } from "./volume_service.js";
+import type { Served } from "./served_pictures.js";
+import { coarsening, pieceOf, texelsFor, texelsOf } from "./texels.js";
+import { Found, type View } from "./view.js";
+import type { Answered, Asked, Port, Work } from "./volume_service.js";
 
 /** Pieces that wait where the volume is drawn. */
 const AHEAD = 2;
@@ -38,7 +39,7 @@ export class VolumeRenderer {
   private nextId = 1;
   private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
   private readonly answers: Record<"ready" | "begun" | "put" | "restored", ((answer: Answered) => void)[]> = { ready: [], begun: [], put: [], restored: [] };
-  private ready!: Promise<Answered>;
+  private ready: Promise<Answered>;
   private volumes: Volumes | null = null;
   private loading: Promise<unknown> = Promise.resolve();
   private edits = 0; // of the voxels
@@ -52,16 +53,20 @@ export class VolumeRenderer {
   private isEmpty = false; // where it is drawn nothing is known of the volume any more
 
   constructor() {
+    this.ready = this.answer("ready");
+  }
+
+  /** Starts the worker; what is asked for earlier waits. To be called once the first section is drawn, which needs neither the download nor the processor time. */
+  begin(): void {
     this.start();
   }
 
   private start(): void {
     const worker = new Worker(new URL("./volume_worker.ts", import.meta.url), { type: "module" });
     this.port = worker;
-    this.ready = this.answer("ready");
     worker.onmessage = (event) => this.hear(event.data as Answered);
     // one that cannot even be loaded
-    worker.onerror = () => this.drawHere();
+    worker.onerror = () => void this.drawHere();
     void this.ready.then((ready) => {
       if (this.port !== worker) return;
       worker.onerror = () => this.failed(worker);
@@ -78,7 +83,10 @@ export class VolumeRenderer {
     this.isLoaded = this.isCompiling = false;
     this.isEmpty = true;
     [this.lookVersion, this.haze] = [-1, ""];
-    if (!this.isDead) this.start();
+    if (!this.isDead) {
+      this.ready = this.answer("ready");
+      this.start();
+    }
     // nobody waits for what does not come
     this.loads += 1;
     const { drawings, answers } = this;
@@ -92,23 +100,27 @@ export class VolumeRenderer {
   }
 
   /** On the page itself. */
-  private drawHere(): void {
+  private async drawHere(): Promise<void> {
     if (!this.isInWorker) return;
     this.isInWorker = false;
     (this.port as Worker).terminate();
-    const { port1, port2 } = new MessageChannel();
-    this.port = port1;
-    port1.onmessage = (event) => this.hear(event.data as Answered);
-    serve(port2, document.createElement("canvas"));
+    const service = await fetchPart("volume", () => import("./volume_service.js"));
+    if (service) service.serve(this.openPort(), document.createElement("canvas"));
+    else await this.drawThere();
   }
   /** By palpate, where the page cannot either. */
-  private drawThere(): void {
+  private async drawThere(): Promise<void> {
     if (this.isServed) return;
     this.isServed = true;
+    const pictures = await fetchPart("volume", () => import("./served_pictures.js"));
+    pictures?.servePictures(this.openPort(), () => this.served());
+  }
+  /** Replaces the port. @returns the end of the new one at which requests arrive */
+  private openPort(): Port {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = (event) => this.hear(event.data as Answered);
-    servePictures(port2, () => this.served());
+    return port2;
   }
 
   private answer(type: keyof typeof this.answers): Promise<Answered> {
@@ -120,8 +132,7 @@ export class VolumeRenderer {
   private hear(message: Answered): void {
     switch (message.type) {
       case "unable":
-        if (this.isInWorker) this.drawHere();
-        else this.drawThere();
+        void (this.isInWorker ? this.drawHere() : this.drawThere());
         break;
       case "picture": {
         const { view, done } = this.drawings.get(message.id)!;

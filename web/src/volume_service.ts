@@ -3,10 +3,12 @@
 // draws, nor a newer request waits for a whole one.
 
 import { Displacement, type Nodes } from "./displacement.js";
-import { Field, type Piece } from "./field.js";
+import { Field } from "./field.js";
 import type { Affine, Vec3 } from "./geometry.js";
 import { breathe } from "./pieces.js";
-import { Caster, type View } from "./volume_caster.js";
+import type { Piece } from "./texels.js";
+import type { View } from "./view.js";
+import { Caster } from "./volume_caster.js";
 
 export type Asked =
   | { type: "waits" } // the page draws nothing until "compiled"

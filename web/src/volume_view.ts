@@ -15,7 +15,7 @@ import { memory_GB } from "./screen.js";
 import type { Memory } from "./scene.js";
 import type { Session } from "./session.js";
 import { firstFelt, Ground, wayTo } from "./touch.js";
-import { BACKGROUND, viewOf, type Cut, type View } from "./volume_caster.js";
+import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "./wire.js";
 

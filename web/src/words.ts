@@ -2,11 +2,14 @@
 // only read into it.
 
 import { write } from "./dom.js";
-import { de } from "./words/de.js";
 import { en, type Words } from "./words/en.js";
 
 export type { Words };
-export const LANGUAGES = { en, de } satisfies Record<string, Words>;
+/** How the words of each language are fetched; English is there from the start, in case they cannot be. */
+export const LANGUAGES = {
+  en: async () => en,
+  de: async () => (await import("./words/de.js")).de,
+} satisfies Record<string, () => Promise<Words>>;
 export type Language = keyof typeof LANGUAGES;
 
 /** In the language that was chosen last. */
@@ -45,9 +48,13 @@ function read(target: HTMLElement): void {
   }
 }
 
-/** In which language the messages are from now on, those that stand on the page too. */
-export function speak(language: Language): void {
-  words = LANGUAGES[language];
+let wanted: Language = "en";
+/** Fetches a language and switches to it, unless another one has been asked for meanwhile. */
+export async function speak(language: Language): Promise<void> {
+  wanted = language;
+  const fetched = await LANGUAGES[language]();
+  if (wanted !== language) return;
+  words = fetched;
   document.documentElement.lang = language;
   for (const target of document.querySelectorAll<HTMLElement>("[data-words], [data-words-title], [data-words-label], [data-words-placeholder]")) read(target);
 }

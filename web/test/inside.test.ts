@@ -6,7 +6,7 @@ import { boxSection, runs } from "../src/in_volume.js";
 import { Volumes } from "../src/scene.js";
 import { OPTICS_DEG, Scope, standOff } from "../src/scope.js";
 import { firstFelt, Ground, wayTo } from "../src/touch.js";
-import { Found, viewOf } from "../src/volume_caster.js";
+import { Found, viewOf } from "../src/view.js";
 
 const near = (a: readonly number[], b: readonly number[], within = 1e-9) => a.forEach((x, i) => assert.ok(Math.abs(x - b[i]!) < within, `${a} is not ${b}`));
 const degrees = (a: Vec3, b: Vec3) => (Math.acos(Math.min(1, dot(a, b))) * 180) / Math.PI;

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { pictureQuery, readPicture } from "../src/served_pictures.js";
-import { Found, type View } from "../src/volume_caster.js";
+import { Found, type View } from "../src/view.js";
 
 const view: View = { width: 64, height: 48, corner: [-10, -10.5, 0], across: [1, 0, 0], down: [0, 1, 0], into: [0, 0, 1], eye: null, cut: null, isFine: true };
 

@@ -1,12 +1,13 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Camera } from "../src/camera.js";
-import { BLOCK, coarsening, Field, pieceOf, texelsOf } from "../src/field.js";
+import { BLOCK, Field } from "../src/field.js";
 import { aboutAxis, apply, dot, sub, type Affine, type Vec3 } from "../src/geometry.js";
 import { halfFloats } from "../src/half_floats.js";
 import { shrinkFor, shrunkGrid, Volumes } from "../src/scene.js";
 import { fromSlider, toSlider } from "../src/structures_panel.js";
-import { viewOf } from "../src/volume_caster.js";
+import { coarsening, pieceOf, texelsOf } from "../src/texels.js";
+import { viewOf } from "../src/view.js";
 
 const grid: Affine = [[0.5, 0, 0, -10], [0, 0.5, 0, -20], [0, 0, 2, 5], [0, 0, 0, 1]];
 const mirrored: Affine = [[-0.5, 0, 0, -10], [0, 0.5, 0, -20], [0, 0, 2, 5], [0, 0, 0, 1]];

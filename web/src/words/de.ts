@@ -44,6 +44,8 @@ export const de: Words = {
   noPose: "keine Pose: sie beginnt nicht mit PLPT",
   noNear: (bytes) => `keine ganze Nachricht darüber, was nah ist, mit ${bytes} Bytes`,
   noYield: (bytes) => `keine ganze Nachricht über nachgebendes Gewebe, mit ${bytes} Bytes`,
+  parts: { language: "die Sprache", training: "die Aufgaben", lesson: "die Lektion", recording: "die Zeitleiste", plan: "der Plan", near: "die Liste des Nahen", volume: "das Bild des Volumens", scope: "das Bild von innen", capture: "Bildschirmfotos und Aufnahmen" },
+  partsMissing: (names) => `Konnte nicht geladen werden: ${names}. Alles andere geht, auch der Not-Halt. Zum erneuten Versuch die Seite neu laden.`,
   poseOfDevices: (bytes, devices) => `eine Pose mit ${bytes} Bytes für ${devices} Geräte`,
 
   // tools and pictures

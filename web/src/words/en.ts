@@ -43,6 +43,8 @@ export const en = {
   noPose: "no pose: it does not begin with PLPT",
   noNear: (bytes: string) => `no whole message of what is near, with ${bytes} bytes`,
   noYield: (bytes: string) => `no whole message of tissue that yields, with ${bytes} bytes`,
+  parts: { language: "the language", training: "the panel of tasks", lesson: "the panel of the lesson", recording: "the time line", plan: "the panel of the plan", near: "the list of what is near", volume: "the picture of the volume", scope: "the picture from within", capture: "screenshots and recordings" },
+  partsMissing: (names: string) => `Could not be loaded: ${names}. Everything else works, the emergency stop too. Reload the page to try again.`,
   poseOfDevices: (bytes: string, devices: string) => `a pose of ${bytes} bytes for ${devices} devices`,
 
   // tools and pictures

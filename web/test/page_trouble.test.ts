@@ -1,0 +1,64 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { openPage } from "./page.js";
+
+const page = await openPage([]);
+const { server } = page;
+
+/** What does not heal by itself is told, and left alone: nothing is asked for until somebody says so. */
+async function toldAndLeftAlone(...told: string[]): Promise<void> {
+  await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("mend").hidden);
+  for (const words of told) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
+  const fetched = globalThis.fetch, Socket = globalThis.WebSocket;
+  let attempts = 0;
+  Object.assign(globalThis, {
+    fetch: (...all: Parameters<typeof fetch>) => (attempts++, fetched(...all)),
+    WebSocket: class extends Socket { constructor(...all: ConstructorParameters<typeof WebSocket>) { super(...all); attempts++; } },
+  });
+  // longer than it ever waits between two attempts
+  await new Promise((later) => setTimeout(later, 6500));
+  Object.assign(globalThis, { fetch: fetched, WebSocket: Socket });
+  assert.equal(attempts, 0);
+}
+async function restart(options: string[]): Promise<void> {
+  await server.stop();
+  await server.start(["--scan", "ramp", ...options]);
+}
+async function mended(): Promise<void> {
+  await restart([]);
+  page.click("#again");
+  await page.wait("the page is loaded", () => page.isLoaded() && page.viewer.link === "connected");
+}
+
+test("old data is grey, and a server that comes back is found", async () => {
+  server.signal("SIGSTOP");
+  await page.wait("stale", () => !page.viewer.isFresh && page.viewer.age_ms > 250 && document.body.classList.contains("stale") && page.text("link-text").includes("old"));
+  server.signal("SIGCONT");
+  await page.wait("fresh", () => page.viewer.isFresh && !document.body.classList.contains("stale"));
+  await server.stop();
+  await page.wait("lost", () => page.viewer.link !== "connected");
+  await restart([]);
+  await page.wait("found", () => page.isLoaded() && page.viewer.link === "connected" && page.viewer.age_ms < 250);
+});
+
+test("a page that is left lets go, and one that is come back to goes on", async () => {
+  const leave = (type: string) => window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
+  leave("pagehide");
+  await page.wait("ended", () => page.viewer.link === "ended");
+  leave("pageshow");
+  await page.wait("connected", () => page.viewer.link === "connected" && page.viewer.isFresh);
+});
+
+test("another version of the protocol is told of", async () => {
+  await restart(["--protocol", "4"]);
+  await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
+  page.click("#again"); // in vain
+  await page.wait("told again", () => !page.byId("mend").hidden);
+  await mended();
+});
+
+test("a refusal that lasts is told of", async () => {
+  await restart(["--refuse", "421"]);
+  await toldAndLeftAlone("421", "--host-name");
+  await mended();
+});

@@ -1,0 +1,44 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { JSDOM } from "jsdom";
+import { fetchPart, Part } from "../src/part.js";
+
+/** What the page says of parts that are missing; null: nothing. */
+function pageOfItsOwn(): () => string | null {
+  const { window: its } = new JSDOM('<p id="missing-parts" hidden></p>');
+  Object.assign(globalThis, { document: its.document });
+  console.error = () => {};
+  return () => {
+    const line = its.document.getElementById("missing-parts")!;
+    return line.hidden ? null : line.textContent;
+  };
+}
+const failing = { is: true };
+const make = async (): Promise<string> => {
+  if (failing.is) throw new TypeError("Failed to fetch dynamically imported module");
+  return "made";
+};
+
+test("a part that cannot be fetched is reported on the page until it can", async () => {
+  const said = pageOfItsOwn();
+  failing.is = true;
+  const part = new Part("training", make);
+  assert.equal(await part.get(), null);
+  assert.equal(part.now, null);
+  assert.match(said()!, /^Could not be loaded: the panel of tasks\. .*the emergency stop too/);
+  assert.equal(await fetchPart("language", make), null);
+  assert.match(said()!, /the panel of tasks, the language\./);
+  failing.is = false;
+  assert.equal(await fetchPart("language", make), "made");
+  assert.equal(await part.get(), "made");
+  assert.equal(part.now, "made");
+  assert.equal(said(), null);
+});
+
+test("a part is made once, however often it is asked for", async () => {
+  pageOfItsOwn();
+  let made = 0;
+  const part = new Part("plan", async () => ++made);
+  assert.deepEqual(await Promise.all([part.get(), part.get()]), [1, 1]);
+  assert.equal(await part.get(), 1);
+});
