@@ -22,10 +22,12 @@ function(palpate_install_core)
     COMPONENT core)
 endfunction()
 
-# palpate_install_program(TARGET): the program, and a man page for each verb, made of what its --help says
+# palpate_install_program(TARGET COMPANION...): the program, those programs that are verbs of it which have been built, and
+# a man page for each verb, made of what its --help says
 function(palpate_install_program target)
   find_package(Python3 COMPONENTS Interpreter REQUIRED)
   install(TARGETS ${target} RUNTIME DESTINATION bin COMPONENT program)
+  install(TARGETS ${ARGN} RUNTIME DESTINATION bin COMPONENT program OPTIONAL)
   install(CODE "
     execute_process(COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/make_man_pages $<TARGET_FILE:${target}>
       \"\$ENV{DESTDIR}\${CMAKE_INSTALL_PREFIX}/share/man/man1\" COMMAND_ERROR_IS_FATAL ANY)" COMPONENT program)

@@ -5,7 +5,7 @@
 
 #include "known_devices.h"
 #include "palpate/session/explore.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

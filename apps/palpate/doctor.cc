@@ -7,7 +7,7 @@
 
 #include "held.h"
 #include "known_devices.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

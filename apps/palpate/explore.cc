@@ -9,9 +9,11 @@
 #include <memory>
 #include <optional>
 
+#include "apps/command/keys.h"
+#include "apps/command/signals.h"
+#include "apps/command/text.h"
 #include "held.h"
 #include "inputs.h"
-#include "keys.h"
 #include "known_devices.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
@@ -22,7 +24,6 @@
 #include "recorded_runs.h"
 #include "scored.h"
 #include "serving.h"
-#include "text.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -120,7 +121,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
   session.supervisor_log = options.supervisor_log.value_or("");
   // the live line asks, and a key answers
-  session.asks_here = keys.active() && ::isatty(STDERR_FILENO) == 1 && !console.quiet;
+  session.asks_here = keys.active() && ::isatty(console.streams().err) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
     switch (keys.next().value_or('\0')) {
@@ -503,10 +504,10 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!training) return console.fail(training.error());
 
   // stopped in the background, a device would hold its last force
-  for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) std::signal(signal, SIG_IGN);
+  const ScopedSignals unstoppable({SIGTSTP, SIGTTIN, SIGTTOU}, SIG_IGN);
   // a terminal that vanishes takes its keys with it; a hand is not let go of for that
-  std::signal(SIGHUP, SIG_IGN);
-  std::optional<Keys> keys(std::in_place);
+  const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
+  std::optional<Keys> keys(std::in_place, console.streams().in);
   std::string address, said;
   std::optional<ViewedNavigation> tracked;
   FaultLines faults;

@@ -10,7 +10,7 @@
 #include <system_error>
 #include <thread>
 
-#include "keys.h"
+#include "apps/command/keys.h"
 #include "palpate/base/file.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/device/simulated_device.h"
@@ -38,16 +38,16 @@ Error not_armed(const std::string& name) {
 /// Somebody's word who holds it. Errors: kUsage without a terminal to ask at, or for another key;
 /// kInterrupted.
 Result<void> arm(const std::string& name, Console& console) {
-  Keys keys;
+  Keys keys(console.streams().in);
   // who cannot read what it does agrees to nothing
-  if (!keys.active() || !::isatty(STDERR_FILENO)) return not_armed(name);
+  if (!keys.active() || !::isatty(console.streams().err)) return not_armed(name);
   std::fprintf(
       stderr,
       "Hold the tip lightly, in free air, at one place, and keep holding it. It pushes with up to 1 N for\n"
       "up to 15 s, and may buzz at the end. Letting go ends nothing: Ctrl-C does.\n"
       "a arms it, any other key does not.\n");
   // what was typed before is no answer
-  ::tcflush(STDIN_FILENO, TCIFLUSH);
+  ::tcflush(console.streams().in, TCIFLUSH);
   const Progress progress = console.progress();
   while (!progress.stopped()) {
     if (const auto key = keys.next()) return *key == 'a' ? Result<void>() : not_armed(name);

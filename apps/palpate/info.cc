@@ -16,7 +16,7 @@
 #include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -11,7 +11,7 @@
 #include <thread>
 #include <utility>
 
-#include "keys.h"
+#include "apps/command/keys.h"
 #include "palpate/base/printable.h"
 #include "palpate/navigation/pivot.h"
 
@@ -114,7 +114,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
   LivePoses live(settings, console);
   if (auto opened = live.open(); !opened) return opened.error();
   const Progress progress = console.progress();
-  Keys keys;
+  Keys keys(console.streams().in);
   TouchTaker touches;
   CollectedTouches out;
   const std::size_t asked = names.size() + (structure.empty() ? 0 : 1);

@@ -20,7 +20,7 @@
 #include "palpate/navigation/surface_registration.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpation.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 /// Where a tracked patient and a tracked tool are: from files, or from a tracker's stream.

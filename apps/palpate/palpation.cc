@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "text.h"
+#include "apps/command/text.h"
 
 namespace palpate::app {
 

@@ -11,7 +11,7 @@
 #include "palpate/rehearsal/plan_from_markups.h"
 #include "palpation.h"
 #include "planned.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 /// Rehearsal: plans, and what was done beside them.

@@ -16,7 +16,7 @@
 #include "palpate_version.h"
 #include "recorded_runs.h"
 #include "scored.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

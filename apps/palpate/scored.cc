@@ -10,7 +10,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/phantoms/phantoms.h"
-#include "text.h"
+#include "apps/command/text.h"
 
 namespace palpate::app {
 namespace {

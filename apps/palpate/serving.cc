@@ -33,7 +33,7 @@ void FaultLines::put(const std::string& line) {
 }
 
 void FaultLines::show_next(Console& console) {
-  pollfd terminal{STDERR_FILENO, POLLOUT, 0};
+  pollfd terminal{console.streams().err, POLLOUT, 0};
   if (::poll(&terminal, 1, 0) != 1) return;
   std::string line;
   {

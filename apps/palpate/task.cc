@@ -8,7 +8,7 @@
 #include "palpate/tasks/calibration.h"
 #include "recorded_runs.h"
 #include "scored.h"
-#include "text.h"
+#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Looks into a program for what its build protects (cmake/compiler.cmake, SECURITY.md).
+"""Looks into programs for what their build protects (cmake/compiler.cmake, SECURITY.md).
 
-    check_hardening.py PROGRAM
+    check_hardening.py PROGRAM...
 
 Prints a line for each protection that is not there; exit code 1 when there is any. Reads x86-64 programs of
 Linux that have their symbols; of another machine's, what does not depend on the processor.
@@ -73,10 +73,10 @@ def faults(program):
 
 
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         sys.exit(__doc__)
-    found = faults(sys.argv[1])
-    print("\n".join(found) if found else f"{sys.argv[1]}: protected")
+    found = [fault for program in sys.argv[1:] for fault in faults(program)]
+    print("\n".join(found or [f"{program}: protected" for program in sys.argv[1:]]))
     return 1 if found else 0
 
 

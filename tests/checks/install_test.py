@@ -7,6 +7,7 @@
 import os
 import pathlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -42,6 +43,25 @@ class Install(unittest.TestCase):
         self.addCleanup((self.root / "elsewhere.so").rename, self.root / "usr/lib/palpate/libpalpate_dicom.so")
         with self.assertRaises(subprocess.CalledProcessError):
             self.run_palpate("info", self.root / "study")
+
+    def test_a_verb_that_is_a_program_of_its_own_is_found(self):
+        self.assertIn("accuracy", self.run_palpate("verify", "--list"))
+        self.assertEqual(self.run_palpate("help", "verify"), self.run_palpate("verify", "--help"))
+        beside, elsewhere = self.root / "usr/bin/palpate-verify", self.root / "usr/libexec/palpate/palpate-verify"
+        elsewhere.parent.mkdir(parents=True)
+        beside.rename(elsewhere)
+        self.addCleanup(elsewhere.rename, beside)
+        self.assertIn("accuracy", self.run_palpate("-q", "verify", "--list"))
+
+    def test_one_that_is_missing_is_named(self):
+        alone = self.root / "alone"
+        alone.mkdir()
+        palpate = alone / "palpate"
+        shutil.copy(self.palpate, palpate)
+        for arguments in (["verify", "--list"], ["verify", "--help"], ["help", "verify"], ["--memory", "1G", "verify", "accuracy"]):
+            done = subprocess.run([palpate, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
+            self.assertEqual((done.returncode, done.stdout), (5, ""), arguments)
+            self.assertEqual(done.stderr.count("palpate: error: palpate-verify: "), 1, done.stderr)
 
     def test_each_verb_has_a_man_page(self):
         listed = self.run_palpate("--help").partition("\nSubcommands:\n")[2].partition("\n\n")[0]

@@ -2,7 +2,8 @@
 """Runs the blocks of code of every page of the manual.
 
     run_blocks.py PALPATE [PAGE...]
-    run_blocks.py PALPATE --update     writes docs/reference/command-line.md
+    run_blocks.py PALPATE --part PART   the pages of one part (PARTS)
+    run_blocks.py PALPATE --update      writes docs/reference/command-line.md
 
 What a block is asked for, by its language:
 
@@ -24,6 +25,7 @@ were run and why others were not; exit code 1 when there is any fault.
 
 import collections
 import concurrent.futures
+import copy
 import json
 import os
 import pathlib
@@ -36,8 +38,10 @@ import sys
 import tempfile
 
 sys.dont_write_bytecode = True
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import fixtures
 import manual
+import prepared
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall"
@@ -48,6 +52,8 @@ FINER = "spacing=1.15"
 MOST_S = 240
 # options of other programs that the manual names by themselves
 OTHERS = {"--gtest_filter"}
+# what --part runs: a page's blocks run in one of them, and `start` looks at the names in all pages
+PARTS = ("start", "guide", "compiled")
 VERSION = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
 COMMAND_LINE = "docs/reference/command-line.md"
 COMMAND_LINE_HEAD = """# Command line
@@ -80,7 +86,30 @@ case $all in
   " data fetch "*-phantom*) arguments+=(--voxel 2) ;;
 esac
 code=0
-if [[ $all == *" --view "* ]]; then
+# a run of a generated patient by its name alone is the same on every page: what one of them made is copied
+same="^ simulate ({PHANTOMS})[^ ]*( (-o|--report) [a-z0-9.-]+| --method [a-z-]+| --task [a-z-]+)* $"
+known=
+if [[ $all =~ $same ]]; then
+  known=$PALPATE_KNOWN_RUNS/${{all// /_}}
+  mkdir -p "$known"
+  exec 9>"$known.lock"
+  flock 9
+fi
+if [[ -e $known/code ]]; then
+  cp -r "$known/files/." .
+  cat "$known/err" >&2
+  cat "$known/out"
+  code=$(<"$known/code")
+elif [[ $known ]]; then
+  "$PALPATE_PROGRAM" "${{arguments[@]}}" >"$known/out" 2>"$known/err" 9>&- || code=$?
+  cat "$known/err" >&2
+  cat "$known/out"
+  mkdir -p "$known/files"
+  for ((n = 1; n < $#; ++n)); do
+    [[ ! ${{!n}} =~ ^(-o|--report)$ ]] || {{ next=$((n + 1)); [[ ! -e ${{!next}} ]] || cp "${{!next}}" "$known/files/"; }}
+  done
+  echo "$code" >"$known/code"
+elif [[ $all == *" --view "* ]]; then
   timeout --signal=INT 1 "$PALPATE_PROGRAM" "${{arguments[@]}}" --port 0 || code=$?
   # ended from outside, as by Ctrl-C
   ((code != 124 && code != 130)) || code=0
@@ -102,13 +131,14 @@ class Program:
 
     def __init__(self, path, folder):
         self.path, self.folder = path, folder
+        prepared.share(path)
         commands = folder / "commands"
         commands.mkdir()
         (commands / "palpate").write_text(WRAPPER, encoding="utf-8")
         (commands / "palpate").chmod(0o755)
         (commands / "python3").symlink_to(sys.executable)
         self.environment = {"PATH": f"{commands}:{os.environ['PATH']}", "HOME": str(folder / "home"), "LANG": "C.UTF-8",
-                            "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": str(folder / "cache"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
+                            "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": os.environ["PALPATE_CACHE"], "PALPATE_KNOWN_RUNS": str(folder / "known"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
                             "PALPATE_SHORT": str(folder / "files" / "press.toml"), "PYTHONDONTWRITEBYTECODE": "1",
                             **{name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}}
         self.helps = {}
@@ -119,6 +149,11 @@ class Program:
         self.helps[verb] = text
         for name in re.findall(r"^  ([\w-]+)", (text.partition("\nSubcommands:\n")[2]).partition("\n\n")[0], re.MULTILINE):
             self._read_helps((*verb, name))
+
+    def with_cache(self, folder):
+        other = copy.copy(self)
+        other.environment = self.environment | {"PALPATE_CACHE": str(folder)}
+        return other
 
     def options(self, verb):
         return set(re.findall(r"(?<![\w-])--?[a-zA-Z][\w-]*", re.sub(r"\nExamples:.*", "", self.helps[verb], flags=re.DOTALL)))
@@ -231,11 +266,22 @@ def run_block(block, program, folder, printed):
     return [], ""
 
 
+def part_of(page):
+    """The part that runs a page's blocks: `compiled` where they compile programs, `start` where a reader begins."""
+    if any(command.lstrip().startswith("cmake ") for block in manual.blocks(ROOT, page) if not block.not_run
+           for command in manual.commands(block)):
+        return "compiled"
+    return "start" if page == "README.md" or page.startswith("docs/start/") else "guide"
+
+
 def run_page(page, program, files):
     """Faults of its blocks, and how many were run or, by their reason, not."""
     faults, counts, printed = [], collections.Counter(), ""
     folder = pathlib.Path(tempfile.mkdtemp(dir=program.folder))
     shutil.copytree(files, folder, dirs_exist_ok=True)
+    # where the cache is the subject, the page has one of its own
+    if any("palpate cache" in block.text for block in manual.blocks(ROOT, page)):
+        program = program.with_cache(folder / "cache")
     shutil.copytree(ROOT / "docs/images", folder / "docs/images", ignore=shutil.ignore_patterns("*.png", "*.svg"))
     # where the program stands for who has built it
     (folder / "build/release/apps/palpate").mkdir(parents=True)
@@ -318,9 +364,10 @@ def command_line(program):
     return text
 
 
-def try_page(page, program, files):
-    faults, counts = run_page(page, program, files)
-    return faults + wrong_names(page, program), counts
+def try_page(page, program, files, part=None):
+    """Faults of a page, and how many blocks were run: of all it has, or of what a part asks."""
+    faults, counts = run_page(page, program, files) if part in (None, part_of(page)) else ([], collections.Counter())
+    return faults + (wrong_names(page, program) if part in (None, PARTS[0]) else []), counts
 
 
 def main():
@@ -328,7 +375,10 @@ def main():
         sys.exit(__doc__)
     faults, counts = [], collections.Counter()
     update = sys.argv[2:] == ["--update"]
-    asked = sys.argv[2:] or manual.pages(ROOT)
+    part = sys.argv[3] if sys.argv[2:3] == ["--part"] else None
+    if part not in (None, *PARTS):
+        sys.exit(__doc__)
+    asked = sys.argv[2:] if part is None and sys.argv[2:] else manual.pages(ROOT)
     with tempfile.TemporaryDirectory(prefix="palpate-docs-") as folder:
         program = Program(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(folder))
         if update:
@@ -336,13 +386,14 @@ def main():
             return 0
         if command_line(program) != (ROOT / COMMAND_LINE).read_text(encoding="utf-8"):
             faults.append(f"{COMMAND_LINE}: is not what the program says; write it anew: tests/docs/run_blocks.py PALPATE --update")
-        program.install_core()
+        if part in (None, "compiled"):
+            program.install_core()
         files = pathlib.Path(folder) / "files"
         files.mkdir()
         fixtures.make(files, lambda *arguments: program.must(files, *arguments))
         # a session waits for the clock: two pages at a time
         with concurrent.futures.ThreadPoolExecutor(2) as pool:
-            for page, (lines, taken) in zip(asked, pool.map(lambda page: try_page(page, program, files), asked)):
+            for page, (lines, taken) in zip(asked, pool.map(lambda page: try_page(page, program, files, part), asked)):
                 faults += lines
                 counts += taken
     print("".join(fault + "\n" for fault in faults), end="")

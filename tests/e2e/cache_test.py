@@ -61,6 +61,7 @@ class Cache(cli.KneeTest):
         self.assertEqual(self.entries(), [])
         self.assertIn("nothing is kept", self.succeed("--no-cache", "cache", "show", env=self.environment).stdout)
 
+    @cli.long
     def test_it_stands_where_the_environment_says(self):
         self.simulate(XDG_CACHE_HOME=str(self.folder / "xdg"))
         self.assertTrue(any((self.folder / "xdg" / "palpate").iterdir()))
@@ -68,6 +69,7 @@ class Cache(cli.KneeTest):
         self.assertTrue(any((self.folder / "named").iterdir()))
         self.assertEqual(self.entries(), [])
 
+    @cli.long
     def test_it_takes_no_more_than_its_limit(self):
         self.simulate()
         whole = sum(path.stat().st_size for path in self.kept.iterdir())
@@ -87,6 +89,7 @@ class Cache(cli.KneeTest):
                 self.assertEqual(len(now), len(said) + 1, now)
                 self.assertEqual(sum("is not kept for the next start" in line for line in now), 1)
 
+    @cli.long
     def test_two_at_once(self):
         command = [cli.PALPATE, "simulate", self.scene, "--script", self.script]
         both = [subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -1,5 +1,6 @@
 """What the end-to-end tests share: running palpate, finding data, skipping visibly."""
 
+import ctypes
 import faulthandler
 import json
 import os
@@ -13,6 +14,9 @@ import tempfile
 import time
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import prepared
+
 PALPATE = os.environ["PALPATE"]
 # it checks itself, and takes several times as long
 SANITIZED = bool(os.environ.get("PALPATE_SANITIZE"))
@@ -23,22 +27,70 @@ TOUCH = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n'
 
 # nothing is taken from the user's cache, or left in it
 os.environ["PALPATE_CACHE"] = ""
-_kept = []
 
 
-def keep_what_is_prepared():
-    """From here on one run of this script takes what another one has prepared, as a user's runs do."""
-    _kept.append(tempfile.TemporaryDirectory(prefix="palpate-e2e-cache-"))
-    os.environ["PALPATE_CACHE"] = _kept[-1].name
+def share_what_is_prepared():
+    """From here on runs of this script take what tests of this build have prepared. Not where preparing is the subject."""
+    prepared.share(PALPATE)
 
+
+# the verbs as a library; a sanitized one cannot be loaded into a Python that is not
+VERBS = None if SANITIZED or not os.environ.get("PALPATE_VERBS") else ctypes.CDLL(os.environ["PALPATE_VERBS"])
+# verbs that start the program's own file again, or become another program
+IN_A_PROCESS = {"explore", "cohort", "doctor", "verify", "supervise"}
 
 OK, BAD_INPUT, USAGE, LIMIT, OUTPUT, UNAVAILABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
 
-def run(*arguments, **options):
-    """Runs palpate and returns the finished process, its output as text."""
+def spawn(*arguments, **options):
+    """Runs the palpate binary in a process of its own. For what is about processes: death, signals, limits, privileges, the
+    environment, the real standard streams, bytes that may bring a parser down. Returns what run() does."""
     return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
                           errors="replace", stdin=subprocess.DEVNULL, timeout=600, **options)
+
+
+def run(*arguments, env=None):
+    """Runs a command line of palpate and returns the finished process, its output as text. It runs in this process where
+    the build has the verbs as a library, and the verb needs no process of its own.
+
+    @param env  the whole environment of the run
+    """
+    words = list(map(str, arguments))
+    if VERBS is None or not IN_A_PROCESS.isdisjoint(words):
+        return spawn(*words, env=env)
+    environment = dict(os.environ)
+    nothing, out, err = os.open(os.devnull, os.O_RDONLY), os.memfd_create("out"), os.memfd_create("err")
+    try:
+        if env is not None:
+            set_environment(env)
+        code = VERBS.palpate_run(len(words), (ctypes.c_char_p * len(words))(*map(os.fsencode, words)), nothing, out, err)
+        return subprocess.CompletedProcess([PALPATE, *words], code, *map(text_of, (out, err)))
+    finally:
+        set_environment(environment)
+        for descriptor in (nothing, out, err):
+            os.close(descriptor)
+
+
+def spawn_only():
+    """From here on every run of this script is a process of its own."""
+    global VERBS
+    VERBS = None
+
+
+def set_environment(environment):
+    """Of this process, of which no thread may be reading it."""
+    for name in os.environ.keys() - environment.keys():
+        del os.environ[name]
+    for name, value in environment.items():
+        if os.environ.get(name) != value:
+            os.environ[name] = value
+
+
+def text_of(descriptor):
+    """As subprocess reads text."""
+    with open(descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
+        file.seek(0)
+        return file.read()
 
 
 def shared_data(name):
@@ -118,14 +170,15 @@ class PalpateTest(unittest.TestCase):
     def tearDown(self):
         self._folder.cleanup()
 
-    def succeed(self, *arguments, **options):
-        done = run(*arguments, **options)
+    def succeed(self, *arguments, by=run, **options):
+        """@param by  run or spawn"""
+        done = by(*arguments, **options)
         self.assertEqual(done.returncode, OK, f"palpate {arguments}: {done.stderr}")
         return done
 
-    def fail_clearly(self, code, *arguments, says="", **options):
-        """Fails with this exit code and one clear error, without a trace of a crash."""
-        done = run(*arguments, **options)
+    def fail_clearly(self, code, *arguments, says="", by=run, **options):
+        """Fails with this exit code and one clear error, without a trace of a crash. @param by  run or spawn"""
+        done = by(*arguments, **options)
         self.assertEqual(done.returncode, code, f"palpate {arguments}: {done.stdout} {done.stderr}")
         self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
         self.assertNotIn("bug:", done.stderr)
@@ -200,11 +253,34 @@ class KneeTest(PalpateTest):
         self.assertEqual(list(self.folder.iterdir()), [])
 
 
+def long(test):
+    """Marks a test that is long by nature: it runs in the script's part `long`, all others in `short`."""
+    test.is_long = True
+    return test
+
+
+class PartLoader(unittest.TestLoader):
+    """Loads one part of a script's tests."""
+
+    def __init__(self, part):
+        super().__init__()
+        self.part = part
+
+    def getTestCaseNames(self, case):
+        return [name for name in super().getTestCaseNames(case)
+                if getattr(getattr(case, name), "is_long", False) == (self.part == "long")]
+
+
 def main():
+    """Runs the script's tests: all of them, or with `--part short` or `--part long` one part."""
+    loader = unittest.defaultTestLoader
+    if sys.argv[1:2] == ["--part"]:
+        loader = PartLoader(sys.argv[2])
+        del sys.argv[1:3]
     # where it stands, before ctest kills it
     if "TIMEOUT_S" in os.environ:
         faulthandler.dump_traceback_later(float(os.environ["TIMEOUT_S"]) - 30, exit=True)
-    result = unittest.main(exit=False).result
+    result = unittest.main(exit=False, testLoader=loader).result
     if result.wasSuccessful() and result.testsRun and len(result.skipped) == result.testsRun:
         sys.exit(77)
     sys.exit(not result.wasSuccessful())

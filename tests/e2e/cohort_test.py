@@ -51,6 +51,7 @@ class Cohort(cli.PalpateTest):
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
         return out, done
 
+    @cli.long
     def test_one_after_the_other_killed_and_by_slurm_it_is_the_same_table(self):
         out, done = self.cohort("local", "--jobs", 2)
         table = rows(out / "cohort.tsv")
@@ -219,6 +220,7 @@ class Cohort(cli.PalpateTest):
         self.assertEqual(done.returncode, cli.OK, done.stderr)
         self.assertNotIn("done already", done.stderr)
 
+    @cli.long
     def test_a_case_that_crashes_is_named(self):
         # its process is killed from outside while it works
         self.table.write_text("case\tstudy\nlong\tknee-phantom:spacing=1\nshort\tknee-phantom:spacing=3\n")
@@ -243,4 +245,5 @@ class Cohort(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -193,6 +193,7 @@ class Deaths(cli.PalpateTest):
                 self.assert_nothing_left(claims=2)
         self.print_figures("seen after the signal", seen_ms)
 
+    @cli.long
     def test_signals_that_ask_for_the_end_get_one_in_good_order(self):
         took_ms = []
         for number in trials(GENTLE, 1):
@@ -207,6 +208,7 @@ class Deaths(cli.PalpateTest):
                 self.assert_nothing_left()
         self.print_figures("ended after the signal", took_ms)
 
+    @cli.long
     def test_signals_that_end_nothing(self):
         for number in trials(IGNORED, 2):
             with self.subTest(number):
@@ -221,6 +223,7 @@ class Deaths(cli.PalpateTest):
                 self.assert_replays(session.recording, whole=True)
                 self.assert_nothing_left()
 
+    @cli.long
     def test_stopped_for_a_while_it_goes_on(self):
         for _ in trials([signal.SIGSTOP], 1):
             recording, log = self.folder / "run.h5", self.folder / "supervisor.log"
@@ -246,6 +249,7 @@ class Deaths(cli.PalpateTest):
             self.assert_replays(recording, whole=True)
             self.assert_nothing_left()
 
+    @cli.long
     def test_closed_streams_end_nothing(self):
         for _ in trials(["closed streams"], 1):
             session = self.begin()
@@ -261,6 +265,7 @@ class Deaths(cli.PalpateTest):
             self.assert_replays(session.recording, whole=True)
             self.assert_nothing_left()
 
+    @cli.long
     def test_a_full_disk_ends_the_recording_alone(self):
         for n, _ in enumerate(trials(["full disk"], 1)):
             session = self.begin()
@@ -344,6 +349,7 @@ class Deaths(cli.PalpateTest):
             return json.loads(answer.read()) if path == "/api/scene" else len(answer.read())
 
     # of the viewers' one and of that which makes fields a session does not die: neither is a reason to let go of a hand
+    @cli.long
     def test_an_exception_in_any_thread(self):
         seen_ms = []
         maker = len(self.THREADS) - 1  # of fields: it begins when the first are wanted

@@ -90,6 +90,7 @@ class Doctor(cli.PalpateTest):
             self.assertEqual(line["finding"], "fine", line)
             self.assertIn(str(library), line["found"])
 
+    @cli.long
     def test_what_a_hand_holds(self):
         self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
         self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
@@ -137,6 +138,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(ended, cli.USAGE, terminal.shown)
         self.assertIn("nobody has armed the device", terminal.shown)
 
+    @cli.long
     def test_who_interrupts_the_question_is_not_told_that_nobody_armed(self):
         terminal = self.hold_at_a_terminal()
         terminal.process.send_signal(signal.SIGINT)
@@ -144,6 +146,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(ended, cli.INTERRUPTED, terminal.shown)
         self.assertNotIn("nobody has armed", terminal.shown)
 
+    @cli.long
     def test_a_prompt_that_nobody_can_read_arms_nothing(self):
         master, slave = pty.openpty()
         self.addCleanup(os.close, master)
@@ -155,6 +158,7 @@ class Doctor(cli.PalpateTest):
         self.assertEqual(done.returncode, cli.USAGE, done.stderr)
         self.assertIn("nobody has armed the device", done.stderr)
 
+    @cli.long
     def test_in_words(self):
         done = cli.run("doctor", "--seconds", "0.2")
         self.assertEqual(done.returncode, 1)
@@ -200,6 +204,7 @@ class Arming(cli.PalpateTest):
     def rearm(self, **answer):
         return self.viewer.ask(type="rearm", stop=self.viewer.state["stop"], **answer)
 
+    @cli.long
     def test_what_a_hand_held_bounds_the_stiffness(self):
         kept = self.folder / "palpate" / "held-hands.txt"
         kept.parent.mkdir()
@@ -244,4 +249,5 @@ class Arming(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -255,6 +255,7 @@ class Explore(cli.PalpateTest):
             if not (int(flags) | int(flags_before)) & WITHHELD:
                 self.assertLessEqual(force_N, before_N + max(0, asked_N - asked_before_N) + 1e-9)
 
+    @cli.long
     def test_a_generated_knee_for_a_time(self):
         recording = self.folder / "run.h5"
         done = self.succeed("explore", "knee-phantom", "--seconds", "3", "-o", recording)
@@ -302,6 +303,7 @@ class Explore(cli.PalpateTest):
         names = {child: pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0") for child in children}
         return next(int(child) for child, words in names.items() if b"supervise" in words)
 
+    @cli.long
     def test_a_vanished_terminal_and_closed_pipes_end_nothing(self):
         recording = self.folder / "run.h5"
         session = subprocess.Popen([cli.PALPATE, *self.explore("-o", recording, "--repeat")], stdin=subprocess.DEVNULL,
@@ -322,6 +324,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual(session.wait(timeout=300), cli.OUTPUT)
         self.assertNotIn("cut short", self.succeed("replay", recording, self.scene).stdout)
 
+    @cli.long
     def test_a_supervisor_watches_and_is_replaced(self):
         terminal = self.terminal(*self.explore("--repeat"))
         terminal.wait_for(PRESSES)
@@ -344,6 +347,7 @@ class Explore(cli.PalpateTest):
             time.sleep(0.1)
         self.assertFalse(pathlib.Path(f"/proc/{process}").exists())
 
+    @cli.long
     def test_a_supervisor_that_cannot_be_replaced_is_told_of_once(self):
         log = self.folder / "supervisor.log"
         terminal = self.terminal(*self.explore("--repeat", "--no-viewer", "--supervisor-log", log))
@@ -372,6 +376,7 @@ class Explore(cli.PalpateTest):
         event, = map(json.loads, log.read_text().splitlines())
         self.assertEqual((event["kind"], event["session"]), ("death", terminal.process.pid))
 
+    @cli.long
     def test_the_log_of_the_supervisor_replaces_nothing(self):
         log, tokens = self.folder / "supervisor.log", self.folder / "tokens"
         log.write_text("of another session\n")
@@ -411,6 +416,7 @@ class Explore(cli.PalpateTest):
         terminal.process.send_signal(signal.SIGINT)
         return terminal.finish()[0]
 
+    @cli.long
     def test_a_second_interrupt_ends_at_once(self):
         # faster than the force fades out: where this process had no processor meanwhile, another time
         for attempt in range(5):
@@ -444,6 +450,7 @@ class Explore(cli.PalpateTest):
         self.assertRegex(out, r"force changed in ticks: .*paused \d+.*emergency stop \d+")
         self.assertFalse(before[3] & termios.ECHO, "keys were not shown")
 
+    @cli.long
     def test_who_is_stopped_reads_how_to_go_on_in_a_narrow_terminal(self):
         terminal = self.terminal(*self.explore("--repeat"), keyboard=True)
         terminal.wait_for(PRESSES)
@@ -563,6 +570,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual(process.returncode, cli.OK, error)
         self.assert_replays(recording, out, self.scene)
 
+    @cli.long
     def test_a_plan_that_was_not_saved_is_told_when_the_session_is_interrupted(self):
         plan = self.folder / "plan.toml"
         text = '# for Monday\ntitle = "p"\n[[trajectory]]\nname = "way"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\n# of no use\n'
@@ -581,6 +589,7 @@ class Explore(cli.PalpateTest):
             else:
                 self.assertEqual(plan.read_text(), text)
 
+    @cli.long
     def test_a_teacher_ends_the_session_and_a_learner_s_run_is_his_own(self):
         tokens, records = self.folder / "tokens", self.folder / "records.db"
         lines = cli.run("token", "--role", "teacher").stdout + cli.run("token", "--role", "learner", "--learner", "L042").stdout
@@ -623,6 +632,7 @@ class Explore(cli.PalpateTest):
         rows = cli.run("records", "list", "--records", records, "--json").stdout.splitlines()
         self.assertEqual([json.loads(row)["learner"] for row in rows], ["L042", "L007"])
 
+    @cli.long
     def test_a_pointer_feels_and_rests_when_its_page_is_gone(self):
         recording = self.folder / "run.h5"
         process, viewer, _ = self.viewed("explore", self.scene, "--device", "pointer", "--port", "0", "-o", recording)
@@ -659,6 +669,7 @@ class Explore(cli.PalpateTest):
         self.assertNotIn("stale", out)
         self.assert_replays(recording, out, self.scene)
 
+    @cli.long
     def test_ports(self):
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", 0))
@@ -682,6 +693,7 @@ class Explore(cli.PalpateTest):
         self.assertRegex(done.stderr, r"(?m)^to see it, open http://127\.0\.0\.1:84[89]\d/$")
         self.assertNotIn(":8480/", done.stderr)
 
+    @cli.long
     def test_nothing_listens_without_a_viewer(self):
         terminal = self.terminal(*self.explore("--no-viewer"))
         terminal.wait_for(" Hz  ")
@@ -706,6 +718,7 @@ class Explore(cli.PalpateTest):
         self.fail_clearly(cli.BAD_INPUT, *self.explore("--token-file", self.folder / "missing"), says="missing")
         self.assertFalse(recording.exists())
 
+    @cli.long
     def test_viewers_are_told_nobodys_name(self):
         named = self.folder / privacy_test.CANARY
         named.mkdir()
@@ -731,6 +744,7 @@ class Explore(cli.PalpateTest):
         for what in seen:
             self.assertNotIn(b"CANARY", what)
 
+    @cli.long
     def test_a_disk_that_fills_ends_the_recording_and_not_the_session(self):
         def limited():
             # little more than a recording without a tick, so that a few will do
@@ -738,7 +752,8 @@ class Explore(cli.PalpateTest):
 
         recording = self.folder / "run.h5"
         done = self.fail_clearly(cli.OUTPUT, *self.explore("--seconds", "2", "--rate", "4000", "-o", recording),
-                                 says="cannot be written", preexec_fn=limited)
+                                 says="cannot be written", by=cli.spawn, preexec_fn=limited,
+                                 env=dict(os.environ, PALPATE_CACHE=""))
         self.assertEqual(SLOW_MACHINE.sub("", done.stderr).count("palpate: warning:"), 1, done.stderr)
         self.assertIn("the session goes on", done.stderr)
         self.assertLess(done.stderr.index("palpate: warning:"), done.stderr.index("palpate: error:"))
@@ -746,6 +761,7 @@ class Explore(cli.PalpateTest):
         self.assertGreaterEqual(ticks + skipped, 8000)
         self.assertIn("cut short", self.succeed("replay", recording, self.scene).stdout)
 
+    @cli.long
     def test_without_privileges_it_runs_and_says_so(self):
         self.folder.chmod(0o755)
         for path in (self.made, *self.made.rglob("*")):
@@ -771,6 +787,7 @@ class Explore(cli.PalpateTest):
             self.assertRegex(done.stderr, rf"(?m)^{who}: SCHED_OTHER \(SCHED_FIFO not asked for")
         self.assertNotIn("refused", done.stderr)
 
+    @cli.long
     def test_the_stiffness_that_is_felt_is_told(self):
         scene = self.folder / "scene.toml"
         text = self.scene.read_text().replace("knee/", f"{self.made}/knee/")
@@ -802,4 +819,5 @@ class Explore(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -93,7 +93,7 @@ class Failures(cli.PalpateTest):
     def test_where_no_thread_is_to_be_had_it_says_so(self):
         # each would need more stack than there is memory
         self.fail_clearly(cli.UNAVAILABLE, "data", "keys", says="no thread is to be had",
-                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
+                          by=cli.spawn, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
 
     def writing_verbs(self, output):
         """Every verb that writes, writing to `output`."""
@@ -236,8 +236,9 @@ class Failures(cli.PalpateTest):
         self.made.chmod(0o755)
         palpate = self.folder / "palpate"
         if not palpate.exists():
-            shutil.copy(cli.PALPATE, palpate)
-            palpate.chmod(0o755)
+            for program in ("palpate", "palpate-verify"):
+                shutil.copy(pathlib.Path(cli.PALPATE).with_name(program), self.folder / program)
+                (self.folder / program).chmod(0o755)
         return subprocess.run([*cli.as_nobody(), palpate, *map(str, arguments)], capture_output=True, text=True,
                               stdin=subprocess.DEVNULL, timeout=600, env=dict(os.environ, HOME="/nonexistent"))
 
@@ -252,6 +253,7 @@ class Failures(cli.PalpateTest):
                 self.assertIn("ermission", done.stderr)
         self.assertEqual(list(locked.iterdir()), [])
 
+    @cli.long
     def test_an_unreadable_folder_and_names_that_are_too_long(self):
         locked = self.folder / "locked"
         locked.mkdir()
@@ -288,6 +290,7 @@ class Failures(cli.PalpateTest):
                 self.assertEqual(done.returncode, cli.OUTPUT, done.stderr)
                 self.assertIn("standard output", done.stderr)
 
+    @cli.long
     def test_a_full_disk(self):
         # a limit on file sizes stands in for it: writes fail half-way
         def limited():
@@ -295,17 +298,18 @@ class Failures(cli.PalpateTest):
 
         for verb, arguments in self.writing_verbs(self.folder / "out").items():
             with self.subTest(verb):
-                self.fail_clearly(cli.OUTPUT, *arguments, preexec_fn=limited)
+                self.fail_clearly(cli.OUTPUT, *arguments, by=cli.spawn, preexec_fn=limited)
         left = [p for p in self.folder.rglob("*") if p.is_file() and p.suffix not in (".h5",)]
         self.assertEqual(left, [])
 
+    @cli.long
     def test_a_disk_that_fills_during_a_recording(self):
         def limited():
             resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, resource.RLIM_INFINITY))
 
         recording = self.folder / "run.h5"
         self.fail_clearly(cli.OUTPUT, "simulate", self.scene, "--script", self.long_script, "-o", recording,
-                          preexec_fn=limited)
+                          by=cli.spawn, preexec_fn=limited)
         again = self.succeed("replay", recording, self.scene)
         self.assertIn("cut short", again.stdout)
 
@@ -329,6 +333,7 @@ class Failures(cli.PalpateTest):
         out, err = process.communicate(timeout=600)
         return process.returncode, out, err
 
+    @cli.long
     def test_interrupts(self):
         blocks = self.made / "blocks.nrrd"
         write_blocks(blocks)
@@ -351,6 +356,7 @@ class Failures(cli.PalpateTest):
         left = sorted(p.name for p in self.folder.rglob("*") if p.is_file())
         self.assertEqual(left, ["run.h5"])
 
+    @cli.long
     def test_an_interrupt_at_any_moment_leaves_whole_files_or_none(self):
         large = self.made / "large-for-moments"
         # the sanitizers take as long for the coarser knee
@@ -380,6 +386,7 @@ class Failures(cli.PalpateTest):
                     interrupted += code == cli.INTERRUPTED
         self.assertGreater(interrupted, 5)
 
+    @cli.long
     def test_an_interrupted_run_tells_of_a_recording_where_there_is_one(self):
         recording = self.folder / "run.h5"
         for delay_s in (0, 0.05, 0.1, 0.2):
@@ -390,6 +397,7 @@ class Failures(cli.PalpateTest):
                 self.assertEqual(code, cli.INTERRUPTED, err)
                 self.assertEqual("is kept" in err, recording.exists(), err)
 
+    @cli.long
     def test_killed_while_recording(self):
         recording = self.folder / "run.h5"
         code, _, _ = self.interrupt(["simulate", self.scene, "--script", self.long_script, "-o", recording], recording,
@@ -397,6 +405,7 @@ class Failures(cli.PalpateTest):
         self.assertEqual(code, -signal.SIGKILL)
         self.assertIn("cut short", self.succeed("replay", recording, self.scene).stdout)
 
+    @cli.long
     def test_progress_is_shown_on_a_terminal_and_quiet_is_quiet(self):
         def stderr_on_a_terminal(*options):
             master, slave = pty.openpty()

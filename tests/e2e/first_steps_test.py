@@ -232,7 +232,7 @@ class FirstSteps(cli.PalpateTest):
         label_map = write_nrrd(self.folder / "labels.nrrd", blocks)
         for arguments, loads in ((["--version"], False), (["info", label_map], False), (["info", root], True)):
             with self.subTest(arguments=arguments):
-                done = self.succeed(*arguments, env=environment)
+                done = self.succeed(*arguments, by=cli.spawn, env=environment)
                 for library in ("libdcmdata", "libicuuc", "libpalpate_dicom"):
                     self.assertEqual(library in done.stderr, loads, library)
 
@@ -244,7 +244,7 @@ class FirstSteps(cli.PalpateTest):
         for n, (content, ending) in enumerate(seeds[::7]):
             path = self.folder / f"bytes{n}{ending}"
             path.write_bytes(content)
-            done = cli.run("info", path)
+            done = cli.spawn("info", path)
             self.assertIn(done.returncode, (cli.OK, cli.BAD_INPUT), done.stderr)
             self.assertNotIn("bug:", done.stderr)
 

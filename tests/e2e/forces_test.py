@@ -90,5 +90,5 @@ class Forces(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

@@ -97,5 +97,5 @@ class Hold(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

@@ -59,6 +59,7 @@ class Info(cli.PalpateTest):
         self.assertIn("leaky: ", prepared.stderr)
         self.assertEqual(self.info(cli.need("knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd"))["leaky"], [])
 
+    @cli.long
     def test_every_file_is_right_or_one_clear_error(self):
         root = cli.need("edge").parent
         files = sorted(p for p in root.rglob("*") if p.is_file() and p.name.endswith(ENDINGS))
@@ -125,4 +126,5 @@ class Info(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -34,5 +34,5 @@ class KneeAtlas(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

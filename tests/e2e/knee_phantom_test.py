@@ -76,6 +76,7 @@ class KneePhantom(cli.PalpateTest):
             self.assertEqual("removed" in done.stdout, protection == "alarm")
             self.assertIn("the burr did not come near tibia", done.stdout)
 
+    @cli.long
     def test_each_phantom_is_felt_by_its_own_scene(self):
         for name, structures in [("shell-phantom:spacing=1.2", ["shell"]),
                                  ("skull-phantom:spacing=2.2,temporal=4", ["skull", "brain"]),
@@ -84,6 +85,7 @@ class KneePhantom(cli.PalpateTest):
             for structure in structures:
                 self.assertGreaterEqual(held[structure][0], 0.5, structure)
 
+    @cli.long
     def test_every_bone_and_cartilage_is_held_recorded_replayed_and_reported(self):
         recording, report = self.folder / "run.h5", self.folder / "run.html"
         # by its name it is finer: for the sanitizers tests/builds/sanitized_equals_release runs and replays that
@@ -120,5 +122,5 @@ class KneePhantom(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

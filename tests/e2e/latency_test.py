@@ -9,6 +9,7 @@ import cli
 
 
 class Latency(cli.PalpateTest):
+    @cli.long
     def test_figures_and_notes_of_one_rate(self):
         file = self.folder / "latency.json"
         done = cli.run("verify", "latency", "--seconds", "0.2", "--rate", "1000", "--spin", "80", "--json", file)
@@ -35,6 +36,7 @@ class Latency(cli.PalpateTest):
                 self.fail_clearly(cli.USAGE, "verify", "latency", option, value)
         self.fail_clearly(cli.BAD_INPUT, "verify", "latency", "--scene", "elbow", says="elbow")
 
+    @cli.long
     def test_an_interrupt(self):
         # while the scene is made, and while the loops run
         for delay_s in (0.3, 3):
@@ -53,4 +55,5 @@ class Latency(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

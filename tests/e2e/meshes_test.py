@@ -117,4 +117,5 @@ class Meshes(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -105,4 +105,5 @@ class Navigation(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -218,6 +218,7 @@ class Privacy(cli.PalpateTest):
             for secret in ("CANARY", "19570411"):
                 self.assertNotIn(secret, text)
 
+    @cli.long
     def test_a_structure_is_not_called_after_a_patient(self):
         # masks and surfaces are called after their files: of the names of these only what is anatomy may come through
         n = 40
@@ -286,4 +287,5 @@ class Privacy(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.spawn_only()
     cli.main()

@@ -28,4 +28,5 @@ class RawScan(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -31,7 +31,6 @@ class Rehearsal(cli.PalpateTest):
         return json.loads(out.read_text()), done.stdout
 
     def test_a_hole_is_planned_milled_compared_and_reported(self):
-        cli.keep_what_is_prepared()
         scene = self.folder / "scene.toml"
         self.succeed("data", "fetch", "knee-phantom", "-o", self.folder / "knee", "--voxel", cli.KNEE_MM)
         self.succeed("scene", "new", next((self.folder / "knee").glob("*.seg.nrrd")), "-o", scene, "--tissue", "layers")
@@ -144,7 +143,6 @@ class KeptAway(cli.PalpateTest):
     """[distances] and [[no_go]] in a session: told, pushed, recorded, and replayed to the hash."""
 
     def test_a_region_where_a_structure_is_touched_pushes_as_well(self):
-        cli.keep_what_is_prepared()
         scene, script, run = (self.folder / name for name in ("scene.toml", "touch.toml", "run.h5"))
         self.succeed("data", "fetch", "knee-phantom", "-o", self.folder / "knee", "--voxel", cli.KNEE_MM)
         self.succeed("scene", "new", next((self.folder / "knee").glob("*.seg.nrrd")), "-o", scene)
@@ -183,4 +181,5 @@ class KeptAway(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

@@ -130,6 +130,7 @@ class Render(cli.KneeTest):
                 self.assertIn(words, done.stderr)
                 self.assertFalse(output.exists())
 
+    @cli.long
     def test_a_page_shows_every_data_set(self):
         page = self.folder / "data.html"
         self.succeed("data", "list", "--page", page)
@@ -153,5 +154,5 @@ class Render(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

@@ -191,4 +191,5 @@ class SceneTest(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

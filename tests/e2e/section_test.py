@@ -166,5 +166,5 @@ class Section(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.keep_what_is_prepared()
+    cli.share_what_is_prepared()
     cli.main()

@@ -12,10 +12,6 @@ TASK = "hold-steady"
 
 
 class Tasks(cli.PalpateTest):
-    @classmethod
-    def setUpClass(cls):
-        cli.keep_what_is_prepared()
-
     def simulate(self, name, kind="expert", seed=0, task=TASK, data_set=None, status=cli.OK, says=()):
         script, recording = self.folder / f"{name}.toml", self.folder / f"{name}.h5"
         script.write_text(trainees.script_text(task, kind, seed), encoding="utf-8")
@@ -131,6 +127,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "task", "score", self.simulate("none"), says="does not say of which task")
         self.fail_clearly(cli.USAGE, "task", "score", run, mine, says="mine.h5")
 
+    @cli.long
     def test_a_probe_is_watched_by_the_scope_in_the_other_hand(self):
         watched = self.score(self.simulate("watched", task="scope-and-probe"), task="scope-and-probe")["runs"][0]
         metrics = {metric["name"]: metric["value"] for metric in watched["metrics"]}
@@ -149,6 +146,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--task", "scope-and-probe", "--no-viewer",
                           says="wants a scope in a second device")
 
+    @cli.long
     def test_a_live_session_of_two_devices_is_what_its_recording_is_scored_as(self):
         script, run = self.folder / "touch.toml", self.folder / "run.h5"
         script.write_text(cli.TOUCH + "[[step]]\nhold = 0.5\n[[step]]\nleave = true\n", encoding="utf-8")
@@ -160,6 +158,7 @@ class Tasks(cli.PalpateTest):
         scored = cli.run("task", "score", run, "--task", "scope-and-probe").stdout
         self.assertEqual(re.search(r"unseen_time +([\d.]+) s", scored).group(1), live)
 
+    @cli.long
     def test_bone_is_taken_off_to_a_plan(self):
         knee = f"knee-phantom:burr=4,spacing={cli.KNEE_MM}"
         # voxels that are soon prepared are too coarse for its bounds
@@ -204,6 +203,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "task", "score", run, "--task", TASK, "--records", own, says="--record")
         self.fail_clearly(cli.USAGE, "task", "scor", run, says="score")
 
+    @cli.long
     def test_each_kind_of_beginner_is_told_by_what_it_does_badly(self):
         # few seeds, for every run of the tests; trainees.py does twenty of every task
         areas, _ = trainees.areas_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
@@ -211,4 +211,5 @@ class Tasks(cli.PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.share_what_is_prepared()
     cli.main()

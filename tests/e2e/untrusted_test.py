@@ -101,6 +101,7 @@ class BombTest(KneeTest):
         if os.environ.get("PALPATE_TEST_SAY"):
             print(f"{took_s:6.1f} s {most_mib:7.0f} MiB  {what}: {text.splitlines()[0][-110:]}")
 
+    @cli.long
     def test_volumes(self):
         for name, file in self.bombs("volumes").items():
             with self.subTest(name):
@@ -109,6 +110,7 @@ class BombTest(KneeTest):
         self.refuse("simulate", self.folder / "short.nii.gz")
         self.refuse("prepare", "-o", self.folder / "x.nrrd", self.folder / "short.mha")
 
+    @cli.long
     def test_texts(self):
         for name, file in self.bombs("texts").items():
             with self.subTest(name):
@@ -118,6 +120,7 @@ class BombTest(KneeTest):
                 else:
                     self.refuse("info", self.labels, "--names", file)
 
+    @cli.long
     def test_recordings(self):
         whole = self.folder / "whole.h5"
         self.assertIn(cli.run("simulate", self.scene, "-s", self.script, "-o", whole).returncode, [OK, cli.LIMIT])
@@ -314,6 +317,7 @@ class CanaryTest(PalpateTest):
         done = self.everything("a" + "b".join(CANARIES) + "z")
         self.assertIn(b"\\u001b", done.stderr)
 
+    @cli.long
     def test_nor_where_names_are_taken(self):
         # a structure's name may hold these
         done = self.everything("a\u202eb\u2066c")
@@ -337,4 +341,5 @@ class CanaryTest(PalpateTest):
 
 
 if __name__ == "__main__":
+    cli.spawn_only()
     cli.main()

@@ -1,7 +1,7 @@
 #include <charconv>
 #include <cstdlib>
 
-#include "verb.h"
+#include "options.h"
 
 namespace palpate::app {
 namespace {

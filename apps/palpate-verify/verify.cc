@@ -2,10 +2,11 @@
 #include <memory>
 #include <optional>
 
+#include "apps/command/options.h"
 #include "palpate/base/output.h"
 #include "palpate/cache/cache.h"
 #include "palpate/verification/verification.h"
-#include "verb.h"
+#include "verify.h"
 
 namespace palpate::app {
 namespace {

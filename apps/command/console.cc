@@ -14,24 +14,25 @@
 #include <string_view>
 #include <thread>
 
+#include "console.h"
 #include "keys.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/base/progress_lines.h"
-#include "streams.h"
+#include "signals.h"
 #include "text.h"
-#include "verb.h"
 
 namespace palpate::app {
 namespace {
 
+// of the run in progress, where a signal handler finds them
 std::atomic<bool> stop_requested{false}, stop_heard{false};
-sem_t stop_posted;
+sem_t wake_up;  // posted when a stop is requested, and when the run ends
 
 extern "C" void request_stop(int signal) {
   // a second one ends the program at once, the usual way
   if (!stop_requested.exchange(true)) {
-    ::sem_post(&stop_posted);
+    ::sem_post(&wake_up);
     return;
   }
   Keys::restore();
@@ -39,31 +40,60 @@ extern "C" void request_stop(int signal) {
   std::raise(signal);
 }
 
-// Ends the program where the work does not look whether it shall stop: it waits for a file system or a name
-// server, or is in a library's long loop. What has heard of the stop ends in its own time, so that nothing is
-// half written.
-void end_what_does_not_hear() {
-  while (::sem_wait(&stop_posted) != 0) {
+}  // namespace
+
+namespace detail {
+
+/// Ends the program when the work does not notice that a stop was requested: it waits for a file system or a
+/// name server, or is in a library's long loop. Work that has noticed ends in its own time, so that nothing
+/// is half written.
+class StopWatch {
+ public:
+  explicit StopWatch(int err) {
+    stop_requested = stop_heard = false;
+    ::sem_init(&wake_up, 0, 0);
+    thread_ = std::thread([this, err] { watch(err); });
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(800));
-  if (stop_heard) return;
-  abandon_outputs();
-  Keys::restore();
-  constexpr std::string_view kWords = "palpate: error: interrupted\n";
-  [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kWords.data(), kWords.size());
-  ::_exit(kExitInterrupted);
-}
+  ~StopWatch() {
+    run_ended_ = true;
+    ::sem_post(&wake_up);
+    thread_.join();
+    ::sem_destroy(&wake_up);
+  }
+  StopWatch(const StopWatch&) = delete;
+  StopWatch& operator=(const StopWatch&) = delete;
+
+ private:
+  void watch(int err) {
+    while (::sem_wait(&wake_up) != 0) {
+    }
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(800);
+    while (std::chrono::steady_clock::now() < deadline) {
+      if (run_ended_ || stop_heard) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    abandon_outputs();
+    Keys::restore();
+    constexpr std::string_view kWords = "palpate: error: interrupted\n";
+    [[maybe_unused]] const ssize_t written = ::write(err, kWords.data(), kWords.size());
+    ::_exit(kExitInterrupted);
+  }
+
+  std::atomic<bool> run_ended_{false};
+  std::thread thread_;
+};
 
 // what a line on the terminal may take; the last column stays free, so that the cursor does not wrap
-std::size_t terminal_columns() {
+static std::size_t terminal_columns(int terminal) {
   winsize size{};
-  const bool known = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
+  const bool known = ::ioctl(terminal, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
   return known ? size.ws_col - 1u : 79;
 }
 
 // one line on a terminal, redrawn at most 20 times a second and erased when a stage is done
 class Bar {
  public:
+  explicit Bar(int terminal) : terminal_(terminal) {}
   ~Bar() { clear(); }
   void show(std::string_view stage, double fraction) {
     const std::lock_guard lock(mutex_);
@@ -73,23 +103,21 @@ class Bar {
     drawn_ = now;
     constexpr int kWidth = 30;
     const int filled = static_cast<int>(kWidth * std::min(1.0, std::max(0.0, fraction)));
-    std::fprintf(terminal(), "\r\033[K%s [%s%s] %3d %%", fitted(printable_name(stage_), 34).c_str(),
-                 std::string(filled, '#').c_str(), std::string(kWidth - filled, ' ').c_str(),
-                 static_cast<int>(100 * fraction));
+    ::dprintf(terminal_, "\r\033[K%s [%s%s] %3d %%", fitted(printable_name(stage_), 34).c_str(),
+              std::string(filled, '#').c_str(), std::string(kWidth - filled, ' ').c_str(),
+              static_cast<int>(100 * fraction));
     shown_ = true;
     if (fraction >= 1) erase();
-    std::fflush(terminal());
   }
   void show(const std::string& line) {
     const std::lock_guard lock(mutex_);
     // a terminal that is held (Ctrl-S) must not hold what the line tells of
-    pollfd screen{STDERR_FILENO, POLLOUT, 0};
+    pollfd screen{terminal_, POLLOUT, 0};
     if (::poll(&screen, 1, 0) != 1) return;
     const std::string shown = printable_name(line);
-    std::fprintf(terminal(), "\r\033[K%s",
-                 fitted(shown, std::min(columns_of(shown), terminal_columns())).c_str());
+    ::dprintf(terminal_, "\r\033[K%s",
+              fitted(shown, std::min(columns_of(shown), terminal_columns(terminal_))).c_str());
     shown_ = true;
-    std::fflush(terminal());
   }
   void clear() {
     const std::lock_guard lock(mutex_);
@@ -98,19 +126,15 @@ class Bar {
 
  private:
   void erase() {
-    if (shown_) std::fputs("\r\033[K", terminal());
+    if (shown_) ::dprintf(terminal_, "\r\033[K");
     shown_ = false;
   }
+  const int terminal_;
   std::mutex mutex_;
   std::string stage_;
   std::chrono::steady_clock::time_point drawn_{};
   bool shown_ = false;
 };
-
-Bar& bar() {
-  static Bar the_bar;
-  return the_bar;
-}
 
 // where stderr is no terminal: a line now and then
 class Lines {
@@ -126,10 +150,9 @@ class Lines {
   ProgressLines lines_{std::chrono::steady_clock::now()};
 };
 
-Lines& lines() {
-  static Lines the_lines;
-  return the_lines;
-}
+}  // namespace detail
+
+namespace {
 
 int exit_code(ErrorKind kind) {
   switch (kind) {
@@ -149,49 +172,61 @@ int exit_code(ErrorKind kind) {
 
 }  // namespace
 
-Console::Console() {
-  ::sem_init(&stop_posted, 0, 0);
-  std::thread(end_what_does_not_hear).detach();
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, request_stop);
+struct Console::State {
+  explicit State(const Streams& to) : streams(to), bar(to.err), watch(to.err) {}
+
+  Streams streams;
+  detail::Bar bar;  // where stderr is a terminal
+  detail::Lines lines;
+  detail::StopWatch watch;
+  ScopedSignals signals{{SIGINT, SIGTERM, SIGHUP}, request_stop};
+};
+
+Console::Console(const Streams& streams) : state_(std::make_unique<State>(streams)) {}
+
+Console::~Console() = default;
+
+const Streams& Console::streams() const {
+  return state_->streams;
 }
 
 Progress Console::progress() {
   Progress::Show show;
   if (quiet) return {show, &stop_requested, &stop_heard};
-  if (::isatty(STDERR_FILENO))
-    show = [](std::string_view stage, double fraction) { bar().show(stage, fraction); };
+  if (::isatty(state_->streams.err))
+    show = [&bar = state_->bar](std::string_view stage, double fraction) { bar.show(stage, fraction); };
   else
-    show = [](std::string_view stage, double fraction) { lines().show(stage, fraction); };
+    show = [&lines = state_->lines](std::string_view stage, double fraction) { lines.show(stage, fraction); };
   return {show, &stop_requested, &stop_heard};
 }
 
 std::size_t Console::columns() const {
-  return terminal_columns();
+  return detail::terminal_columns(state_->streams.err);
 }
 
 void Console::live(const std::string& line) {
-  if (quiet || !::isatty(STDERR_FILENO)) return;
+  if (quiet || !::isatty(state_->streams.err)) return;
   if (line.empty())
-    bar().clear();
+    state_->bar.clear();
   else
-    bar().show(line);
+    state_->bar.show(line);
 }
 
 Warn Console::warn() {
-  return [](const std::string& message) {
-    bar().clear();
+  return [&bar = state_->bar](const std::string& message) {
+    bar.clear();
     std::fprintf(stderr, "palpate: warning: %s\n", message.c_str());
   };
 }
 
 void Console::note(const std::string& text) {
   if (quiet) return;
-  bar().clear();
+  state_->bar.clear();
   std::fprintf(stderr, "%s\n", text.c_str());
 }
 
 int Console::fail(const Error& error) {
-  bar().clear();
+  state_->bar.clear();
   // a line end in a name would let it write a line of its own
   const Error shown{error.kind, printable_name(error.what), printable_name(error.where), error.remedy};
   std::fprintf(stderr, "palpate: error: %s\n", shown.message().c_str());

@@ -4,11 +4,11 @@
 
 namespace palpate::app {
 
-/// Single keys from the terminal, as they are pressed and without being shown, while this lives. Where
-/// standard input is no terminal, there are none.
+/// Single keys from the terminal that a run reads from, as they are pressed and without being shown, while
+/// this lives. None when that is no terminal. One at a time in a process.
 class Keys {
  public:
-  Keys();
+  explicit Keys(int in);
   ~Keys() { restore(); }
   Keys(const Keys&) = delete;
   Keys& operator=(const Keys&) = delete;

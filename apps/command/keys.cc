@@ -9,19 +9,21 @@ namespace palpate::app {
 namespace {
 
 termios terminal_before;
+int terminal = -1;
 std::atomic<bool> changed{false};
 
 }  // namespace
 
-Keys::Keys() {
+Keys::Keys(int in) {
+  terminal = in;
   // a program in the background must not touch the terminal: it would be stopped
-  if (!::isatty(STDIN_FILENO) || ::tcgetpgrp(STDIN_FILENO) != ::getpgrp()) return;
-  if (::tcgetattr(STDIN_FILENO, &terminal_before) != 0) return;
+  if (!::isatty(terminal) || ::tcgetpgrp(terminal) != ::getpgrp()) return;
+  if (::tcgetattr(terminal, &terminal_before) != 0) return;
   termios keys = terminal_before;
   keys.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
   keys.c_cc[VMIN] = 0;
   keys.c_cc[VTIME] = 0;
-  changed = ::tcsetattr(STDIN_FILENO, TCSANOW, &keys) == 0;
+  changed = ::tcsetattr(terminal, TCSANOW, &keys) == 0;
 }
 
 bool Keys::active() const {
@@ -30,11 +32,11 @@ bool Keys::active() const {
 
 std::optional<char> Keys::next() {
   char key = 0;
-  return changed && ::read(STDIN_FILENO, &key, 1) == 1 ? std::optional(key) : std::nullopt;
+  return changed && ::read(terminal, &key, 1) == 1 ? std::optional(key) : std::nullopt;
 }
 
 void Keys::restore() noexcept {
-  if (changed.exchange(false)) ::tcsetattr(STDIN_FILENO, TCSANOW, &terminal_before);
+  if (changed.exchange(false)) ::tcsetattr(terminal, TCSANOW, &terminal_before);
 }
 
 }  // namespace palpate::app

@@ -1,0 +1,306 @@
+#include "program.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <iostream>
+#include <new>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "palpate/base/reading.h"
+#include "palpate/cache/cache.h"
+#include "palpate/volume_io/volume_io.h"
+#include "palpate_version.h"
+#include "signals.h"
+#include "text.h"
+
+namespace palpate::app {
+namespace {
+
+std::string version_text() {
+  std::string text =
+      "palpate " PALPATE_VERSION " (commit " PALPATE_COMMIT ", " PALPATE_BUILD_TYPE ", " PALPATE_COMPILER;
+  if (*PALPATE_SANITIZERS) text += std::string(", ") + PALPATE_SANITIZERS;
+  return text + ")";
+}
+
+// the verbs that the command line got to: the program, `data`, `fetch`
+std::vector<const CLI::App*> chosen_verbs(const CLI::App& app) {
+  std::vector<const CLI::App*> chosen{&app};
+  while (true) {
+    const auto next = chosen.back()->get_subcommands();
+    if (next.empty()) return chosen;
+    chosen.push_back(next.front());
+  }
+}
+
+std::vector<std::string> names_of_verbs(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* verb : app.get_subcommands({})) names.push_back(verb->get_name());
+  return names;
+}
+
+/// What a word most likely means: a verb, or the command for a word of other programs, spelt right or not;
+/// empty where nothing is near. @param first  it stands where one of the program's own verbs should
+std::string meant_by(const Program& program, const std::string& word, const std::vector<std::string>& verbs,
+                     bool first) {
+  std::vector<std::string> others;
+  for (const OtherWord& other : program.other_words) others.emplace_back(other.word);
+  const auto command = [&](const std::string& meant) {
+    for (const OtherWord& other : program.other_words)
+      if (other.word == meant) return std::string(other.command);
+    return std::string();
+  };
+  if (first && !command(word).empty()) return command(word);
+  const std::string verb = nearest(word, verbs);
+  return verb.empty() && first ? command(nearest(word, others)) : verb;
+}
+
+bool exists(const std::string& path) {
+  std::error_code unknown;
+  return std::filesystem::exists(path, unknown);
+}
+
+/// What is wrong with a command line that the parser refused, with the word that it most likely is about.
+Error explain(const Program& program, const CLI::App& app, const CLI::ParseError& refusal) {
+  const auto chosen = chosen_verbs(app);
+  std::string command;
+  std::vector<std::string> options;
+  for (const CLI::App* verb : chosen) {
+    command += (command.empty() ? "" : " ") + verb->get_name();
+    for (const CLI::Option* option : verb->get_options())
+      for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
+  }
+  const auto verbs = names_of_verbs(*chosen.back());
+  const std::string help = command + " --help shows " + (verbs.empty() ? "what it takes" : "what there is");
+  const auto unknown = app.remaining(true);
+  if (unknown.empty())
+    return {ErrorKind::kUsage, verbs.empty() ? refusal.what() : command + " needs a verb", "", help};
+
+  const std::string& word = unknown.front();
+  const bool is_option = word.starts_with("-");
+  Error error{ErrorKind::kUsage, is_option ? "unknown option" : "unexpected argument", word, help};
+  if (!is_option && !verbs.empty()) error.what = "unknown verb";
+  const bool first = chosen.size() == 1 && !is_option;
+  const std::string meant = is_option ? nearest(word, options) : meant_by(program, word, verbs, first);
+  if (!meant.empty())
+    error.remedy = "did you mean " + meant + "? " + help;
+  else if (first && exists(word))
+    error = {ErrorKind::kUsage, "is a file, and no verb", word,
+             "palpate info FILE says what is in it; " + help};
+  return error;
+}
+
+/// `palpate help`, `palpate help simulate`, `palpate help data fetch`: the help of that verb.
+/// @return the exit code, or nothing where help is not asked for
+std::optional<int> help_on(const Program& program, const CLI::App& app, const std::vector<std::string>& words,
+                           Console& console) {
+  if (words.empty() || words.front() != "help") return std::nullopt;
+  const CLI::App* verb = &app;
+  std::string above;  // the words before the verb's own
+  for (std::size_t n = 1; n < words.size(); ++n) {
+    above += (above.empty() ? "" : " ") + verb->get_name();
+    const auto verbs = names_of_verbs(*verb);
+    if (std::find(verbs.begin(), verbs.end(), words[n]) == verbs.end()) {
+      const std::string meant = meant_by(program, words[n], verbs, verb == &app);
+      return console.fail(
+          {ErrorKind::kUsage, "unknown verb", words[n],
+           (meant.empty() ? "" : "did you mean " + meant + "? ") + above + " --help shows what there is"});
+    }
+    verb = verb->get_subcommand(words[n]);
+  }
+  std::fputs(verb->help(above).c_str(), stdout);
+  return kExitOk;
+}
+
+// help after a word that is no verb would hide the mistake
+bool asks_for_help_with_nothing(const CLI::App& app) {
+  return !names_of_verbs(*chosen_verbs(app).back()).empty() && !app.remaining(true).empty();
+}
+
+/// As two options say it, empty where one was not given.
+MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
+  MeshPlacing placing;
+  if (!space.empty()) placing.space = space == "ras" ? MeshSpace::kRas : MeshSpace::kLps;
+  if (!unit.empty()) placing.unit_mm = unit == "mm" ? 1.0 : unit == "cm" ? 10.0 : 1000.0;
+  return placing;
+}
+
+constexpr const char* kMemory = "--memory";
+constexpr const char* kMeshSpace = "--mesh-space";
+constexpr const char* kMeshUnit = "--mesh-unit";
+
+/// Place of the verb on a command line, after options of the program; their number where there is none.
+std::size_t place_of_verb(const std::vector<std::string>& arguments) {
+  std::size_t n = 0;
+  while (n < arguments.size() && arguments[n].starts_with("-")) {
+    const std::string& option = arguments[n];
+    n += option == kMemory || option == kMeshSpace || option == kMeshUnit ? 2 : 1;
+  }
+  return std::min(n, arguments.size());
+}
+
+struct CompanionCall {
+  std::string verb;
+  std::vector<std::string> arguments;  // of palpate-VERB
+};
+
+/// The companion that a command line names: `palpate [OPTIONS] verify ...`, `palpate help verify`.
+std::optional<CompanionCall> companion_of(const Program& program, const std::vector<std::string>& arguments) {
+  const std::size_t place = place_of_verb(arguments);
+  const bool help = place < arguments.size() && arguments[place] == "help";
+  const std::size_t at = place + (help ? 1 : 0);
+  for (const Companion& companion : program.companions) {
+    if (at >= arguments.size() || arguments[at] != companion.verb) continue;
+    CompanionCall call{companion.verb, arguments};
+    call.arguments.erase(call.arguments.begin() + static_cast<std::ptrdiff_t>(at));
+    if (help) call.arguments[place] = "--help";
+    return call;
+  }
+  return std::nullopt;
+}
+
+int missing(const CompanionCall& call, Console& console) {
+  const std::string name = "palpate-" + call.verb;
+  return console.fail({ErrorKind::kUnavailable, "is a program of its own, which is not there", name,
+                       "build the target " + name + ", or install it beside palpate"});
+}
+
+int run_verb(const Program& program, const std::vector<std::string>& arguments, Console& console) {
+  CLI::App app("palpate: feel a patient's scan. Forces computed from the voxels themselves.", "palpate");
+  app.footer(program.examples);
+  app.set_version_flag("--version", version_text(), "Print version, commit and build, and exit");
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.add_flag("-q,--quiet", console.quiet,
+               "No progress and no notes; results, warnings and errors still appear");
+  ReadingLimits reading;
+  app.add_option_function<std::string>(
+         kMemory, [&](const std::string& text) { reading.most_memory_bytes = memory_bytes(text); },
+         "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            return memory_bytes(text) > 0 ? std::string() : "no amount of memory: write it as 800M or 4G";
+          },
+          "AMOUNT"));
+  app.add_flag(
+      "--follow-links", reading.follow_links,
+      "Headers and scenes may name data files that stand, or are links that lead, outside their folder");
+
+  std::string mesh_space, mesh_unit;
+  app.add_option(kMeshSpace, mesh_space,
+                 "What the axes of surfaces (STL, OBJ, PLY, VTK) are, where their files do not say it")
+      ->check(CLI::IsMember({"lps", "ras"}));
+  app.add_option(kMeshUnit, mesh_unit, "What the numbers of surfaces are in")
+      ->check(CLI::IsMember({"mm", "cm", "m"}));
+
+  bool no_cache = false;
+  app.add_flag(
+      "--no-cache", no_cache,
+      "Read and prepare everything anew, and keep nothing for the next start (palpate cache --help)");
+
+  Run verb;
+  for (const auto add : program.verbs) add(app, verb);
+  for (const Companion& companion : program.companions)
+    app.add_subcommand(companion.verb, companion.description);
+  if (const auto call = companion_of(program, arguments)) return missing(*call, console);
+  if (const auto helped = help_on(program, app, arguments, console)) return *helped;
+  try {
+    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::ParseError& error) {
+    // help and version are "errors" that succeed
+    const bool asked = error.get_exit_code() == 0 && !asks_for_help_with_nothing(app);
+    return asked ? app.exit(error) : console.fail(explain(program, app, error));
+  }
+  set_reading_limits(reading);
+  set_mesh_placing(mesh_placing_of(mesh_space, mesh_unit));
+  if (!no_cache) {
+    auto cache = cache_settings_of_environment();
+    if (!cache) return console.fail(cache.error());
+    cache->warn = console.warn();
+    set_cache(*std::move(cache));
+  }
+  return verb(console);
+}
+
+/// What a command line sets for the whole process, at its default again.
+struct DefaultSettings {
+  ~DefaultSettings() {
+    set_reading_limits({});
+    set_mesh_placing({});
+    set_cache({});
+  }
+};
+
+/// run_verb(), its exceptions as messages.
+int run_caught(const Program& program, const std::vector<std::string>& arguments, const Streams& streams) {
+  try {
+    Console console(streams);
+    // before the console, which the cache's warnings go to
+    const DefaultSettings afterwards;
+    return run_verb(program, arguments, console);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "palpate: error: out of memory\n  try a smaller volume or larger voxels\n");
+  } catch (const std::system_error& error) {
+    // what is thrown where a thread is to begin
+    if (error.code() != std::errc::resource_unavailable_try_again) {
+      std::fprintf(stderr, "palpate: bug: %s\n", error.what());
+      return kExitBadInput;
+    }
+    std::fprintf(stderr,
+                 "palpate: error: no thread is to be had\n"
+                 "  close other programs, or raise the limit of processes (ulimit -u)\n");
+    return kExitUnavailable;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "palpate: bug: %s\n", error.what());
+  }
+  return kExitBadInput;
+}
+
+}  // namespace
+
+int run(const Program& program, const std::vector<std::string>& arguments, const Streams& streams) {
+  // a limit of file size, or a reader that went away, is met as an error of the write, with a message
+  const ScopedSignals as_errors({SIGXFSZ, SIGPIPE}, SIG_IGN);
+  std::optional<PrintableStreams> printable;
+  try {
+    printable.emplace(streams);
+  } catch (const std::bad_alloc&) {
+    return kExitBadInput;
+  }
+  const int code = run_caught(program, arguments, streams);
+  // a result that is lost is a failure
+  if (printable->flush() || code != kExitOk) return code;
+  std::fprintf(
+      stderr,
+      "palpate: error: standard output: cannot be written\n  is the disk full, or the pipe closed?\n");
+  return kExitOutput;
+}
+
+void exec_companion(const Program& program, const std::vector<std::string>& arguments) {
+  auto call = companion_of(program, arguments);
+  std::error_code failed;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", failed);
+  if (!call || failed) return;
+  const std::string name = "palpate-" + call->verb;
+  // where a build folder and an installation have it, and where distributions may put it
+  for (const std::filesystem::path& folder :
+       {self.parent_path(), self.parent_path().parent_path() / "libexec/palpate"}) {
+    const std::string file = folder / name;
+    std::vector<char*> argv{const_cast<char*>(file.c_str())};
+    for (std::string& argument : call->arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    ::execv(file.c_str(), argv.data());
+  }
+}
+
+}  // namespace palpate::app

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <signal.h>
+
+#include <initializer_list>
+#include <utility>
+#include <vector>
+
+namespace palpate::app {
+
+/// Handles signals in another way while it lives; afterwards they are handled as before.
+class ScopedSignals {
+ public:
+  ScopedSignals(std::initializer_list<int> signals, void (*handler)(int)) {
+    before_.reserve(signals.size());
+    for (const int signal : signals) {
+      struct sigaction wanted {};
+      wanted.sa_handler = handler;
+      wanted.sa_flags = SA_RESTART;
+      ::sigemptyset(&wanted.sa_mask);
+      struct sigaction was {};
+      if (::sigaction(signal, &wanted, &was) == 0) before_.emplace_back(signal, was);
+    }
+  }
+  ~ScopedSignals() {
+    for (const auto& [signal, was] : before_) ::sigaction(signal, &was, nullptr);
+  }
+  ScopedSignals(const ScopedSignals&) = delete;
+  ScopedSignals& operator=(const ScopedSignals&) = delete;
+
+ private:
+  std::vector<std::pair<int, struct sigaction>> before_;
+};
+
+}  // namespace palpate::app

@@ -1,0 +1,16 @@
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "apps/command/program.h"
+#include "apps/command/surroundings.h"
+#include "verify.h"
+
+// `palpate verify`, which palpate becomes by execv(): its arguments are those after the verb
+int main(int argc, char** argv) {
+  palpate::app::distrust_environment();
+  std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
+  arguments.insert(arguments.begin(), "verify");
+  const palpate::app::Program program{"", {palpate::app::add_verify}, {}, {}};
+  return palpate::app::run(program, arguments, {});
+}

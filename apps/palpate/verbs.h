@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/command/program.h"
+#include "apps/command/streams.h"
+
+/// The program palpate as a library.
+namespace palpate::app {
+
+const Program& palpate_program();
+
+/// Runs a command line of palpate in this process; see run(const Program&, ...). `verify` fails: it is a
+/// program of its own. `explore`, `cohort` and `hold --device` start this process's own executable, which has
+/// to be palpate.
+int run(const std::vector<std::string>& arguments, const Streams& streams);
+
+}  // namespace palpate::app
