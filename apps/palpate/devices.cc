@@ -3,9 +3,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/command/text.h"
 #include "known_devices.h"
 #include "palpate/session/explore.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -5,9 +5,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/command/text.h"
 #include "held.h"
 #include "known_devices.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

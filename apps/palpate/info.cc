@@ -8,6 +8,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "apps/command/text.h"
 #include "leaky.h"
 #include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
@@ -16,7 +17,6 @@
 #include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

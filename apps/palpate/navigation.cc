@@ -9,6 +9,7 @@
 #include <set>
 #include <vector>
 
+#include "apps/command/text.h"
 #include "inputs.h"
 #include "live_tracker.h"
 #include "palpate/base/file.h"
@@ -20,7 +21,6 @@
 #include "palpate/navigation/surface_registration.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpation.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 /// Where a tracked patient and a tracked tool are: from files, or from a tracker's stream.

@@ -4,6 +4,7 @@
 #include <limits>
 #include <memory>
 
+#include "apps/command/text.h"
 #include "inputs.h"
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
@@ -11,7 +12,6 @@
 #include "palpate/rehearsal/plan_from_markups.h"
 #include "palpation.h"
 #include "planned.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 /// Rehearsal: plans, and what was done beside them.

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 
+#include "apps/command/text.h"
 #include "palpate/base/file.h"
 #include "palpate/base/hash.h"
 #include "palpate/base/learner.h"
@@ -16,7 +17,6 @@
 #include "palpate_version.h"
 #include "recorded_runs.h"
 #include "scored.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

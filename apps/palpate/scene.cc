@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <set>
 
+#include "apps/command/text.h"
 #include "inputs.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
@@ -12,7 +13,6 @@
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

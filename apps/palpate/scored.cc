@@ -6,11 +6,11 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "apps/command/text.h"
 #include "palpate/base/printable.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/phantoms/phantoms.h"
-#include "apps/command/text.h"
 
 namespace palpate::app {
 namespace {

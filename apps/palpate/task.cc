@@ -4,11 +4,11 @@
 #include <memory>
 #include <optional>
 
+#include "apps/command/text.h"
 #include "palpate/base/printable.h"
 #include "palpate/tasks/calibration.h"
 #include "recorded_runs.h"
 #include "scored.h"
-#include "apps/command/text.h"
 #include "verb.h"
 
 namespace palpate::app {

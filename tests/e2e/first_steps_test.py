@@ -194,6 +194,7 @@ class FirstSteps(cli.PalpateTest):
             self.assertIn("scan.nrrd: has several values besides 0, and in a folder of masks each file is one structure", done.stderr)
             self.assertIn("a folder of their own", done.stderr)
 
+    @cli.long
     def test_shared_dicom_is_named(self):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
         for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/gantrytilting", "gantry was tilted"),
@@ -204,6 +205,7 @@ class FirstSteps(cli.PalpateTest):
             with self.subTest(path.name):
                 self.fail_clearly(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png")
 
+    @cli.long
     def test_shared_dicom_is_read(self):
         root = cli.need("dicom_seg/ct-3slice")
         done = self.succeed("info", root)
@@ -236,6 +238,7 @@ class FirstSteps(cli.PalpateTest):
                 for library in ("libdcmdata", "libicuuc", "libpalpate_dicom"):
                     self.assertEqual(library in done.stderr, loads, library)
 
+    @cli.long
     def test_any_bytes_end_in_a_sentence(self):
         """A prefix of every kind, whatever its name, is one clear error or works."""
         files = [file.read_bytes() for file in self.foreign()] + [nifti2(blocks), os.urandom(4000)]
@@ -367,7 +370,7 @@ class FirstSteps(cli.PalpateTest):
 
     def test_every_verb_that_is_named_is_one(self):
         """The commands that messages tell to type are commands."""
-        source = (pathlib.Path(__file__).parents[2] / "apps/palpate/main.cc").read_text()
+        source = (pathlib.Path(__file__).parents[2] / "apps/palpate/verbs.cc").read_text()
         told = set(re.findall(r"\"palpate ((?:scene |data )?[a-z]+) ", source))
         self.assertGreater(len(told), 6)
         for command in told - {"help"}:

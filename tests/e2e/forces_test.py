@@ -35,7 +35,7 @@ class Forces(cli.KneeTest):
         # between the cartilages of femur and tibia
         for method in METHODS:
             with self.subTest(method):
-                picture = self.draw("knee-phantom", "--method", method, "--plane", "coronal", "--at", "20,0,0",
+                picture = self.draw("knee-phantom:spacing=1", "--method", method, "--plane", "coronal", "--at", "20,0,0",
                                     "--size", "8")
                 self.assertGreater(len(picture.arrows), 300)
                 for part in (method, "F_full", "coronal section, centre 20.0, 0.0, 0.0 mm (LPS)", "Side: LEFT",

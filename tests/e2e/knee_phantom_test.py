@@ -40,6 +40,7 @@ class KneePhantom(cli.PalpateTest):
         for key in ["lesion-in", "temporal", "thickness", "gland"]:
             self.assertIn(f"| `{key}` |", self.succeed("data", "keys").stdout)
 
+    @cli.long
     def test_a_burr_takes_bone_away_and_what_is_left_is_written(self):
         scene, script, recording, left = (self.folder / name for name in ("scene.toml", "mill.toml", "run.h5", "left.seg.nrrd"))
         self.coarse_scene()

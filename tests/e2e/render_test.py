@@ -6,20 +6,12 @@ import struct
 import zlib
 
 import cli
+import png
 
 
 def unfiltered(rows, side):
-    """The pixels of filtered rows, 8 bits of red, green and blue: PNG, section 9."""
-    above, pixels = bytearray(3 * side), bytearray()
-    for y in range(side):
-        kind, row = rows[y * (3 * side + 1)], bytearray(rows[y * (3 * side + 1) + 1:(y + 1) * (3 * side + 1)])
-        for x in range(3 * side):
-            left, up, corner = (row[x - 3], above[x], above[x - 3]) if x >= 3 else (0, above[x], 0)
-            nearest = min((left, up, corner), key=lambda value: abs(left + up - corner - value))
-            row[x] = (row[x] + (0, left, up, (left + up) // 2, nearest)[kind]) & 255
-        pixels += row
-        above = row
-    return bytes(pixels)
+    """The pixels of filtered rows, 8 bits of red, green and blue."""
+    return b"".join(png.unfiltered_rows(rows, side, 3 * side, 3))
 
 
 def pixels_of(png, side):

@@ -4,6 +4,7 @@ import struct
 import zlib
 
 import cli
+import png
 
 
 class Picture:
@@ -24,7 +25,8 @@ class Picture:
         palette = self.chunk(b"PLTE")
         channels = self.CHANNELS[kind]
         self.rows = []
-        for row in self.unfiltered(channels, (self.width * channels * depth + 7) // 8):
+        for row in png.unfiltered_rows(zlib.decompress(self.chunk(b"IDAT")), self.height, (self.width * channels * depth + 7) // 8,
+                                       channels):
             if depth < 8:
                 row = bytes(byte >> shift & (1 << depth) - 1 for byte in row for shift in range(8 - depth, -1, -depth))
                 row = row[:self.width]
@@ -35,26 +37,6 @@ class Picture:
 
     def chunk(self, kind):
         return b"".join(content for name, content in self.chunks if name == kind)
-
-    def unfiltered(self, channels, stride):
-        data = zlib.decompress(self.chunk(b"IDAT"))
-        above = bytes(stride)
-        for y in range(self.height):
-            method, line = data[y * (stride + 1)], bytearray(data[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
-            for x in range(stride):
-                a = line[x - channels] if x >= channels else 0
-                b, c = above[x], above[x - channels] if x >= channels else 0
-                if method == 1:
-                    line[x] = (line[x] + a) & 255
-                elif method == 2:
-                    line[x] = (line[x] + b) & 255
-                elif method == 3:
-                    line[x] = (line[x] + (a + b) // 2) & 255
-                elif method == 4:
-                    nearest = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
-                    line[x] = (line[x] + nearest) & 255
-            above = bytes(line)
-            yield above
 
     def columns_of(self, colour, rows=slice(None)):
         return [x for row in self.rows[rows] for x, pixel in enumerate(row) if pixel == colour]

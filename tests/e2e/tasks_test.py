@@ -109,6 +109,7 @@ class Tasks(cli.PalpateTest):
         self.assertEqual(len(self.succeed("records", "list", "--records", file, "--json").stdout.splitlines()), 3)
         self.fail_clearly(cli.BAD_INPUT, "records", "erase", "DOE^CANARY", "--records", file, "--yes", says="no learner")
 
+    @cli.long
     def test_a_recording_says_of_which_task_it_is(self):
         run = self.simulate("run", says=("--task", TASK))
         plain = self.score(run)
