@@ -1,32 +1,29 @@
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "palpate/base/printable.h"
 #include "palpate/cohort/cohort.h"
+#include "palpate/json/json.h"
 
 namespace palpate {
 
 std::string case_json(const CaseResult& result) {
   // JSON has no NaN: what is not there is null
-  const auto maybe = [](double value) {
-    return std::isnan(value) ? nlohmann::ordered_json() : nlohmann::ordered_json(value);
-  };
+  const auto maybe = [](double value) { return std::isnan(value) ? Json() : Json(value); };
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(result.run_hash));
-  nlohmann::ordered_json json{
-      {"key", result.key},
-      {"fault", result.fault},
-      {"dims", result.dims},
-      {"spacing_mm", {result.spacing_mm[0], result.spacing_mm[1], result.spacing_mm[2]}},
-      {"palpated", result.palpated},
-      {"held", result.held},
-      {"failed_steps", result.failed_steps},
-      {"largest_force_N", maybe(result.largest_force_N)},
-      {"ticks", result.ticks},
-      {"run_hash", hash},
-      {"notes", result.notes},
-      {"structures", nlohmann::ordered_json::array()}};
+  Json json{{"key", result.key},
+            {"fault", result.fault},
+            {"dims", result.dims},
+            {"spacing_mm", {result.spacing_mm[0], result.spacing_mm[1], result.spacing_mm[2]}},
+            {"palpated", result.palpated},
+            {"held", result.held},
+            {"failed_steps", result.failed_steps},
+            {"largest_force_N", maybe(result.largest_force_N)},
+            {"ticks", result.ticks},
+            {"run_hash", hash},
+            {"notes", result.notes},
+            {"structures", Json::array()}};
   for (const StructureResult& s : result.structures)
     json["structures"].push_back({{"name", s.name},
                                   {"volume_mm3", s.volume_mm3},
@@ -38,15 +35,15 @@ std::string case_json(const CaseResult& result) {
                                   {"mean_force_N", maybe(s.mean_force_N)},
                                   {"peak_force_N", maybe(s.peak_force_N)}});
   // a name in another encoding than UTF-8 is kept as far as it can be
-  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  return json.dump(1) + "\n";
 }
 
 std::optional<CaseResult> parse_case_json(std::string_view text) try {
   constexpr std::size_t kMostStructures = 65'536, kMostNotes = 10'000;
-  const auto json = nlohmann::json::parse(text);
-  const auto maybe = [](const nlohmann::json& value) {
-    return value.is_null() ? kNotThere : value.get<double>();
-  };
+  const std::optional<Json> parsed = Json::parse(text);
+  if (!parsed) return std::nullopt;
+  const Json& json = *parsed;
+  const auto maybe = [](const Json& value) { return value.is_null() ? kNotThere : value.get<double>(); };
   CaseResult result;
   result.key = json.at("key").get<std::string>();
   result.fault = printable(json.at("fault").get<std::string>());
@@ -61,8 +58,8 @@ std::optional<CaseResult> parse_case_json(std::string_view text) try {
   const auto hash = json.at("run_hash").get<std::string>();
   if (hash.size() != 16 || hash.find_first_not_of("0123456789abcdef") != hash.npos) return std::nullopt;
   result.run_hash = std::stoull(hash, nullptr, 16);
-  for (const auto& note : json.at("notes")) result.notes.push_back(printable(note.get<std::string>()));
-  for (const auto& s : json.at("structures")) {
+  for (const Json& note : json.at("notes")) result.notes.push_back(printable(note.get<std::string>()));
+  for (const Json& s : json.at("structures")) {
     StructureResult one;
     one.name = s.at("name").get<std::string>();
     one.volume_mm3 = s.at("volume_mm3").get<double>();
@@ -77,7 +74,7 @@ std::optional<CaseResult> parse_case_json(std::string_view text) try {
   }
   if (result.structures.size() > kMostStructures || result.notes.size() > kMostNotes) return std::nullopt;
   return result;
-} catch (const nlohmann::json::exception&) {
+} catch (const JsonError&) {
   return std::nullopt;
 }
 

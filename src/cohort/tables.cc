@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "palpate/base/file.h"
 #include "palpate/base/printable.h"
 #include "palpate/cohort/cohort.h"
+#include "palpate/json/json.h"
 #include "palpate/report/cohort_page.h"
 
 namespace palpate {
@@ -142,10 +142,11 @@ std::string times_tsv(const CohortResults& cohort, const fs::path& folder) {
   for (std::size_t n = 0; n < cohort.cases.size(); ++n) {
     text += as_field(cohort.cases[n].name);
     const auto file = read_file(case_folder(folder, static_cast<int>(n) + 1) / "times.json", 4096);
-    const auto json = nlohmann::json::parse(file ? *file : "", nullptr, false);
+    const std::optional<Json> times = Json::parse(file ? *file : "");
     for (const char* name : {"read_s", "check_s", "palpate_s", "picture_s"}) {
-      const bool there = json.is_object() && json.contains(name) && json[name].is_number();
-      text += "\t" + decimal(there ? json[name].get<double>() : kNotThere, 3);
+      const Json* seconds = times ? times->find(name) : nullptr;
+      const bool there = seconds != nullptr && seconds->is_number();
+      text += "\t" + decimal(there ? seconds->get<double>() : kNotThere, 3);
     }
     text += "\n";
   }

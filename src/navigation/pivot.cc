@@ -1,6 +1,5 @@
 #include "palpate/navigation/pivot.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -8,21 +7,23 @@
 #include <optional>
 #include <random>
 
+#include "palpate/geometry/decompositions.h"
+
 namespace palpate {
 namespace {
 
 using Pose = Transform<Tracker, TrackedTool>;
-using Unknowns = Eigen::Matrix<double, 6, 1>;  // tip, pivot
+using Unknowns = Vector6d;  // tip, pivot
 
 struct Solution {
   Unknowns at;
-  Eigen::Matrix<double, 6, 6> inverse;  // of the normal equations
-  double least = 0;                     // singular value by root of the number of poses
+  Matrix6d inverse;  // of the normal equations
+  double least = 0;  // singular value by root of the number of poses
 };
 
 // R_i tip - pivot = -p_i, about a middle of the poses, so that lengths and angles are of one size
 std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::size_t> which) {
-  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+  Matrix6d normal = Matrix6d::Zero();
   Unknowns right = Unknowns::Zero();
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const std::size_t n : which) middle += poses[n].translation() / static_cast<double>(which.size());
@@ -32,12 +33,11 @@ std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::
     normal += row.transpose() * row;
     right -= row.transpose() * (poses[n].translation() - middle);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(normal);
-  const double least = eigen.eigenvalues()[0] / static_cast<double>(which.size());
+  const SymmetricEigen<6> eigen = symmetric_eigen(normal);
+  const double least = eigen.values[0] / static_cast<double>(which.size());
   if (!(least > 1e-10)) return {};
   Solution out;
-  out.inverse = eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                eigen.eigenvectors().transpose();
+  out.inverse = eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
   out.at = out.inverse * right;
   out.at.tail<3>() += middle;
   out.least = std::sqrt(least);

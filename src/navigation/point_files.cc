@@ -4,10 +4,10 @@
 #include <charconv>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 
 namespace palpate {
 namespace {
@@ -90,14 +90,14 @@ constexpr const char* kMarkupsRemedy =
     "save the points again as Slicer's markups (.mrk.json), or as lines of name, x, y, z";
 
 /// A control point that is placed; nothing where it is not. @param number  of its file's, from 1
-Result<std::optional<NamedPoint>> control_point(const nlohmann::json& control, std::size_t number,
-                                                bool is_ras, const std::string& where) {
+Result<std::optional<NamedPoint>> control_point(const Json& control, std::size_t number, bool is_ras,
+                                                const std::string& where) {
   if (!control.is_object()) return bad("a control point is no object", where, kMarkupsRemedy);
-  if (const auto status = control.find("positionStatus"); status != control.end() && *status != "defined")
+  if (const Json* status = control.find("positionStatus"); status != nullptr && *status != "defined")
     return std::optional<NamedPoint>();
-  const auto position = control.find("position");
-  if (position == control.end() || !position->is_array() || position->size() != 3 ||
-      !std::all_of(position->begin(), position->end(), [](const auto& each) { return each.is_number(); }))
+  const Json* position = control.find("position");
+  if (position == nullptr || !position->is_array() || position->size() != 3 ||
+      !std::all_of(position->begin(), position->end(), [](const Json& each) { return each.is_number(); }))
     return bad("control point " + std::to_string(number) + " has no position of three numbers", where,
                kMarkupsRemedy);
   const Eigen::Vector3d at((*position)[0].get<double>(), (*position)[1].get<double>(),
@@ -105,51 +105,50 @@ Result<std::optional<NamedPoint>> control_point(const nlohmann::json& control, s
   if (!at.allFinite())
     return bad("control point " + std::to_string(number) + " is nowhere", where, kMarkupsRemedy);
   std::string name;
-  if (const auto label = control.find("label"); label != control.end() && label->is_string())
+  if (const Json* label = control.find("label"); label != nullptr && label->is_string())
     name = label->get<std::string>();
   return std::optional(
       NamedPoint{name.empty() ? std::to_string(number) : name, is_ras ? to_lps(at) : at, {}});
 }
 
 // a word, or one with its code: ["mm", "UCUM", "millimeter"]
-Result<void> check_millimetres(const nlohmann::json& markup, const std::string& where) {
-  const auto unit = markup.find("coordinateUnits");
-  if (unit == markup.end()) return {};
-  const nlohmann::json& word = unit->is_array() && !unit->empty() ? unit->front() : *unit;
+Result<void> check_millimetres(const Json& markup, const std::string& where) {
+  const Json* unit = markup.find("coordinateUnits");
+  if (unit == nullptr) return {};
+  const Json& word = unit->is_array() && !unit->empty() ? unit->front() : *unit;
   if (word == "mm") return {};
   return bad(
       "its coordinates are in " + printable_name(word.is_string() ? word.get<std::string>() : word.dump()),
       where, "save them in millimetres (mm)");
 }
 
-std::string text_in(const nlohmann::json& markup, const char* key) {
-  const auto text = markup.find(key);
-  return text != markup.end() && text->is_string() ? text->get<std::string>() : "";
+std::string text_in(const Json& markup, const char* key) {
+  const Json* text = markup.find(key);
+  return text != nullptr && text->is_string() ? text->get<std::string>() : "";
 }
 
 }  // namespace
 
 Result<std::vector<Markup>> parse_markups(std::string_view text, const std::string& where) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (json.is_discarded() || !json.is_object())
-    return bad("is no JSON of Slicer's markups", where, kMarkupsRemedy);
-  const auto markups = json.find("markups");
-  if (markups == json.end() || !markups->is_array() || markups->empty())
+  const std::optional<Json> json = Json::parse(text);
+  if (!json || !json->is_object()) return bad("is no JSON of Slicer's markups", where, kMarkupsRemedy);
+  const Json* markups = json->find("markups");
+  if (markups == nullptr || !markups->is_array() || markups->empty())
     return bad("has no markups", where, kMarkupsRemedy);
   std::vector<Markup> found;
   std::size_t points = 0;
-  for (const auto& markup : *markups) {
+  for (const Json& markup : *markups) {
     if (!markup.is_object()) continue;
     Markup& made = found.emplace_back(Markup{text_in(markup, "type"), text_in(markup, "name"), {}});
-    const auto controls = markup.find("controlPoints");
-    if (controls == markup.end() || !controls->is_array()) continue;
+    const Json* controls = markup.find("controlPoints");
+    if (controls == nullptr || !controls->is_array()) continue;
     std::string axes = "LPS";
-    if (const auto says = markup.find("coordinateSystem"); says != markup.end())
+    if (const Json* says = markup.find("coordinateSystem"))
       axes = says->is_string() ? says->get<std::string>() : says->dump();
     if (!says_lps(axes) && !says_ras(axes))
       return bad("its coordinate system is \"" + printable_name(axes) + "\"", where, "LPS and RAS are known");
     if (auto known = check_millimetres(markup, where); !known) return known.error();
-    for (const auto& control : *controls) {
+    for (const Json& control : *controls) {
       auto point = control_point(control, points + 1, says_ras(axes), where);
       if (!point) return point.error();
       if (!*point) continue;

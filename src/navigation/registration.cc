@@ -1,10 +1,10 @@
 #include "palpate/navigation/registration.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
 #include "navigation/distributions.h"
+#include "palpate/geometry/decompositions.h"
 
 namespace palpate {
 namespace {
@@ -64,8 +64,8 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
     tracked_shape += weight * seen * seen.transpose();
   }
   // ascending: the last is along the longest axis
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(shape), tracked_axes(tracked_shape);
-  const auto variances = [](const auto& solver) { return solver.eigenvalues().cwiseMax(0).eval(); };
+  const SymmetricEigen<3> axes = symmetric_eigen(shape), tracked_axes = symmetric_eigen(tracked_shape);
+  const auto variances = [](const SymmetricEigen<3>& of) { return of.values.cwiseMax(0).eval(); };
   for (const Eigen::Vector3d& along : {variances(axes), variances(tracked_axes)}) {
     const double length = std::sqrt(along[2]), width = std::sqrt(along[0] + along[1]);
     if (width < std::max(limits.least_spread_mm, limits.least_width * length))
@@ -76,15 +76,15 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   }
 
   // Umeyama's equations 39 to 43
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(across, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const bool mirrors = svd.matrixU().determinant() * svd.matrixV().determinant() < 0;
+  const SingularVectors svd = singular_vectors(across);
+  const bool mirrors = svd.u.determinant() * svd.v.determinant() < 0;
   const Eigen::Vector3d signs(1, 1, mirrors ? -1 : 1);
-  const Eigen::Matrix3d rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  const Eigen::Matrix3d rotation = svd.u * signs.asDiagonal() * svd.v.transpose();
   PointRegistration out;
   out.patient_from_tracker = {rotation, scan_middle - rotation * tracked_middle};
   out.centroid = Point<Patient>(scan_middle);
   double squares = 0, mirrored_squares = 0;
-  const Eigen::Matrix3d mirrored = svd.matrixU() * svd.matrixV().transpose();
+  const Eigen::Matrix3d mirrored = svd.u * svd.v.transpose();
   for (const PointPair& pair : pairs) {
     const double weight = 1 / (pair.fle_mm * pair.fle_mm) / total;
     const double away = ((out.patient_from_tracker * pair.tracked) - pair.in_scan).norm();
@@ -110,12 +110,12 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   out.least_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.975));
   out.most_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.025));
 
-  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  Matrix6d information = Matrix6d::Zero();
   for (const PointPair& pair : pairs) {
     const auto moved = moved_by(pair.in_scan.eigen() - scan_middle);
     information += 3 / (pair.fle_mm * pair.fle_mm) * moved.transpose() * moved;
   }
-  out.unit_error = {out.centroid, information.inverse()};
+  out.unit_error = {out.centroid, inverse_of_symmetric(information)};
   const Eigen::Vector3d along = variances(axes).reverse();
   for (int k = 0; k < 3; ++k) out.spread_mm[k] = std::sqrt(along.sum() - along[k]);
   return out;

@@ -1,28 +1,27 @@
 #include "palpate/navigation/result_files.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
+
+#include "palpate/geometry/decompositions.h"
+#include "palpate/json/json.h"
 
 namespace palpate {
 namespace {
-
-using Ordered = nlohmann::ordered_json;
 
 // what no instrument and no room is as large as
 constexpr double kFarthest_mm = 1e5;
 constexpr const char* kTipRemedy = "give what palpate pivot -o has written";
 constexpr const char* kRegistrationRemedy = "give what palpate register -o has written";
 
-Ordered list_of(const Eigen::Vector3d& v) {
+Json list_of(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
 template <class Matrix>
-Ordered rows_of(const Matrix& matrix) {
-  Ordered rows = Ordered::array();
+Json rows_of(const Matrix& matrix) {
+  Json rows = Json::array();
   for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
-    Ordered row = Ordered::array();
+    Json row = Json::array();
     for (Eigen::Index c = 0; c < matrix.cols(); ++c) row.push_back(matrix(r, c));
     rows.push_back(row);
   }
@@ -34,28 +33,28 @@ Eigen::Matrix4d matrix_of(const Transform<Patient, Tracker>& X) {
   matrix.topRightCorner<3, 1>() = X.translation();
   return matrix;
 }
-std::string written(const Ordered& json) {
-  return json.dump(2, ' ', false, Ordered::error_handler_t::replace) + "\n";
+std::string written(const Json& json) {
+  return json.dump(2) + "\n";
 }
 
 // a number that is one, from `low` to kFarthest_mm
-std::optional<double> number_in(const nlohmann::json& json, const char* key, double low) {
-  const auto found = json.find(key);
-  if (found == json.end() || !found->is_number()) return {};
+std::optional<double> number_in(const Json& json, const char* key, double low) {
+  const Json* found = json.find(key);
+  if (found == nullptr || !found->is_number()) return {};
   const double value = found->get<double>();
   return value >= low && value <= kFarthest_mm ? std::optional(value) : std::nullopt;
 }
 // columns of numbers are a matrix of one column
 template <int Rows, int Columns>
-std::optional<Eigen::Matrix<double, Rows, Columns>> numbers_in(const nlohmann::json& json, const char* key) {
-  const auto found = json.find(key);
-  if (found == json.end() || !found->is_array() || found->size() != Rows) return {};
+std::optional<Eigen::Matrix<double, Rows, Columns>> numbers_in(const Json& json, const char* key) {
+  const Json* found = json.find(key);
+  if (found == nullptr || !found->is_array() || found->size() != Rows) return {};
   Eigen::Matrix<double, Rows, Columns> out;
   for (int r = 0; r < Rows; ++r) {
-    const nlohmann::json& row = (*found)[static_cast<std::size_t>(r)];
+    const Json& row = (*found)[static_cast<std::size_t>(r)];
     if (Columns > 1 && (!row.is_array() || row.size() != Columns)) return {};
     for (int c = 0; c < Columns; ++c) {
-      const nlohmann::json& each = Columns > 1 ? row[static_cast<std::size_t>(c)] : row;
+      const Json& each = Columns > 1 ? row[static_cast<std::size_t>(c)] : row;
       if (!each.is_number()) return {};
       out(r, c) = each.get<double>();
     }
@@ -69,24 +68,23 @@ bool is_rigid(const Eigen::Matrix4d& matrix) {
   return (r * r.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-6 && r.determinant() > 0 &&
          matrix.row(3) == Eigen::RowVector4d(0, 0, 0, 1);
 }
-bool is_covariance(const Eigen::Matrix<double, 6, 6>& matrix) {
+bool is_covariance(const Matrix6d& matrix) {
   const double size = matrix.cwiseAbs().maxCoeff();
   if ((matrix - matrix.transpose()).cwiseAbs().maxCoeff() > 1e-9 * size) return false;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(matrix, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()[0] >= -1e-9 * size;
+  return symmetric_eigen(matrix).values[0] >= -1e-9 * size;
 }
 
 }  // namespace
 
 std::string tip_text(const PivotCalibration& found) {
-  Ordered json{{"tip_mm", list_of(found.tip.eigen())},
-               {"pivot_mm", list_of(found.pivot.eigen())},
-               {"rms_mm", found.rms_mm},
-               {"tip_error_mm", found.tip_error_mm},
-               {"turn_deg", found.turn_deg},
-               {"poses", found.is_outlier.size()},
-               {"used", found.used}};
-  Ordered outliers = Ordered::array();
+  Json json{{"tip_mm", list_of(found.tip.eigen())},
+            {"pivot_mm", list_of(found.pivot.eigen())},
+            {"rms_mm", found.rms_mm},
+            {"tip_error_mm", found.tip_error_mm},
+            {"turn_deg", found.turn_deg},
+            {"poses", found.is_outlier.size()},
+            {"used", found.used}};
+  Json outliers = Json::array();
   for (std::size_t n = 0; n < found.is_outlier.size(); ++n)
     if (found.is_outlier[n]) outliers.push_back(n + 1);
   json["left_out"] = outliers;
@@ -95,11 +93,11 @@ std::string tip_text(const PivotCalibration& found) {
 
 Result<ToolTip> parse_tip(std::string_view text, const std::string& where) {
   const auto bad = [&](const char* what) { return Error{ErrorKind::kBadInput, what, where, kTipRemedy}; };
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (!json.is_object()) return bad("is no file of a tool's tip");
-  const auto at = numbers_in<3, 1>(json, "tip_mm");
+  const std::optional<Json> parsed = Json::parse(text);
+  if (!parsed || !parsed->is_object()) return bad("is no file of a tool's tip");
+  const auto at = numbers_in<3, 1>(*parsed, "tip_mm");
   if (!at) return bad("has no tip_mm of three numbers");
-  const auto error_mm = number_in(json, "tip_error_mm", 0), scatter_mm = number_in(json, "rms_mm", 0);
+  const auto error_mm = number_in(*parsed, "tip_error_mm", 0), scatter_mm = number_in(*parsed, "rms_mm", 0);
   if (!error_mm || !scatter_mm) return bad("does not say how wrong the tip is (tip_error_mm, rms_mm)");
   return ToolTip{Point<TrackedTool>(*at), *error_mm, *scatter_mm};
 }
@@ -107,12 +105,12 @@ Result<ToolTip> parse_tip(std::string_view text, const std::string& where) {
 std::string registration_text(const RegistrationOutcome& outcome) {
   const PointRegistration& points = outcome.by_points;
   // of the points alone, whatever a surface then does
-  Ordered of_points{{"patient_from_tracker", rows_of(matrix_of(points.patient_from_tracker))},
-                    {"fre_mm", points.fre_mm},
-                    {"fle_known", outcome.is_fle_known}};
+  Json of_points{{"patient_from_tracker", rows_of(matrix_of(points.patient_from_tracker))},
+                 {"fre_mm", points.fre_mm},
+                 {"fle_known", outcome.is_fle_known}};
   if (!outcome.is_fle_known)
     of_points["fle_mm"] = {points.fle_scale, points.least_fle_scale, points.most_fle_scale};
-  Ordered residuals = Ordered::array(), targets = Ordered::array();
+  Json residuals = Json::array(), targets = Json::array();
   for (std::size_t n = 0; n < outcome.names.size(); ++n) {
     residuals.push_back({{"name", outcome.names[n]}, {"mm", points.residuals_mm[n]}});
     if (!outcome.held_mm.empty()) residuals.back()["held_mm"] = outcome.held_mm[n];
@@ -129,7 +127,7 @@ std::string registration_text(const RegistrationOutcome& outcome) {
     of_points["covariance"] = rows_of(error.covariance);
   }
   of_points["targets"] = targets;
-  Ordered json{{"patient_from_tracker", rows_of(matrix_of(outcome.patient_from_tracker()))}};
+  Json json{{"patient_from_tracker", rows_of(matrix_of(outcome.patient_from_tracker()))}};
   if (!outcome.reference.empty()) json["reference"] = outcome.reference;
   json["by_points"] = of_points;
   if (outcome.surface) {
@@ -149,13 +147,13 @@ Result<RegisteredPatient> parse_registration(std::string_view text, const std::s
   const auto bad = [&](const char* what) {
     return Error{ErrorKind::kBadInput, what, where, kRegistrationRemedy};
   };
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (!json.is_object()) return bad("is no file of a registration");
-  const auto matrix = numbers_in<4, 4>(json, "patient_from_tracker");
+  const std::optional<Json> parsed = Json::parse(text);
+  if (!parsed || !parsed->is_object()) return bad("is no file of a registration");
+  const auto matrix = numbers_in<4, 4>(*parsed, "patient_from_tracker");
   if (!matrix || !is_rigid(*matrix))
     return bad("has no patient_from_tracker that turns and shifts, four rows of four numbers");
-  const auto points = json.find("by_points");
-  if (points == json.end() || !points->is_object()) return bad("has no by_points");
+  const Json* points = parsed->find("by_points");
+  if (points == nullptr || !points->is_object()) return bad("has no by_points");
   RegisteredPatient out;
   out.patient_from_tracker = {matrix->topLeftCorner<3, 3>(), matrix->topRightCorner<3, 1>()};
   const auto fre_mm = number_in(*points, "fre_mm", 0);
@@ -168,7 +166,7 @@ Result<RegisteredPatient> parse_registration(std::string_view text, const std::s
       return bad("has a covariance in by_points that is none of a shift and a turn about centroid_mm");
     out.error = RigidError{Point<Patient>(*centroid), *covariance};
   }
-  if (const auto reference = json.find("reference"); reference != json.end()) {
+  if (const Json* reference = parsed->find("reference")) {
     if (!reference->is_string()) return bad("has a reference that is no name");
     out.reference = reference->get<std::string>();
   }

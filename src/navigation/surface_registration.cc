@@ -1,6 +1,5 @@
 #include "palpate/navigation/surface_registration.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +8,8 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+
+#include "palpate/geometry/decompositions.h"
 
 namespace palpate {
 namespace {
@@ -73,9 +74,8 @@ struct Fit {
   double rms_mm = 0;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of the points that count
   double radius_mm = 1;                              // their root mean square distance from it
-  Eigen::Matrix<double, 6, 6> information =
-      Eigen::Matrix<double, 6, 6>::Zero();  // a turn by radius_mm, by point
-  Eigen::Matrix<double, 6, 1> pull = Eigen::Matrix<double, 6, 1>::Zero();
+  Matrix6d information = Matrix6d::Zero();           // a turn by radius_mm, by point
+  Vector6d pull = Vector6d::Zero();
 };
 
 class Fitter {
@@ -92,9 +92,8 @@ class Fitter {
     Fit fit = look(start, by_field);
     for (int turn = 0; turn < kMostTurns; ++turn) {
       // what nothing holds stays where it is
-      const Eigen::Matrix<double, 6, 6> damped =
-          fit.information + kDamping * Eigen::Matrix<double, 6, 6>::Identity();
-      const Eigen::Matrix<double, 6, 1> step = -damped.ldlt().solve(fit.pull);
+      const Matrix6d damped = fit.information + kDamping * Matrix6d::Identity();
+      const Vector6d step = -solve_symmetric(damped, fit.pull);
       const Eigen::Vector3d turned = step.tail<3>() / fit.radius_mm;
       const double angle = turned.norm();
       const Eigen::Matrix3d rotation =
@@ -151,7 +150,7 @@ class Fitter {
     fit.radius_mm = std::max(1e-6, std::sqrt(squares));
     for (const std::size_t n : order) {
       const auto& [distance_mm, height_mm, outward] = fit.feet[n];
-      Eigen::Matrix<double, 6, 1> row;
+      Vector6d row;
       row << outward, (at[n] - fit.middle).cross(outward) / fit.radius_mm;
       fit.information += row * row.transpose() / count;
       fit.pull += row * height_mm / count;
@@ -219,8 +218,8 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   SurfaceRegistration out;
   out.patient_from_tracker = best->X;
   out.rms_mm = best->rms_mm;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> held(best->information);
-  out.hold = held.eigenvalues()[0];
+  const SymmetricEigen<6> held = symmetric_eigen(best->information);
+  out.hold = held.values[0];
   if (out.rms_mm > options.most_rms_mm)
     return refuse(
         said("the points do not fit the surface: %.2g mm are left over, root mean square, of at most %.2g",
@@ -236,7 +235,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
                   "look whether it is that structure and that side of the patient, or touch again where the "
                   "hand slipped");
   if (out.hold < options.least_hold) {
-    const Eigen::Matrix<double, 6, 1> open = held.eigenvectors().col(0);
+    const Vector6d open = held.vectors.col(0);
     const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
     const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();
     return refuse(said("the points leave open %s (%.2f, %.2f, %.2f) in the patient: %.2g of 1 holds it",

@@ -1,14 +1,12 @@
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "palpate/base/hash.h"
+#include "palpate/json/json.h"
 #include "palpate/records/records.h"
 
 namespace palpate {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 /// A field of RFC 4180.
 std::string field(std::string text) {
@@ -129,7 +127,7 @@ std::string xapi_statement(const RunRecord& run, const std::string& home_page) {
       {"result", result},
       {"context", {{"platform", "palpate " + run.palpate_version}}},
       {"timestamp", run.started_utc}};
-  return statement.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return statement.dump();
 }
 
 }  // namespace palpate

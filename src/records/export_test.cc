@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <regex>
 
+#include "palpate/json/json.h"
 #include "palpate/records/records.h"
 
 namespace palpate {
@@ -47,7 +47,7 @@ TEST(Csv, HasALineForEachMetric) {
 }
 
 TEST(Xapi, IsAStatementOfItsStandard) {
-  const auto json = nlohmann::json::parse(xapi_statement(exported_run(), "https://school.example"));
+  const Json json = Json::parse(xapi_statement(exported_run(), "https://school.example")).value();
   EXPECT_TRUE(
       std::regex_match(json["id"].get<std::string>(),
                        std::regex("[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")));
@@ -65,7 +65,7 @@ TEST(Xapi, IsAStatementOfItsStandard) {
 
 TEST(Xapi, TheSameRunHasTheSameId) {
   const auto id = [](const RunRecord& run) {
-    return nlohmann::json::parse(xapi_statement(run, "https://a"))["id"];
+    return Json::parse(xapi_statement(run, "https://a")).value().at("id");
   };
   RunRecord run = exported_run();
   EXPECT_EQ(id(run), id(run));

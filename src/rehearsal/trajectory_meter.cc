@@ -1,9 +1,10 @@
 #include "rehearsal/trajectory_meter.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "palpate/geometry/decompositions.h"
 
 namespace palpate {
 namespace {
@@ -42,11 +43,11 @@ void LineFit::add(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
 
 LineFit::Line LineFit::line() const {
   const Eigen::Vector3d mean = sum_ / length_mm_;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(squares_ / length_mm_ -
-                                                              mean * mean.transpose());
+  const Eigen::Matrix3d spread = squares_ / length_mm_ - mean * mean.transpose();
+  const SymmetricEigen<3> axes = symmetric_eigen(spread);
   // the greatest is last; rounding may leave the others a little below 0
-  const Eigen::Vector3d variances = solver.eigenvalues().cwiseMax(0);
-  return {solver.eigenvectors().col(2), std::sqrt(variances[0] + variances[1])};
+  const Eigen::Vector3d variances = axes.values.cwiseMax(0);
+  return {axes.vectors.col(2), std::sqrt(variances[0] + variances[1])};
 }
 
 TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,

@@ -1,9 +1,9 @@
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "palpate/base/file.h"
+#include "palpate/geometry/decompositions.h"
 #include "palpate/rendering/force_arrows_svg.h"
 #include "palpate/stability/hold.h"
 
@@ -52,7 +52,7 @@ Vector<Patient> direction_of_most(std::span<const HeldTip> tips) {
     const Eigen::Vector3d off = tip.eigen() - mean;
     spread += off * off.transpose();
   }
-  Eigen::Vector3d axis = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(2);
+  Eigen::Vector3d axis = symmetric_eigen(spread).vectors.col(2);
   Eigen::Index largest = 0;
   axis.cwiseAbs().maxCoeff(&largest);
   return Vector<Patient>(axis[largest] < 0 ? Eigen::Vector3d(-axis) : axis);

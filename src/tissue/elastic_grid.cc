@@ -1,9 +1,9 @@
 #include "palpate/tissue/elastic_grid.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/geometry/decompositions.h"
 #include "palpate/tissue/label_cells.h"
 #include "tissue/each_cell.h"
 
@@ -147,9 +147,9 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
 }
 
 ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(grid.direction, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const SingularVectors svd = singular_vectors(grid.direction);
   ElasticBox box;
-  box.axes = svd.matrixU() * svd.matrixV().transpose();
+  box.axes = svd.u * svd.v.transpose();
   box.cell_mm = cell_mm;
   Point<Voxel> corner;
   for (int a = 0; a < 3; ++a) {

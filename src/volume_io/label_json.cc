@@ -1,7 +1,7 @@
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <set>
 
+#include "palpate/json/json.h"
 #include "volume_io/label_text.h"
 #include "volume_io/voxel_source.h"
 
@@ -11,13 +11,9 @@ using namespace volume_io;
 
 namespace {
 
-// not the ordered one, which looks through all keys for each
-using Json = nlohmann::json;
-
 // Names are only ever looked for a few levels down; what is deeper is refused.
 constexpr int kDeepest = 12;
 
-// Counted here: asked while it reads, the parser looks through the whole of a list after each of its parts.
 bool nests_too_deep(std::string_view text) {
   int depth = 0;
   bool quoted = false;
@@ -72,13 +68,13 @@ class Names {
 const Json* find(const Json& object, std::initializer_list<const char*> keys) {
   if (!object.is_object()) return nullptr;
   for (const char* key : keys)
-    if (const auto found = object.find(key); found != object.end()) return &*found;
+    if (const Json* found = object.find(key)) return found;
   return nullptr;
 }
 
 // a whole number in 0 ... 65535, written as one or as a text of digits
 std::optional<LabelId> value_of(const Json& json) {
-  if (json.is_string()) return parse_number<LabelId>(json.get_ref<const std::string&>());
+  if (json.is_string()) return parse_number<LabelId>(json.text());
   if (!json.is_number()) return std::nullopt;
   const double value = json.get<double>();
   if (!(value >= 0 && value <= 65535) || value != std::floor(value)) return std::nullopt;
@@ -164,7 +160,7 @@ void add_pairs(const Json& object, Names& names) {
   if (!object.is_object()) return;
   for (const auto& [key, value] : object.items()) {
     if (const auto number = parse_number<LabelId>(key); number && value.is_string())
-      names.add(*number, value.get_ref<const std::string&>(), std::nullopt);
+      names.add(*number, value.text(), std::nullopt);
     else if (const auto of_name = value.is_number() ? value_of(value) : std::nullopt)
       names.add(*of_name, key, std::nullopt);
   }
@@ -185,9 +181,10 @@ const Json* only_table(const Json& json) {
 
 Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source) {
   if (nests_too_deep(text)) return bad_input(source, "nests deeper than any table of names", kRemedy);
-  const Json json = Json::parse(text, nullptr, false);
-  if (json.is_discarded()) return bad_input(source, "is not valid JSON", kRemedy);
+  const std::optional<Json> parsed = Json::parse(text);
+  if (!parsed) return bad_input(source, "is not valid JSON", kRemedy);
 
+  const Json& json = *parsed;
   Names names(source);
   if (const Json* attributes = find(json, {"segmentAttributes", "segments", "Segments"}))
     add_segments(*attributes, names);
