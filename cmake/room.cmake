@@ -1,12 +1,13 @@
-# palpate_tests(TARGET PREFIX [CI FILTER] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [PROPERTIES ...])
+# palpate_tests(TARGET PREFIX [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [PROPERTIES ...])
 #
-# Registers the tests of a GoogleTest executable with ctest, one process per suite and lane. CI is a GoogleTest filter
-# of the tests in the lane `ci`. NIGHTLY takes pairs: a filter of tests in the lane `nightly`, and the reason why a
+# Registers the tests of a GoogleTest executable with ctest, one process per suite and lane. CI are the patterns of a
+# GoogleTest filter of the tests in the lane `ci`. NIGHTLY takes pairs: a filter of tests in the lane `nightly`, and the reason why a
 # landing does not need them. All others are in the lane `test` (docs/contributing/testing.md). SLOW_SANITIZED is a filter
 # of tests that sanitized runs leave out because they prove physics by many repetitions of code that smaller tests
 # execute as well. PROPERTIES are properties of all ctest tests.
 function(palpate_tests target prefix)
-  cmake_parse_arguments(TESTS "" "CI;SLOW_SANITIZED" "NIGHTLY;PROPERTIES" ${ARGN})
+  cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "CI;NIGHTLY;PROPERTIES" ${ARGN})
+  list(JOIN TESTS_CI ":" TESTS_CI)
   set(listing ${CMAKE_CURRENT_BINARY_DIR}/${target}_tests.cmake)
   file(GENERATE OUTPUT ${listing} CONTENT "set(program \"$<TARGET_FILE:${target}>\")
 set(prefix \"${prefix}\")
@@ -35,7 +36,8 @@ function(palpate_test_options target)
 endfunction()
 
 # palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
-#              [TESTS ...] [TESTS_ALONE ...] [CI FILTER] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [FUZZERS ...])
+#              [TESTS ...] [TESTS_ALONE ...] [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER]
+#              [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
@@ -45,7 +47,7 @@ endfunction()
 # that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
 # its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "CI;SLOW_SANITIZED" "NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TESTS_ALONE;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TESTS_ALONE;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   set(less_optimised)
   if(ROOM_WORDS AND NOT PALPATE_BUILD_FUZZERS)
@@ -94,7 +96,7 @@ function(palpate_room name)
     if(PALPATE_SANITIZE MATCHES "undefined")
       target_compile_options(${name}_test PRIVATE -fno-sanitize=undefined)
     endif()
-    palpate_tests(${name}_test ${name} CI "${ROOM_CI}" NIGHTLY ${ROOM_NIGHTLY} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
+    palpate_tests(${name}_test ${name} CI ${ROOM_CI} NIGHTLY ${ROOM_NIGHTLY} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
   endif()
 
   if(PALPATE_BUILD_FUZZERS AND ROOM_FUZZERS)
