@@ -36,18 +36,18 @@ function(palpate_test_options target)
 endfunction()
 
 # palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
-#              [TESTS ...] [TESTS_ALONE ...] [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER]
+#              [TESTS ...] [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER]
 #              [FUZZERS ...])
 #
 # One room of the house: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the room) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
-# once for every target, and that no other source can therefore share a unit with. ALONE and TESTS_ALONE are sources
-# whose headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that the
-# fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
+# once for every target, and that no other source can therefore share a unit with. ALONE are sources whose
+# headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that
+# the fuzzers' bytes reach, where most of the room's are not. WORDS says that the room has no loop over voxels or ticks
 # that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
 # its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TESTS_ALONE;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+  cmake_parse_arguments(ROOM "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   set(less_optimised)
   if(ROOM_WORDS AND NOT PALPATE_BUILD_FUZZERS)
@@ -56,7 +56,7 @@ function(palpate_room name)
       set(less_optimised -O0)
     endif()
   endif()
-  set(alone ${ROOM_SIMD} ${ROOM_ALONE} ${ROOM_TESTS_ALONE})
+  set(alone ${ROOM_SIMD} ${ROOM_ALONE})
   if(alone)
     set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   endif()
@@ -83,7 +83,7 @@ function(palpate_room name)
   target_link_libraries(${library} ${scope} ${ROOM_LINK})
 
   if(PALPATE_BUILD_TESTS AND ROOM_TESTS)
-    add_executable(${name}_test ${ROOM_TESTS} ${ROOM_TESTS_ALONE})
+    add_executable(${name}_test ${ROOM_TESTS})
     target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
     palpate_test_options(${name}_test NUMERIC ${ROOM_NUMERIC_TESTS})
     if(PALPATE_SANITIZE)

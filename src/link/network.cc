@@ -171,10 +171,6 @@ class Stream {
   friend void async_teardown(beast::role_type role, Stream& stream, Handler&& handler) {
     stream.end_politely(role, DoneHandler(std::forward<Handler>(handler)));
   }
-  friend void teardown(beast::role_type, Stream& stream, ErrorCode& error) {
-    error = {};
-    stream.close();
-  }
   friend void beast_close_socket(Stream& stream) { stream.close(); }
 
   Socket socket_;
