@@ -242,6 +242,7 @@ class Failures(cli.PalpateTest):
         return subprocess.run([*cli.as_nobody(), palpate, *map(str, arguments)], capture_output=True, text=True,
                               stdin=subprocess.DEVNULL, timeout=600, env=dict(os.environ, HOME="/nonexistent"))
 
+    @cli.long
     def test_an_unwritable_folder(self):
         locked = self.folder / "locked"
         locked.mkdir()
@@ -278,6 +279,7 @@ class Failures(cli.PalpateTest):
                     self.assertNotIn("bug:", done.stderr)
         locked.chmod(0o755)
 
+    @cli.long
     def test_a_lost_standard_output(self):
         for arguments in (["info", self.labels], ["info", self.labels, "--json"], ["data", "list"],
                           ["data", "list", "--json"], ["scene", "keys"], ["scene", "check", self.scene],

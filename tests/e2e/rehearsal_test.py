@@ -142,6 +142,7 @@ class PlanInThePage(cli.PalpateTest):
 class KeptAway(cli.PalpateTest):
     """[distances] and [[no_go]] in a session: told, pushed, recorded, and replayed to the hash."""
 
+    @cli.long
     def test_a_region_where_a_structure_is_touched_pushes_as_well(self):
         scene, script, run = (self.folder / name for name in ("scene.toml", "touch.toml", "run.h5"))
         self.succeed("data", "fetch", "knee-phantom", "-o", self.folder / "knee", "--voxel", cli.KNEE_MM)

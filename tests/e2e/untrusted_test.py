@@ -185,6 +185,7 @@ class LinkTest(PalpateTest):
 
 
 class OneWriterTest(KneeTest):
+    @cli.long
     def test_a_second_run_on_one_output_is_refused_at_its_start(self):
         self.new_scene(self.scan, self.labels)
         recording = self.folder / "run.h5"
