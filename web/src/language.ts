@@ -16,7 +16,8 @@ const listeners: (() => void)[] = [];
 /** What is not written by a message's name is to be written anew. */
 export const onLanguage = (listener: () => void): void => void listeners.push(listener);
 
-export function applyLanguage(): void {
+/** @returns when the language is there in which the page begins, or cannot be had */
+export function applyLanguage(): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   const kept = localStorage.getItem(KEY);
   onLanguage(reportMissingParts);
@@ -27,7 +28,7 @@ export function applyLanguage(): void {
   choice.value = "en";
   void speak("en");
   const first = isKnown(kept) ? kept : preferred(navigator.languages);
-  if (first !== "en") void change(first);
+  return first === "en" ? Promise.resolve() : change(first);
 }
 
 /** The page goes on in the language it has until the other one is there, and where that cannot be fetched. */

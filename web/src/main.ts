@@ -129,7 +129,8 @@ class Page {
   private isAskingWhy = false;
   private hasShownSection = false;
 
-  constructor() {
+  /** @param language  resolves when the words of the page are there */
+  constructor(private readonly language: Promise<void>) {
     this.connection = new Connection({
       onLink: (link) => this.onLink(link),
       onState: (state) => this.onState(state),
@@ -394,7 +395,7 @@ class Page {
     byId("cover").hidden = true;
   }
 
-  /** The panels of what a scene has. They come before the volume: names that a quiz hides are not to be seen until its panel is there. */
+  /** The panels of what a scene has, and the page's words. They come before the volume: names that a quiz hides are not to be seen until its panel is there. */
   private async fetchPanels({ tasks, recording, distances, no_go, may, role }: Scene): Promise<void> {
     const wanted = [
       ...(tasks && tasks.length > 0 ? [this.training] : []),
@@ -402,7 +403,7 @@ class Page {
       ...(recording ? [this.timeline] : []),
       ...(distances || no_go.length > 0 ? [this.nearPanel] : []),
     ];
-    await Promise.all(wanted.map((part) => part.get()));
+    await Promise.all([this.language, ...wanted.map((part) => part.get())]);
   }
 
   private async loadVolumes(scene: Scene): Promise<void> {
@@ -715,10 +716,10 @@ class Page {
 }
 
 applyTheme();
-applyLanguage();
+const language = applyLanguage();
 write(byId("cover-text"), words.loading);
 try {
-  const page = new Page();
+  const page = new Page(language);
   // nobody else's browser needs it
   if (navigator.webdriver) void import("./test_hook.js").then(({ openToTests }) => openToTests(page));
   void page.start();

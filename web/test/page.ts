@@ -179,21 +179,34 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
       constructor(readonly width: number, readonly height: number) { this.data = new Uint8ClampedArray(4 * width * height); }
     },
     Path2D: class {},
-    WebSocket: Socket,
+    // one that cannot connect closes, which is what the page hears; an error that nobody hears would end the process
+    WebSocket: class extends Socket {
+      constructor(...all: ConstructorParameters<typeof Socket>) {
+        super(...all);
+        this.on("error", () => {});
+      }
+    },
     matchMedia: () => ({ matches: true, addEventListener() {} }),
     getComputedStyle: () => ({ getPropertyValue: () => "#808080" }),
     fetch: (path: string, more?: RequestInit) => fetchFromAnywhere(new URL(path, server.url), more),
   };
   Object.assign(globalThis, stubs);
-  Object.assign(its, { matchMedia: stubs.matchMedia, devicePixelRatio: 1 });
+  // one kind of timers: the page begins one by window.setTimeout and ends it by clearTimeout. As numbers, which Node's take as well
+  const timers: NodeJS.Timeout[] = [];
+  const begun = (timer: NodeJS.Timeout): number => Number(timers[timers.push(timer) - 1]);
+  Object.assign(its, {
+    matchMedia: stubs.matchMedia, devicePixelRatio: 1, clearTimeout, clearInterval,
+    setTimeout: (...all: Parameters<typeof setTimeout>) => begun(setTimeout(...all)),
+    setInterval: (...all: Parameters<typeof setInterval>) => begun(setInterval(...all)),
+  });
 
   after(async () => {
     its.dispatchEvent(new its.Event("pagehide"));
     its.close();
+    timers.forEach(clearTimeout);
     await server.stop();
-    // nothing that the page still waits for keeps the process
-    setTimeout(() => process.exit(), 1000).unref();
-    assert.deepEqual(errors, [], "the page has thrown something");
+    for (const error of errors) console.error(error);
+    assert.equal(errors.length, 0, "the page has thrown something");
   });
   await import("../src/main.js");
   const page = new TestPage(server, dom);

@@ -46,6 +46,10 @@ test("what is cut away is gone from the page, and what is protected is told of",
   assert.deepEqual(offered(), [false, false]);
   assert.ok(!isThere(first));
   await isSwitched(false);
+  // a later connection is told of all that is gone
+  for (const type of ["pagehide", "pageshow"]) window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
+  await page.wait("connected again", () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1);
+  assert.deepEqual(places.map(isThere), [false, false, true]);
 });
 
 test("strokes are undone and done again, by buttons and by keys", async () => {
