@@ -192,18 +192,19 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
   };
   Object.assign(globalThis, stubs);
   // one kind of timers: the page begins one by window.setTimeout and ends it by clearTimeout. As numbers, which Node's take as well
+  const timers: NodeJS.Timeout[] = [];
+  const begun = (timer: NodeJS.Timeout): number => Number(timers[timers.push(timer) - 1]);
   Object.assign(its, {
     matchMedia: stubs.matchMedia, devicePixelRatio: 1, clearTimeout, clearInterval,
-    setTimeout: (...all: Parameters<typeof setTimeout>) => Number(setTimeout(...all)),
-    setInterval: (...all: Parameters<typeof setInterval>) => Number(setInterval(...all)),
+    setTimeout: (...all: Parameters<typeof setTimeout>) => begun(setTimeout(...all)),
+    setInterval: (...all: Parameters<typeof setInterval>) => begun(setInterval(...all)),
   });
 
   after(async () => {
     its.dispatchEvent(new its.Event("pagehide"));
     its.close();
+    timers.forEach(clearTimeout);
     await server.stop();
-    // nothing that the page still waits for keeps the process
-    setTimeout(() => process.exit(), 1000).unref();
     for (const error of errors) console.error(error);
     assert.equal(errors.length, 0, "the page has thrown something");
   });
