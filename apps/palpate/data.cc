@@ -2,10 +2,10 @@
 
 #include <cstdio>
 #include <iostream>
-#include <nlohmann/json.hpp>
 
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
+#include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/rendering/volume_picture.h"
@@ -61,12 +61,12 @@ void print_table() {
 }
 
 void print_json() {
-  auto sets = nlohmann::json::array();
+  auto sets = Json::array();
   for (const auto& entry : catalog()) {
     const auto data = locate(entry.name);
-    nlohmann::json set{{"name", entry.name},       {"summary", entry.summary},
-                       {"licence", entry.licence}, {"source", source_word(entry.source)},
-                       {"home", entry.home},       {"here", data.ok()}};
+    Json set{{"name", entry.name},       {"summary", entry.summary},
+             {"licence", entry.licence}, {"source", source_word(entry.source)},
+             {"home", entry.home},       {"here", data.ok()}};
     if (data) {
       set["labels"] = data->labels.string();
       if (data->scan) set["scan"] = data->scan->string();
@@ -77,7 +77,7 @@ void print_json() {
     sets.push_back(std::move(set));
   }
   // a path may hold any bytes; JSON holds UTF-8
-  std::cout << sets.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+  std::cout << sets.dump(2) << '\n';
 }
 
 Result<std::vector<std::uint8_t>> picture_of(const std::string& name, Console& console) {

@@ -1,10 +1,10 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/command/text.h"
 #include "known_devices.h"
+#include "palpate/json/json.h"
 #include "palpate/session/explore.h"
 #include "verb.h"
 
@@ -18,12 +18,8 @@ const char* state_of(const DeviceReport& report) {
   return report.connected.empty() ? "nothing is connected" : "";
 }
 
-nlohmann::ordered_json own_json(const char* name, const char* what) {
-  return {{"name", name},
-          {"what", what},
-          {"simulated", true},
-          {"ready", true},
-          {"connected", nlohmann::ordered_json::array()}};
+Json own_json(const char* name, const char* what) {
+  return {{"name", name}, {"what", what}, {"simulated", true}, {"ready", true}, {"connected", Json::array()}};
 }
 
 struct OwnDevice {
@@ -34,7 +30,7 @@ constexpr OwnDevice kOwn[] = {
     {kPointer, "a viewer's mouse, pen or finger, through the page; always there"}};
 
 int print_json(const DeviceRegistry& known) {
-  auto rows = nlohmann::ordered_json::array();
+  auto rows = Json::array();
   for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
   for (const DeviceMaker& maker : known.all()) {
     const DeviceReport report = maker.look();
@@ -43,13 +39,11 @@ int print_json(const DeviceRegistry& known) {
            {"what", maker.what},
            {"simulated", false},
            {"ready", *state_of(report) == '\0'}};
-    row["connected"] = nlohmann::ordered_json::array();
+    row["connected"] = Json::array();
     for (const ConnectedDevice& device : report.connected)
       row["connected"].push_back({{"id", device.id}, {"state", device.state}});
   }
-  std::cout << nlohmann::ordered_json{{"devices", rows}}.dump(
-                   2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)
-            << '\n';
+  std::cout << Json{{"devices", rows}}.dump(2) << '\n';
   return kExitOk;
 }
 

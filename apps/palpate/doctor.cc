@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/command/text.h"
 #include "held.h"
 #include "known_devices.h"
+#include "palpate/json/json.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -21,8 +21,8 @@ struct DoctorArguments {
   double hold_rate_hz = 1000;
 };
 
-nlohmann::ordered_json report_json(const DoctorReport& report) {
-  auto lines = nlohmann::ordered_json::array();
+Json report_json(const DoctorReport& report) {
+  auto lines = Json::array();
   for (const DoctorLine& line : report.lines)
     lines.push_back({{"topic", line.topic},
                      {"what", line.what},
@@ -122,9 +122,7 @@ void add_doctor(CLI::App& app, Run& run) {
       const auto report = examine(*known, options->settings, console.progress());
       if (!report) return console.fail(report.error());
       if (options->json)
-        std::cout << report_json(*report).dump(2, ' ', false,
-                                               nlohmann::ordered_json::error_handler_t::replace)
-                  << '\n';
+        std::cout << report_json(*report).dump(2) << '\n';
       else
         print_report(*report);
       return report->missing() ? kExitBadInput : kExitOk;

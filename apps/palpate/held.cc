@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstdio>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <system_error>
 #include <thread>
 
@@ -14,6 +13,7 @@
 #include "palpate/base/file.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/device/simulated_device.h"
+#include "palpate/json/json.h"
 #include "palpate/session/explore.h"
 #include "palpate/supervisor/supervisor.h"
 
@@ -71,11 +71,11 @@ Result<void> keep(const HeldHandFigures& figures) {
 }
 
 void print_json(const HeldHandFigures& figures) {
-  nlohmann::ordered_json json{{"device", figures.device},   {"rate_hz", figures.rate_hz},
-                              {"delay_s", figures.delay_s}, {"held_N_per_mm", figures.held_N_per_mm},
-                              {"swings_N_per_mm", nullptr}, {"advised_N_per_mm", figures.advised_N_per_mm}};
+  Json json{{"device", figures.device},   {"rate_hz", figures.rate_hz},
+            {"delay_s", figures.delay_s}, {"held_N_per_mm", figures.held_N_per_mm},
+            {"swings_N_per_mm", nullptr}, {"advised_N_per_mm", figures.advised_N_per_mm}};
   if (figures.swings_N_per_mm) json["swings_N_per_mm"] = *figures.swings_N_per_mm;
-  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+  std::cout << json.dump(2) << '\n';
 }
 
 void print_text(const HeldHandFigures& figures) {

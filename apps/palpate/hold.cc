@@ -1,8 +1,8 @@
 #include "palpate/stability/hold.h"
+#include "palpate/json/json.h"
 
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
@@ -101,14 +101,14 @@ void print_table(const std::vector<HeldTip>& tips, const std::string& heading) {
 }
 
 void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model& model) {
-  nlohmann::ordered_json json{{"device", hold.device.name},
-                              {"hand", hold.hand.name},
-                              {"rate_Hz", hold.rate_hz},
-                              {"delay_ms", 1e3 * hold.delay_s},
-                              {"stiffness_N_per_mm", hold.force_gain * model.greatest_stiffness_N_per_mm()},
-                              {"from_mm", {hold.from.x(), hold.from.y(), hold.from.z()}},
-                              {"at_mm", {hold.at.x(), hold.at.y(), hold.at.z()}},
-                              {"quiet_within_um", 2 * tips.front().encoder_step_um}};
+  Json json{{"device", hold.device.name},
+            {"hand", hold.hand.name},
+            {"rate_Hz", hold.rate_hz},
+            {"delay_ms", 1e3 * hold.delay_s},
+            {"stiffness_N_per_mm", hold.force_gain * model.greatest_stiffness_N_per_mm()},
+            {"from_mm", {hold.from.x(), hold.from.y(), hold.from.z()}},
+            {"at_mm", {hold.at.x(), hold.at.y(), hold.at.z()}},
+            {"quiet_within_um", 2 * tips.front().encoder_step_um}};
   for (const HeldTip& held : tips)
     json["methods"][std::string(name_of(held.method))] = {{"peak_to_peak_um", held.buzz.peak_to_peak_um},
                                                           {"rms_um", held.buzz.rms_um},

@@ -4,7 +4,6 @@
 #include <iomanip>
 #include <iostream>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numeric>
 #include <sstream>
 
@@ -12,6 +11,7 @@
 #include "leaky.h"
 #include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
+#include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/identifiers.h"
@@ -303,7 +303,7 @@ std::vector<typename std::decay_t<decltype(*std::begin(std::declval<const Values
   return {std::begin(values), std::end(values)};
 }
 
-nlohmann::ordered_json label_json(const Segment& segment, const SegmentStatistics& s) {
+Json label_json(const Segment& segment, const SegmentStatistics& s) {
   return {{"id", s.id},
           {"name", segment.name},
           {"layer", segment.layer},
@@ -318,32 +318,32 @@ nlohmann::ordered_json label_json(const Segment& segment, const SegmentStatistic
           {"largest_component_voxels", s.largest_component_voxels}};
 }
 
-nlohmann::ordered_json json_of(const Info& info) {
+Json json_of(const Info& info) {
   const GridGeometry& g = info.header.geometry;
-  nlohmann::ordered_json rows;
+  Json rows;
   for (int r = 0; r < 3; ++r) rows.push_back({g.direction(r, 0), g.direction(r, 1), g.direction(r, 2)});
-  nlohmann::ordered_json json{{"format", info.header.format},
-                              {"component_type", info.header.component_type},
-                              {"kind", info.labels ? "labels" : "scan"},
-                              {"layers", info.header.layers},
-                              {"dims", g.dims},
-                              {"spacing_mm", list(g.spacing_mm)},
-                              {"origin_lps_mm", list(g.origin.eigen())},
-                              {"direction_rows", rows},
-                              {"extent_mm", list(extent_mm(g))},
-                              {"axes", axis_codes(g.direction)},
-                              {"oblique", is_oblique(g.direction)},
-                              {"right_handed", g.right_handed()},
-                              {"has_geometry", info.header.has_geometry},
-                              {"range", {info.lowest, info.highest}}};
+  Json json{{"format", info.header.format},
+            {"component_type", info.header.component_type},
+            {"kind", info.labels ? "labels" : "scan"},
+            {"layers", info.header.layers},
+            {"dims", g.dims},
+            {"spacing_mm", list(g.spacing_mm)},
+            {"origin_lps_mm", list(g.origin.eigen())},
+            {"direction_rows", rows},
+            {"extent_mm", list(extent_mm(g))},
+            {"axes", axis_codes(g.direction)},
+            {"oblique", is_oblique(g.direction)},
+            {"right_handed", g.right_handed()},
+            {"has_geometry", info.header.has_geometry},
+            {"range", {info.lowest, info.highest}}};
   if (info.labels) {
-    json["leaky"] = nlohmann::ordered_json::array();
+    json["leaky"] = Json::array();
     for (const Leaks& leaks : info.leaks)
       json["leaky"].push_back(
           {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.place.eigen())}});
     json["empty_slices"] = info.empty_slices;
     json["unnamed"] = info.labels->unnamed;
-    json["labels"] = nlohmann::ordered_json::array();
+    json["labels"] = Json::array();
     for (const SegmentStatistics& s : info.statistics)
       json["labels"].push_back(label_json(*info.labels->labels.find(s.id), s));
   }
@@ -353,12 +353,12 @@ nlohmann::ordered_json json_of(const Info& info) {
 
 void print_json(std::ostream& out, const Info& info) {
   // a name in another encoding than UTF-8 is shown as far as it can be
-  out << json_of(info).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+  out << json_of(info).dump(2) << '\n';
 }
 
 // --- what feeling it takes ------------------------------------------------------------------------------
 
-nlohmann::ordered_json memory_json(const SceneMemory& memory) {
+Json memory_json(const SceneMemory& memory) {
   return {{"peak", memory.peak()},       {"stays", memory.stays()},           {"labels", memory.model.labels},
           {"field", memory.model.field}, {"surfaces", memory.model.surfaces}, {"scan", memory.scan}};
 }
@@ -374,7 +374,7 @@ int run_info_of_scene(const InfoOptions& options, Console& console) {
   const auto memory = memory_of_scene_or_data_set(options.file, console.progress());
   if (!memory) return console.fail(memory.error());
   if (options.json)
-    std::cout << nlohmann::ordered_json{{"memory_bytes", memory_json(*memory)}}.dump(2) << '\n';
+    std::cout << Json{{"memory_bytes", memory_json(*memory)}}.dump(2) << '\n';
   else
     print_memory(std::cout, *memory);
   return kExitOk;
@@ -382,8 +382,8 @@ int run_info_of_scene(const InfoOptions& options, Console& console) {
 
 // --- what a folder of DICOM holds -----------------------------------------------------------------------
 
-nlohmann::ordered_json volumes_json(const VolumeList& list) {
-  nlohmann::ordered_json volumes = nlohmann::ordered_json::array();
+Json volumes_json(const VolumeList& list) {
+  Json volumes = Json::array();
   for (std::size_t n = 0; n < list.volumes.size(); ++n)
     volumes.push_back({{"number", n + 1},
                        {"what", list.volumes[n].what},
@@ -420,9 +420,9 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
     info = *std::move(inspected);
   }
   if (options.json) {
-    nlohmann::ordered_json json = volumes_json(*list);
+    Json json = volumes_json(*list);
     if (info) json.update(json_of(*info));
-    std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+    std::cout << json.dump(2) << '\n';
     return kExitOk;
   }
   print_volumes(std::cout, *list);
@@ -432,10 +432,10 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
 
 // --- what a file carries of the patient --------------------------------------------------------------------
 
-nlohmann::ordered_json identifiers_json(const IdentifierReport& report) {
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+Json identifiers_json(const IdentifierReport& report) {
+  Json rows = Json::array();
   for (const IdentifierRow& row : report.rows) {
-    nlohmann::ordered_json json{
+    Json json{
         {"kind", in_words(row.kind)}, {"what", row.what}, {"files", row.files}, {"different", row.different}};
     if (!row.example.empty()) json["example"] = row.example;
     rows.push_back(std::move(json));
@@ -478,9 +478,7 @@ int run_identifiers(const InfoOptions& options, Console& console) {
   const auto report = find_identifiers(options.file, options.keep_identifiers, console.progress());
   if (!report) return console.fail(report.error());
   if (options.json)
-    std::cout << identifiers_json(*report).dump(2, ' ', false,
-                                                nlohmann::ordered_json::error_handler_t::replace)
-              << '\n';
+    std::cout << identifiers_json(*report).dump(2) << '\n';
   else
     print_identifiers(std::cout, *report);
   return kExitOk;

@@ -9,6 +9,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 #include "palpate/rehearsal/plan_from_markups.h"
 #include "palpation.h"
 #include "planned.h"
@@ -289,8 +290,7 @@ int compare(const PlanOptions& options, Console& console) {
                                 static_cast<std::size_t>(options.device - 1), console);
   if (!made) return console.fail(made.error());
   if (!options.json.empty()) {
-    const auto replace = nlohmann::ordered_json::error_handler_t::replace;
-    const std::string text = json_of(*scene, *made).dump(2, ' ', false, replace) + "\n";
+    const std::string text = json_of(*scene, *made).dump(2) + "\n";
     if (const auto written = write_file(options.json, text); !written) return console.fail(written.error());
     console.note("comparison: " + options.json.string());
   }

@@ -3,14 +3,13 @@
 #include <array>
 #include <cmath>
 
+#include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "scored.h"
 
 namespace palpate::app {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 Json json_of(const Point<Patient>& p) {
   return {p.x(), p.y(), p.z()};

@@ -1,10 +1,10 @@
 #pragma once
 
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "palpate/json/json.h"
 #include "palpate/rehearsal/comparison.h"
 #include "verb.h"
 
@@ -26,6 +26,6 @@ Result<PlanComparison> compare_run(const PlannedScene& scene, const RecordingSou
                                    const std::string& name, std::size_t device, Console& console);
 
 /// A comparison as `palpate plan compare --json` writes it.
-nlohmann::ordered_json json_of(const PlannedScene& scene, const PlanComparison& made);
+Json json_of(const PlannedScene& scene, const PlanComparison& made);
 
 }  // namespace palpate::app

@@ -1,4 +1,5 @@
 #include "palpate/records/records.h"
+#include "palpate/json/json.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,28 +45,26 @@ Result<std::unique_ptr<Records>> opened(const RecordsOptions& options) {
   return Records::open_to_read(*file);
 }
 
-nlohmann::ordered_json json_of(const RunRecord& run) {
-  const auto number = [](const std::optional<double>& value) {
-    return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
-  };
-  nlohmann::ordered_json json{{"run", run.id},
-                              {"learner", run.learner},
-                              {"task", run.task},
-                              {"task_hash", run.task_hash},
-                              {"started_utc", run.started_utc},
-                              {"data_set", run.data_set},
-                              {"palpate_version", run.palpate_version},
-                              {"commit", run.commit},
-                              {"device", run.device},
-                              {"hand", run.hand},
-                              {"settings_hash", run.settings_hash},
-                              {"run_hash", run.run_hash},
-                              {"score_hash", run.score_hash},
-                              {"duration_s", run.duration_s},
-                              {"in_a_row_asked", run.in_a_row},
-                              {"in_band", run.in_band}};
+Json json_of(const RunRecord& run) {
+  const auto number = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
+  Json json{{"run", run.id},
+            {"learner", run.learner},
+            {"task", run.task},
+            {"task_hash", run.task_hash},
+            {"started_utc", run.started_utc},
+            {"data_set", run.data_set},
+            {"palpate_version", run.palpate_version},
+            {"commit", run.commit},
+            {"device", run.device},
+            {"hand", run.hand},
+            {"settings_hash", run.settings_hash},
+            {"run_hash", run.run_hash},
+            {"score_hash", run.score_hash},
+            {"duration_s", run.duration_s},
+            {"in_a_row_asked", run.in_a_row},
+            {"in_band", run.in_band}};
   if (run.metrics.empty()) return json;
-  json["metrics"] = nlohmann::ordered_json::array();
+  json["metrics"] = Json::array();
   for (const RunMetric& metric : run.metrics)
     json["metrics"].push_back({{"name", metric.name},
                                {"value", number(metric.value)},
@@ -77,8 +76,8 @@ nlohmann::ordered_json json_of(const RunRecord& run) {
   return json;
 }
 
-std::string text_of(const nlohmann::ordered_json& json) {
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+std::string text_of(const Json& json) {
+  return json.dump();
 }
 
 int list(const RecordsOptions& options, Console& console) {

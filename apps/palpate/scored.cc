@@ -8,6 +8,7 @@
 
 #include "apps/command/text.h"
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/phantoms/phantoms.h"
@@ -116,12 +117,12 @@ Error ticks_in_reverse() {
   return {ErrorKind::kUsage, "comes after --to-tick", "--from-tick", "give the earlier one first"};
 }
 
-nlohmann::ordered_json number_or_null(double value) {
-  return std::isnan(value) ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(value);
+Json number_or_null(double value) {
+  return std::isnan(value) ? Json(nullptr) : Json(value);
 }
 
-nlohmann::ordered_json number_or_null(const std::optional<double>& value) {
-  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+Json number_or_null(const std::optional<double>& value) {
+  return value ? Json(*value) : Json(nullptr);
 }
 
 Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console& console) {
@@ -170,9 +171,9 @@ void print_score(const TaskFile& task, const TaskScore& score, const std::string
     std::printf("  %.3f s are missing, for ticks were dropped: no pass\n", score.missing_s);
 }
 
-nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {
+Json json_of(const TaskFile& task, const ScoredRun& run) {
   const TaskScore& score = run.score;
-  nlohmann::ordered_json json;
+  Json json;
   json["task"] = task.title;
   json["task_hash"] = hexadecimal(task.text_hash);
   json["recording"] = run.recording.filename().string();
@@ -185,7 +186,7 @@ nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {
   json["cut_short"] = score.cut_short;
   json["in_band"] = score.in_band;
   json["score_hash"] = hexadecimal(score.hash);
-  json["metrics"] = nlohmann::ordered_json::array();
+  json["metrics"] = Json::array();
   for (const MetricValue& value : score.metrics) {
     const TaskMetric& asked = task.metrics[value.part];
     const MetricInfo& info = info_of(value.metric);
@@ -195,14 +196,14 @@ nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run) {
                                {"counts", value.counts},
                                {"at_least", number_or_null(asked.at_least)},
                                {"at_most", number_or_null(asked.at_most)},
-                               {"in_band", value.counts ? nlohmann::ordered_json(value.in_band) : nullptr},
+                               {"in_band", value.counts ? Json(value.in_band) : nullptr},
                                {"basis", asked.basis.empty() ? "not validated" : asked.basis},
                                {"validity", info.validity}});
   }
-  json["steps"] = nlohmann::ordered_json::array();
+  json["steps"] = Json::array();
   for (std::size_t n = 0; n < task.steps.size(); ++n)
     json["steps"].push_back({{"name", task.steps[n].name}, {"done", static_cast<bool>(score.done[n])}});
-  json["events"] = nlohmann::ordered_json::array();
+  json["events"] = Json::array();
   for (const TaskEvent& event : score.events)
     json["events"].push_back({{"kind", kind_name(event.kind)},
                               {"tick", event.tick},

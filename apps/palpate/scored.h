@@ -2,10 +2,10 @@
 
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
+#include "palpate/json/json.h"
 #include "palpate/session/training.h"
 #include "palpate/tasks/evaluator.h"
 #include "verb.h"
@@ -69,13 +69,13 @@ void add_tick_options(CLI::App& verb, TickRange& ticks);
 Error ticks_in_reverse();
 
 /// What is not known is null.
-nlohmann::ordered_json number_or_null(double value);
-nlohmann::ordered_json number_or_null(const std::optional<double>& value);
+Json number_or_null(double value);
+Json number_or_null(const std::optional<double>& value);
 
 /// A score in text. @param name  of the run
 void print_score(const TaskFile& task, const TaskScore& score, const std::string& name);
 
 /// A score as `palpate task score --json` writes it.
-nlohmann::ordered_json json_of(const TaskFile& task, const ScoredRun& run);
+Json json_of(const TaskFile& task, const ScoredRun& run);
 
 }  // namespace palpate::app

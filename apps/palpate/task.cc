@@ -6,6 +6,7 @@
 
 #include "apps/command/text.h"
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 #include "palpate/tasks/calibration.h"
 #include "recorded_runs.h"
 #include "scored.h"
@@ -63,13 +64,13 @@ int score_runs(const TaskOptions& options, Console& console) {
   const int in_a_row = runs_in_a_row(in_band);
   const bool passed = in_a_row >= scorer.task().in_a_row;
   if (options.json) {
-    nlohmann::ordered_json json;
-    json["runs"] = nlohmann::ordered_json::array();
+    Json json;
+    json["runs"] = Json::array();
     for (const ScoredRun& run : runs) json["runs"].push_back(json_of(scorer.task(), run));
     json["in_a_row"] = in_a_row;
     json["in_a_row_asked"] = scorer.task().in_a_row;
     json["passed"] = passed;
-    std::printf("%s\n", json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    std::printf("%s\n", json.dump(2).c_str());
   } else {
     for (const ScoredRun& run : runs)
       print_score(scorer.task(), run.score, run.recording.filename().string());
@@ -100,11 +101,11 @@ int calibrate(const TaskOptions& options, Console& console) {
   const auto novices = values_of(options.novices);
   if (!novices) return console.fail(novices.error());
 
-  nlohmann::ordered_json json;
+  Json json;
   json["task"] = scorer.task().title;
   json["expert_runs"] = options.recordings.size();
   json["novice_runs"] = options.novices.size();
-  json["cut_offs"] = nlohmann::ordered_json::array();
+  json["cut_offs"] = Json::array();
   if (!options.json)
     std::printf(
         "# %s: cut-offs from %zu experts' runs%s. Runs of one person are not independent: the interval is "
@@ -120,7 +121,7 @@ int calibrate(const TaskOptions& options, Console& console) {
     how.share = options.share;
     how.seed = options.seed;
     const auto found = cut_off((*experts)[n], (*novices)[n], info.more_is_better, how);
-    nlohmann::ordered_json row{{"name", metric_name(metric)}, {"unit", info.unit}};
+    Json row{{"name", metric_name(metric)}, {"unit", info.unit}};
     const double area = area_under_curve((*experts)[n], (*novices)[n], info.more_is_better);
     if (!found) {
       row["none"] = found.error().what;
@@ -146,9 +147,8 @@ int calibrate(const TaskOptions& options, Console& console) {
           std::string list;
           for (const LabelReference& structure : metric.structures) {
             const auto* number = std::get_if<int>(&structure);
-            list +=
-                (list.empty() ? "" : ", ") +
-                (number ? std::to_string(*number) : nlohmann::json(std::get<std::string>(structure)).dump());
+            list += (list.empty() ? "" : ", ") +
+                    (number ? std::to_string(*number) : Json(std::get<std::string>(structure)).dump());
           }
           std::printf("structures = [%s]\n", list.c_str());
         }
@@ -167,7 +167,7 @@ int calibrate(const TaskOptions& options, Console& console) {
 }
 
 int list_tasks(const TaskOptions& options, Console&) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  Json json = Json::array();
   for (const EmbeddedFile& file : embedded_tasks()) {
     const auto task = parse_task(file.text, std::string(file.name));
     PALPATE_CHECK(task.ok());

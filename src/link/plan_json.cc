@@ -1,19 +1,16 @@
 #include "link/plan_json.h"
 
-#include <nlohmann/json.hpp>
-
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 
 namespace palpate::link {
 namespace {
 
-using PlanJson = nlohmann::ordered_json;
-
-PlanJson allowed_json(const std::optional<double>& within) {
-  return within ? PlanJson(*within) : PlanJson();
+Json allowed_json(const std::optional<double>& within) {
+  return within ? Json(*within) : Json();
 }
 
-PlanJson trajectory_json(const ViewedPlan::Trajectory& trajectory) {
+Json trajectory_json(const ViewedPlan::Trajectory& trajectory) {
   return {{"name", printable_name(trajectory.name)},
           {"entry_mm", trajectory.entry_mm},
           {"target_mm", trajectory.target_mm},
@@ -26,15 +23,15 @@ PlanJson trajectory_json(const ViewedPlan::Trajectory& trajectory) {
 }  // namespace
 
 std::string plan_json(const ViewedPlan& plan) {
-  PlanJson json = {
+  Json json = {
       {"type", "plan"}, {"version", plan.version}, {"saved", plan.saved}, {"can_change", plan.can_change}};
-  json["trajectories"] = PlanJson::array();
+  json["trajectories"] = Json::array();
   for (const ViewedPlan::Trajectory& trajectory : plan.trajectories)
     json["trajectories"].push_back(trajectory_json(trajectory));
-  json["keep_away"] = PlanJson::array();
+  json["keep_away"] = Json::array();
   for (const ViewedPlan::KeepAway& keep : plan.keep_away)
     json["keep_away"].push_back({{"label", keep.label}, {"mm", keep.mm}});
-  return json.dump(-1, ' ', false, PlanJson::error_handler_t::replace);
+  return json.dump();
 }
 
 }  // namespace palpate::link

@@ -1,22 +1,20 @@
 #include "link/scene_json.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "link/pose_message.h"
 #include "link/task_json.h"
 #include "palpate/base/printable.h"
+#include "palpate/json/json.h"
 #include "palpate_version.h"
 
 namespace palpate::link {
 namespace {
 
 // keys in the order of the document
-using Json = nlohmann::ordered_json;
-
 // what is not known or not finite is null
 std::string text_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json.dump();
 }
 
 // names come from files, and go to a page

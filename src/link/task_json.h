@@ -1,14 +1,14 @@
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "palpate/json/json.h"
 #include "palpate/link/viewed_training.h"
 
 /// What viewers are told of tasks (docs/reference/viewer-messages.md).
 namespace palpate::link {
 
-nlohmann::ordered_json task_json(const ViewedTask& task);
+Json task_json(const ViewedTask& task);
 /// How far a run is.
 std::string training_json(const ViewedTraining& training);
 /// Of samples and patches thousandths, of figures every digit.

@@ -183,7 +183,7 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
     WebSocket: class extends Socket {
       constructor(...all: ConstructorParameters<typeof Socket>) {
         super(...all);
-        this.on("error", () => {});
+        (this as unknown as EventTarget).addEventListener("error", () => {});
       }
     },
     matchMedia: () => ({ matches: true, addEventListener() {} }),
