@@ -15,6 +15,8 @@
 # Every test gets exactly one of the labels lane-test, lane-ci and lane-nightly, the latter with a label "reason: ..."
 # beside it (docs/contributing/testing.md).
 
+cmake_policy(VERSION 3.25)
+
 # list_tests(OUT FILTER): the full names of the tests that match a GoogleTest filter
 function(list_tests out filter)
   execute_process(COMMAND ${program} --gtest_list_tests --gtest_filter=${filter}

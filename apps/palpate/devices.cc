@@ -34,14 +34,14 @@ int print_json(const DeviceRegistry& known) {
   for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
   for (const DeviceMaker& maker : known.all()) {
     const DeviceReport report = maker.look();
-    auto& row = rows.emplace_back();
-    row = {{"name", maker.name},
-           {"what", maker.what},
-           {"simulated", false},
-           {"ready", *state_of(report) == '\0'}};
-    row["connected"] = Json::array();
+    Json row = {{"name", maker.name},
+                {"what", maker.what},
+                {"simulated", false},
+                {"ready", *state_of(report) == '\0'},
+                {"connected", Json::array()}};
     for (const ConnectedDevice& device : report.connected)
       row["connected"].push_back({{"id", device.id}, {"state", device.state}});
+    rows.push_back(std::move(row));
   }
   std::cout << Json{{"devices", rows}}.dump(2) << '\n';
   return kExitOk;

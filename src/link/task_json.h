@@ -8,7 +8,7 @@
 /// What viewers are told of tasks (docs/reference/viewer-messages.md).
 namespace palpate::link {
 
-Json task_json(const ViewedTask& task);
+palpate::Json task_json(const ViewedTask& task);
 /// How far a run is.
 std::string training_json(const ViewedTraining& training);
 /// Of samples and patches thousandths, of figures every digit.
