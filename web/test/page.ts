@@ -222,6 +222,7 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
     await import("../src/main.js");
     await page.wait("the page is loaded", () => page.viewer && wanted(page));
   } catch (error) {
+    console.error(error); // before whatever the page says to being closed
     await close();
     throw error;
   }
