@@ -240,7 +240,7 @@ class Viewer(unittest.TestCase):
 
     def assert_light(self):
         """What the page weighs: the files that it took to draw the first section."""
-        files = self.page.run("""const shown_ms = performance.getEntriesByName("first section")[0].startTime;
+        files = self.page.run("""const shown_ms = performance.getEntriesByName("first-section")[0].startTime;
             return [...performance.getEntriesByType("navigation"), ...performance.getEntriesByType("resource")]
               .map(({ name, startTime, decodedBodySize, encodedBodySize }) => [new URL(name).pathname, startTime, decodedBodySize, encodedBodySize])
               .filter(([path, start_ms]) => start_ms < shown_ms && !path.startsWith("/api/") && path !== arguments[0])

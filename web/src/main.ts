@@ -697,7 +697,7 @@ class Page {
       if (!this.hasShownSection) {
         this.hasShownSection = true;
         // up to here counts what the page weighs (tests/browser/smoke_test.py)
-        performance.mark("first section");
+        performance.mark("first-section");
         this.renderer.begin();
       }
     }

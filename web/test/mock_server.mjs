@@ -494,4 +494,6 @@ setInterval(() => {
   for (const socket of viewers.keys()) if (socket.bufferedAmount < 1e4) socket.send(bytes);
 }, 1000 / 60);
 
+// one that was begun by a test ends with it, however that ends
+process.on("disconnect", () => process.exit());
 server.listen(Number(options.port), "127.0.0.1", () => console.log(`http://127.0.0.1:${server.address().port}/`));

@@ -3,11 +3,11 @@
 // what they know for as long as a process runs, so each test file opens one page.
 
 import assert from "node:assert/strict";
-import { spawn, type ChildProcess } from "node:child_process";
+import { fork, type ChildProcess } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { after } from "node:test";
+import { after, describe } from "node:test";
 import { JSDOM, VirtualConsole } from "jsdom";
 // @ts-expect-error ws brings no types
 import { WebSocket as Socket } from "ws";
@@ -27,7 +27,7 @@ export class MockServer {
   /** @param options  others than before */
   async start(options = this.options): Promise<void> {
     this.options = options;
-    const child = spawn(process.execPath, ["test/mock_server.mjs", "--port", String(this.port), ...options], { stdio: ["ignore", "pipe", "inherit"] });
+    const child = fork("test/mock_server.mjs", ["--port", String(this.port), ...options], { execArgv: [], stdio: ["ignore", "pipe", "inherit", "ipc"] });
     this.process = child;
     this.port = await new Promise<number>((done, failed) => {
       child.stdout!.on("data", (text: Buffer) => done(Number(/:(\d+)\//.exec(String(text))![1])));
@@ -80,7 +80,7 @@ class IdleWorker {
 type Hook = any;
 
 export class TestPage {
-  constructor(readonly server: MockServer, readonly dom: JSDOM) {}
+  constructor(readonly server: MockServer, readonly close: () => Promise<void>) {}
 
   get viewer(): Hook {
     return (window as unknown as { palpateViewer?: Hook }).palpateViewer;
@@ -168,6 +168,8 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
   its.HTMLDialogElement.prototype.showModal = function (this: HTMLDialogElement) { this.open = true; };
   for (const [side, pixels] of [["clientWidth", 64], ["clientHeight", 48]] as const) Object.defineProperty(its.Element.prototype, side, { get: () => pixels });
   const fetchFromAnywhere = globalThis.fetch;
+  // the page keeps its own for as long as it is open, and one that is open keeps a process alive
+  const channels: MessageChannel[] = [];
   const stubs = {
     Worker: IdleWorker,
     ResizeObserver: class {
@@ -179,6 +181,12 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
       constructor(readonly width: number, readonly height: number) { this.data = new Uint8ClampedArray(4 * width * height); }
     },
     Path2D: class {},
+    MessageChannel: class extends MessageChannel {
+      constructor() {
+        super();
+        channels.push(this);
+      }
+    },
     // one that cannot connect closes, which is what the page hears; an error that nobody hears would end the process
     WebSocket: class extends Socket {
       constructor(...all: ConstructorParameters<typeof Socket>) {
@@ -200,24 +208,39 @@ export async function openPage(options: string[], wanted: (page: TestPage) => bo
     setInterval: (...all: Parameters<typeof setInterval>) => begun(setInterval(...all)),
   });
 
-  after(async () => {
+  const close = async () => {
     its.dispatchEvent(new its.Event("pagehide"));
     its.close();
     timers.forEach(clearTimeout);
+    channels.forEach(({ port1 }) => port1.close());
     await server.stop();
     for (const error of errors) console.error(error);
     assert.equal(errors.length, 0, "the page has thrown something");
-  });
-  await import("../src/main.js");
-  const page = new TestPage(server, dom);
-  await page.wait("the page is loaded", () => page.viewer && wanted(page));
+  };
+  const page = new TestPage(server, close);
+  try {
+    await import("../src/main.js");
+    await page.wait("the page is loaded", () => page.viewer && wanted(page));
+  } catch (error) {
+    console.error(error); // before whatever the page says to being closed
+    await close();
+    throw error;
+  }
   return page;
+}
+
+/** The tests of a page, with which it ends: a process whose page is open, or whose server runs, would not end. */
+export function testsOf(page: TestPage, name: string, tests: () => void): void {
+  describe(name, () => {
+    after(page.close);
+    tests();
+  });
 }
 
 /** A file of tokens, one line each, which goes with the test. */
 export function tokenFile(lines: string): string {
   const folder = mkdtempSync(join(tmpdir(), "palpate-tokens-"));
-  after(() => rmSync(folder, { recursive: true }));
+  process.on("exit", () => rmSync(folder, { recursive: true }));
   writeFileSync(join(folder, "tokens"), lines);
   return join(folder, "tokens");
 }

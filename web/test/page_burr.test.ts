@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import type { Vec3 } from "../src/geometry.js";
-import { openPage } from "./page.js";
+import { openPage, testsOf } from "./page.js";
 
 // a stroke cuts away 3 mm around the middle of the femur when the motor is switched on, the next one 7 mm above
 const page = await openPage(["--scan", "knee", "--input", "pointer", "--tool", "burr"]);
@@ -16,91 +16,93 @@ const [x, y, z] = page.middleOf(0);
 const isThere = (at: Vec3) => page.viewer.structureAt(at) !== null;
 const first: Vec3 = [x, y, z], second: Vec3 = [x, y, z + 7];
 
-test("what is felt until a method is made ready is told", async () => {
-  const said: string[] = [];
-  const line = page.byId("method-awaited");
-  page.set("#method", "trilinear");
-  await page.wait("chosen", () => (line.hidden || said.push(line.textContent!), page.viewer.state.method === "trilinear"));
-  await page.wait("nothing is awaited", () => line.hidden);
-  assert.ok(said.includes("trilinear is made ready; proxy is felt until then"), said.join());
-});
+testsOf(page, "a knee that is milled by a ball", () => {
+  test("what is felt until a method is made ready is told", async () => {
+    const said: string[] = [];
+    const line = page.byId("method-awaited");
+    page.set("#method", "trilinear");
+    await page.wait("chosen", () => (line.hidden || said.push(line.textContent!), page.viewer.state.method === "trilinear"));
+    await page.wait("nothing is awaited", () => line.hidden);
+    assert.ok(said.includes("trilinear is made ready; proxy is felt until then"), said.join());
+  });
 
-test("what is cut away is gone from the page, and what is protected is told of", async () => {
-  const places: Vec3[] = [first, [x, y + 2.2, z], [x, y + 4.2, z]];
-  assert.deepEqual(places.map(isThere), [true, true, true]);
-  assert.equal(page.byId("motor").hidden, false);
-  assert.deepEqual(offered(), [false, false]);
-  await isSwitched(true);
-  await page.wait("pressed", () => page.byId("motor").getAttribute("aria-pressed") === "true");
-  await page.wait("cut", () => !isThere(first));
-  assert.deepEqual(places.map(isThere), [false, false, true]);
-  await page.wait("told", () => page.text("removed").includes("170 mm³ of femur removed"));
-  assert.equal(page.text("damage"), "170 mm³ of femur gone, which is protected");
-  assert.equal(page.text("nearest"), "the tool came as near as 0.500 mm to tibia");
-  // while the motor is on no stroke is undone, as where another viewer has switched it on a moment ago
-  assert.deepEqual(offered(), [false, false]);
-  assert.equal(page.byId("undo-stroke").title, "Switch the motor off, or let go of its pedal, first");
-  page.byId("undo-stroke").disabled = false;
-  page.click("#undo-stroke");
-  await page.wait("told", () => page.text("toast") === "The burr's motor is on. Switch it off first." && !page.byId("toast").hidden);
-  assert.deepEqual(offered(), [false, false]);
-  assert.ok(!isThere(first));
-  await isSwitched(false);
-  // a later connection is told of all that is gone
-  for (const type of ["pagehide", "pageshow"]) window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
-  await page.wait("connected again", () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1);
-  assert.deepEqual(places.map(isThere), [false, false, true]);
-});
+  test("what is cut away is gone from the page, and what is protected is told of", async () => {
+    const places: Vec3[] = [first, [x, y + 2.2, z], [x, y + 4.2, z]];
+    assert.deepEqual(places.map(isThere), [true, true, true]);
+    assert.equal(page.byId("motor").hidden, false);
+    assert.deepEqual(offered(), [false, false]);
+    await isSwitched(true);
+    await page.wait("pressed", () => page.byId("motor").getAttribute("aria-pressed") === "true");
+    await page.wait("cut", () => !isThere(first));
+    assert.deepEqual(places.map(isThere), [false, false, true]);
+    await page.wait("told", () => page.text("removed").includes("170 mm³ of femur removed"));
+    assert.equal(page.text("damage"), "170 mm³ of femur gone, which is protected");
+    assert.equal(page.text("nearest"), "the tool came as near as 0.500 mm to tibia");
+    // while the motor is on no stroke is undone, as where another viewer has switched it on a moment ago
+    assert.deepEqual(offered(), [false, false]);
+    assert.equal(page.byId("undo-stroke").title, "Switch the motor off, or let go of its pedal, first");
+    page.byId("undo-stroke").disabled = false;
+    page.click("#undo-stroke");
+    await page.wait("told", () => page.text("toast") === "The burr's motor is on. Switch it off first." && !page.byId("toast").hidden);
+    assert.deepEqual(offered(), [false, false]);
+    assert.ok(!isThere(first));
+    await isSwitched(false);
+    // a later connection is told of all that is gone
+    for (const type of ["pagehide", "pageshow"]) window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
+    await page.wait("connected again", () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1);
+    assert.deepEqual(places.map(isThere), [false, false, true]);
+  });
 
-test("strokes are undone and done again, by buttons and by keys", async () => {
-  await isSwitched(true);
-  await isSwitched(false);
-  await areStrokes(2, 0);
-  await page.wait("both are cut", () => !isThere(first) && !isThere(second));
-  assert.deepEqual(offered(), [true, false]);
-  page.click("#undo-stroke");
-  await areStrokes(1, 1);
-  await page.wait("one is back", () => !isThere(first) && isThere(second));
-  assert.deepEqual(offered(), [true, true]);
-  assert.equal(page.text("removed"), "170 mm³ of femur removed");
-  // keys can be switched off; those of the page's own history are other ones
-  page.click("#letters");
-  page.key("u");
-  page.click("#letters");
-  page.key("U", { shiftKey: true });
-  await areStrokes(2, 0);
-  // a key that is held asks for one stroke only: what is asked for next is answered after it
-  page.key("u", { repeat: true });
-  page.click("#pause");
-  await page.wait("paused", () => page.viewer.state.paused);
-  await areStrokes(2, 0);
-  for (const left of [1, 0]) {
+  test("strokes are undone and done again, by buttons and by keys", async () => {
+    await isSwitched(true);
+    await isSwitched(false);
+    await areStrokes(2, 0);
+    await page.wait("both are cut", () => !isThere(first) && !isThere(second));
+    assert.deepEqual(offered(), [true, false]);
+    page.click("#undo-stroke");
+    await areStrokes(1, 1);
+    await page.wait("one is back", () => !isThere(first) && isThere(second));
+    assert.deepEqual(offered(), [true, true]);
+    assert.equal(page.text("removed"), "170 mm³ of femur removed");
+    // keys can be switched off; those of the page's own history are other ones
+    page.click("#letters");
     page.key("u");
-    await areStrokes(left, 2 - left);
-  }
-  assert.deepEqual(offered(), [false, true]);
-  await page.wait("both are back", () => isThere(first) && isThere(second));
-  await page.wait("told", () => page.text("removed") === "");
-  page.click("#redo-stroke");
-  await areStrokes(1, 1);
-  await page.wait("one is cut", () => !isThere(first) && isThere(second));
-  // another stroke is where the one that was undone had been
-  await isSwitched(true);
-  await isSwitched(false);
-  await areStrokes(2, 0);
-  await page.wait("both are cut", () => !isThere(first) && !isThere(second));
-  assert.deepEqual(offered(), [true, false]);
-});
+    page.click("#letters");
+    page.key("U", { shiftKey: true });
+    await areStrokes(2, 0);
+    // a key that is held asks for one stroke only: what is asked for next is answered after it
+    page.key("u", { repeat: true });
+    page.click("#pause");
+    await page.wait("paused", () => page.viewer.state.paused);
+    await areStrokes(2, 0);
+    for (const left of [1, 0]) {
+      page.key("u");
+      await areStrokes(left, 2 - left);
+    }
+    assert.deepEqual(offered(), [false, true]);
+    await page.wait("both are back", () => isThere(first) && isThere(second));
+    await page.wait("told", () => page.text("removed") === "");
+    page.click("#redo-stroke");
+    await areStrokes(1, 1);
+    await page.wait("one is cut", () => !isThere(first) && isThere(second));
+    // another stroke is where the one that was undone had been
+    await isSwitched(true);
+    await isSwitched(false);
+    await areStrokes(2, 0);
+    await page.wait("both are cut", () => !isThere(first) && !isThere(second));
+    assert.deepEqual(offered(), [true, false]);
+  });
 
-test("soft tissue goes by another law and back, and one with other surfaces is awaited", async () => {
-  const law = page.byId<HTMLSelectElement>("law"), awaited = page.byId("law-awaited");
-  assert.deepEqual([...law.options].map(({ value }) => value), page.viewer.scene.laws);
-  assert.equal(law.value, "elastic");
-  page.set(law, "neo-hookean");
-  await page.wait("another law", () => law.value === "neo-hookean" && page.viewer.state.law === "neo-hookean" && !page.byId("undo").disabled);
-  page.click("#undo");
-  await page.wait("back", () => law.value === "elastic" && page.viewer.state.law === "elastic");
-  page.set(law, "layers");
-  await page.wait("awaited", () => !awaited.hidden && awaited.textContent!.includes("is made ready") && law.value === "layers" && page.viewer.state.law === "elastic");
-  await page.wait("chosen", () => awaited.hidden && page.viewer.state.law === "layers");
+  test("soft tissue goes by another law and back, and one with other surfaces is awaited", async () => {
+    const law = page.byId<HTMLSelectElement>("law"), awaited = page.byId("law-awaited");
+    assert.deepEqual([...law.options].map(({ value }) => value), page.viewer.scene.laws);
+    assert.equal(law.value, "elastic");
+    page.set(law, "neo-hookean");
+    await page.wait("another law", () => law.value === "neo-hookean" && page.viewer.state.law === "neo-hookean" && !page.byId("undo").disabled);
+    page.click("#undo");
+    await page.wait("back", () => law.value === "elastic" && page.viewer.state.law === "elastic");
+    page.set(law, "layers");
+    await page.wait("awaited", () => !awaited.hidden && awaited.textContent!.includes("is made ready") && law.value === "layers" && page.viewer.state.law === "elastic");
+    await page.wait("chosen", () => awaited.hidden && page.viewer.state.law === "layers");
+  });
 });

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test, { beforeEach } from "node:test";
-import { openPage } from "./page.js";
+import { openPage, testsOf } from "./page.js";
 
 // a physical device, of which somebody agrees to everything after a while
 const page = await openPage(["--input", "device"]);
@@ -13,37 +13,39 @@ const types = (code: string) => {
   }
 };
 
-beforeEach(async () => {
-  if (page.viewer.state.emergency_stop) {
-    page.set("#arm-code", "123456", "input");
+testsOf(page, "a physical device", () => {
+  beforeEach(async () => {
+    if (page.viewer.state.emergency_stop) {
+      page.set("#arm-code", "123456", "input");
+      page.click("#rearm");
+    }
+    await page.wait("armed", () => page.viewer.state.armed && page.byId("arm-line").hidden);
+    page.key(" ");
+    await page.wait("stopped", () => page.viewer.state.emergency_stop && !page.viewer.state.armed && !page.byId("arm-line").hidden);
+  });
+
+  test("it is stopped from here and armed there", async () => {
+    await page.wait("said", () => (page.draw(), page.text("flags").includes("stopped by this page · armed again where palpate runs")));
+    assert.ok(page.byId("rearm").disabled);
+    assert.equal(page.text("stop"), "Stopped");
+  });
+
+  test("it is armed from here by the code that is shown there", async () => {
+    assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six digits");
+    types("12345");
+    assert.ok(page.byId("rearm").disabled, "five digits are no code");
+    // a wrong one is told of, and gone
+    types("7");
     page.click("#rearm");
-  }
-  await page.wait("armed", () => page.viewer.state.armed && page.byId("arm-line").hidden);
-  page.key(" ");
-  await page.wait("stopped", () => page.viewer.state.emergency_stop && !page.viewer.state.armed && !page.byId("arm-line").hidden);
-});
-
-test("it is stopped from here and armed there", async () => {
-  await page.wait("said", () => (page.draw(), page.text("flags").includes("stopped by this page · armed again where palpate runs")));
-  assert.ok(page.byId("rearm").disabled);
-  assert.equal(page.text("stop"), "Stopped");
-});
-
-test("it is armed from here by the code that is shown there", async () => {
-  assert.equal(page.byId("arm-code").labels![0]!.textContent!.trim(), "Six digits");
-  types("12345");
-  assert.ok(page.byId("rearm").disabled, "five digits are no code");
-  // a wrong one is told of, and gone
-  types("7");
-  page.click("#rearm");
-  await page.wait("told", () => page.text("toast").includes("not the one that is shown"));
-  assert.equal(page.byId("arm-code").value, "");
-  assert.ok(page.viewer.state.emergency_stop && page.byId("rearm").disabled);
-  // where a code is entered the space bar is still the stop
-  const { stop } = page.viewer.state;
-  types("12 3");
-  await page.wait("stopped once more", () => page.viewer.state.stop > stop);
-  types("456");
-  page.key("Enter", {}, page.byId("arm-code"));
-  await page.wait("armed", () => page.viewer.state.armed && !page.viewer.state.emergency_stop && page.byId("arm-line").hidden);
+    await page.wait("told", () => page.text("toast").includes("not the one that is shown"));
+    assert.equal(page.byId("arm-code").value, "");
+    assert.ok(page.viewer.state.emergency_stop && page.byId("rearm").disabled);
+    // where a code is entered the space bar is still the stop
+    const { stop } = page.viewer.state;
+    types("12 3");
+    await page.wait("stopped once more", () => page.viewer.state.stop > stop);
+    types("456");
+    page.key("Enter", {}, page.byId("arm-code"));
+    await page.wait("armed", () => page.viewer.state.armed && !page.viewer.state.emergency_stop && page.byId("arm-line").hidden);
+  });
 });

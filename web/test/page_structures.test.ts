@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { openPage } from "./page.js";
+import { openPage, testsOf } from "./page.js";
 
 const page = await openPage(["--more", "108"]);
 const { scene } = page.viewer;
@@ -16,146 +16,148 @@ const group = (name: string) => page.all(".tissue").find((one) => one.querySelec
 const find = (wanted: string) => page.set("#find", wanted, "input");
 const sorted = (list: string[]) => [...list].sort();
 
-test("structures are found by words of their names, and shown alone", () => {
-  find("menis LAT");
-  assert.deepEqual(listed(), ["lateral meniscus"]);
-  find("no such thing");
-  assert.deepEqual(listed(), []);
-  assert.equal(page.byId("none-found").hidden, false);
-  find("");
-  assert.deepEqual(sorted(listed()), sorted(names));
-  // alone, then another one alone, and back to what was shown at first
-  const press = (name: string) => page.click(page.all(".structure .name").find((one) => one.textContent === name)!);
-  page.click(page.all(".structure .eye")[0]!);
-  const before = visible();
-  assert.equal(before.length, names.length - 1);
-  press("fibula");
-  assert.deepEqual(visible(), ["fibula"]);
-  press("patella");
-  assert.deepEqual(visible(), ["patella"]);
-  press("patella");
-  assert.deepEqual(visible(), before);
-  page.click("#hide-all");
-  assert.deepEqual(visible(), []);
-  page.click("#show-all");
-  assert.deepEqual(sorted(visible()), sorted(names));
-});
+testsOf(page, "the page", () => {
+  test("structures are found by words of their names, and shown alone", () => {
+    find("menis LAT");
+    assert.deepEqual(listed(), ["lateral meniscus"]);
+    find("no such thing");
+    assert.deepEqual(listed(), []);
+    assert.equal(page.byId("none-found").hidden, false);
+    find("");
+    assert.deepEqual(sorted(listed()), sorted(names));
+    // alone, then another one alone, and back to what was shown at first
+    const press = (name: string) => page.click(page.all(".structure .name").find((one) => one.textContent === name)!);
+    page.click(page.all(".structure .eye")[0]!);
+    const before = visible();
+    assert.equal(before.length, names.length - 1);
+    press("fibula");
+    assert.deepEqual(visible(), ["fibula"]);
+    press("patella");
+    assert.deepEqual(visible(), ["patella"]);
+    press("patella");
+    assert.deepEqual(visible(), before);
+    page.click("#hide-all");
+    assert.deepEqual(visible(), []);
+    page.click("#show-all");
+    assert.deepEqual(sorted(visible()), sorted(names));
+  });
 
-test("groups fold and switch as one, presets are steps that are undone, and keys go from line to line", async () => {
-  assert.equal(names.length, 116);
-  const asItCame = opacities();
-  const hidden = () => new Set(opacities().filter(([, opacity]) => opacity === 0).map(([name]) => name));
-  const ofTissue = (is: (tissue: string) => boolean) => new Set(names.filter((name) => is(tissueOf.get(name)!)));
-  const eye = group("bone").querySelector<HTMLElement>(".head .eye")!;
-  page.click(eye);
-  assert.deepEqual(hidden(), ofTissue((tissue) => tissue === "bone"));
-  page.click(".structure .eye");
-  assert.deepEqual([eye.getAttribute("aria-pressed"), eye.textContent], ["mixed", "Partly"]);
-  page.click(eye);
-  assert.deepEqual(opacities(), asItCame);
+  test("groups fold and switch as one, presets are steps that are undone, and keys go from line to line", async () => {
+    assert.equal(names.length, 116);
+    const asItCame = opacities();
+    const hidden = () => new Set(opacities().filter(([, opacity]) => opacity === 0).map(([name]) => name));
+    const ofTissue = (is: (tissue: string) => boolean) => new Set(names.filter((name) => is(tissueOf.get(name)!)));
+    const eye = group("bone").querySelector<HTMLElement>(".head .eye")!;
+    page.click(eye);
+    assert.deepEqual(hidden(), ofTissue((tissue) => tissue === "bone"));
+    page.click(".structure .eye");
+    assert.deepEqual([eye.getAttribute("aria-pressed"), eye.textContent], ["mixed", "Partly"]);
+    page.click(eye);
+    assert.deepEqual(opacities(), asItCame);
 
-  const presets: [string, (tissue: string) => number][] = [["bone", (tissue) => Number(tissue === "bone")], ["translucent", (tissue) => (tissue === "bone" ? 1 : 0.3)], ["solid", () => 1]];
-  for (const [name, opacityOf] of presets) {
-    page.set("#looks", name);
-    for (const [structure, opacity] of opacities()) assert.equal(opacity, opacityOf(tissueOf.get(structure)!), `${name}: ${structure}`);
-  }
-  for (const _ of [1, 2]) {
-    page.click("#undo");
+    const presets: [string, (tissue: string) => number][] = [["bone", (tissue) => Number(tissue === "bone")], ["translucent", (tissue) => (tissue === "bone" ? 1 : 0.3)], ["solid", () => 1]];
+    for (const [name, opacityOf] of presets) {
+      page.set("#looks", name);
+      for (const [structure, opacity] of opacities()) assert.equal(opacity, opacityOf(tissueOf.get(structure)!), `${name}: ${structure}`);
+    }
+    for (const _ of [1, 2]) {
+      page.click("#undo");
+      await page.settle();
+    }
+    assert.deepEqual(hidden(), ofTissue((tissue) => tissue !== "bone"));
+    page.set("#looks", "scene");
+    assert.deepEqual(opacities(), asItCame);
+
+    // folded, and found nevertheless
+    page.click(group("bone").querySelector<HTMLElement>(".fold")!);
+    assert.deepEqual(new Set(listed()), ofTissue((tissue) => tissue !== "bone"));
+    find("femur");
+    assert.deepEqual(listed(), ["femur"]);
+    find("");
+    page.click(group("bone").querySelector<HTMLElement>(".fold")!);
+
+    const order = listed();
+    page.all(".structure .eye")[0]!.focus();
+    for (const [key, place] of [["ArrowDown", 1], ["End", 115], ["ArrowUp", 114], ["PageUp", 104], ["Home", 0]] as const) {
+      page.key(key, {}, document.activeElement!);
+      assert.equal(lineName(document.activeElement!.closest<HTMLElement>(".structure")!), order[place], key);
+    }
+    assert.equal(document.activeElement!.className, "eye");
+    // the list is one stop of the tab key, of four controls
+    assert.equal(page.all(".structure button, .structure input").filter((one) => one.tabIndex !== -1).length, 4);
+  });
+
+  test("what was done is undone, and neither a pause nor a stop is", async () => {
+    const stiffness = () => page.viewer.state.tissues[0].stiffness_N_per_mm as number;
+    const isAt = (wanted: number) => page.wait(`a stiffness of ${wanted}`, () => Math.abs(stiffness() / wanted - 1) < 0.01);
+    const before = stiffness();
+    page.byId("find").dispatchEvent(new Event("change", { bubbles: true }));
+    for (const place of [0.5, 0.6]) {
+      page.set("input[data-tissue='0']", place, "input");
+      await isAt(0.01 * 1000 ** place);
+    }
+    const eye = page.all(".structure .eye")[0]!;
+    page.click(eye);
+    assert.equal(eye.textContent, "Hidden");
+    page.click("#pause");
+    await page.wait("paused", () => page.viewer.state.paused);
+    // the space bar stops from a number, too, which has no spaces
+    page.key(" ", {}, page.byId("level"));
+    await page.wait("stopped", () => page.viewer.state.emergency_stop);
+    const undo = () => page.key("z", { ctrlKey: true });
+    undo();
     await page.settle();
-  }
-  assert.deepEqual(hidden(), ofTissue((tissue) => tissue !== "bone"));
-  page.set("#looks", "scene");
-  assert.deepEqual(opacities(), asItCame);
+    assert.equal(eye.textContent, "Shown");
+    undo();
+    await isAt(before);
+    page.key("Z", { ctrlKey: true, shiftKey: true });
+    await isAt(0.01 * 1000 ** 0.6);
+    page.click("#undo");
+    await isAt(before);
+    assert.ok(page.viewer.state.paused && page.viewer.state.emergency_stop);
+    page.click("#pause");
+    await page.wait("it goes on", () => !page.viewer.state.paused && !page.byId("rearm").disabled);
+    page.click("#rearm");
+    await page.wait("rearmed", () => !page.viewer.state.emergency_stop);
+  });
 
-  // folded, and found nevertheless
-  page.click(group("bone").querySelector<HTMLElement>(".fold")!);
-  assert.deepEqual(new Set(listed()), ofTissue((tissue) => tissue !== "bone"));
-  find("femur");
-  assert.deepEqual(listed(), ["femur"]);
-  find("");
-  page.click(group("bone").querySelector<HTMLElement>(".fold")!);
+  test("small forces and depths have three digits", async () => {
+    // as soft as the sliders go: 0.01 N/mm
+    for (const place of scene.tissues.keys()) page.set(`input[data-tissue='${place}']`, 0, "input");
+    await page.wait("all tissue is soft", () => page.viewer.state.tissues.every(({ stiffness_N_per_mm }: { stiffness_N_per_mm: number }) => stiffness_N_per_mm === 0.01));
+    await page.wait("the loop's too", () => page.viewer.pose.devices[0].stiffness === Math.fround(0.01));
+    for (let n = 0; n < 10; n++) {
+      const { sequence } = page.viewer.pose;
+      const force = () => Math.hypot(...page.viewer.pose.devices[0].force);
+      await page.wait("another touch", () => page.viewer.pose.sequence > sequence && force() > 0 && Number.isFinite(page.viewer.pose.devices[0].depth));
+      page.draw();
+      const factor = { N: 1, mN: 1e-3, mm: 1, "µm": 1e-3 } as Record<string, number>;
+      const isClose = (text: string, unit: string, value: number) => assert.ok(Math.abs((Number(text.replace("−", "-")) * factor[unit]!) / value - 1) <= 0.006, `${text} ${unit} of ${value}`);
+      isClose(page.text("force"), page.text("force-unit"), force());
+      const [depth, unit] = page.text("depth").split(" ") as [string, string];
+      isClose(depth, unit, page.viewer.pose.devices[0].depth);
+    }
+  });
 
-  const order = listed();
-  page.all(".structure .eye")[0]!.focus();
-  for (const [key, place] of [["ArrowDown", 1], ["End", 115], ["ArrowUp", 114], ["PageUp", 104], ["Home", 0]] as const) {
-    page.key(key, {}, document.activeElement!);
-    assert.equal(lineName(document.activeElement!.closest<HTMLElement>(".structure")!), order[place], key);
-  }
-  assert.equal(document.activeElement!.className, "eye");
-  // the list is one stop of the tab key, of four controls
-  assert.equal(page.all(".structure button, .structure input").filter((one) => one.tabIndex !== -1).length, 4);
-});
-
-test("what was done is undone, and neither a pause nor a stop is", async () => {
-  const stiffness = () => page.viewer.state.tissues[0].stiffness_N_per_mm as number;
-  const isAt = (wanted: number) => page.wait(`a stiffness of ${wanted}`, () => Math.abs(stiffness() / wanted - 1) < 0.01);
-  const before = stiffness();
-  page.byId("find").dispatchEvent(new Event("change", { bubbles: true }));
-  for (const place of [0.5, 0.6]) {
-    page.set("input[data-tissue='0']", place, "input");
-    await isAt(0.01 * 1000 ** place);
-  }
-  const eye = page.all(".structure .eye")[0]!;
-  page.click(eye);
-  assert.equal(eye.textContent, "Hidden");
-  page.click("#pause");
-  await page.wait("paused", () => page.viewer.state.paused);
-  // the space bar stops from a number, too, which has no spaces
-  page.key(" ", {}, page.byId("level"));
-  await page.wait("stopped", () => page.viewer.state.emergency_stop);
-  const undo = () => page.key("z", { ctrlKey: true });
-  undo();
-  await page.settle();
-  assert.equal(eye.textContent, "Shown");
-  undo();
-  await isAt(before);
-  page.key("Z", { ctrlKey: true, shiftKey: true });
-  await isAt(0.01 * 1000 ** 0.6);
-  page.click("#undo");
-  await isAt(before);
-  assert.ok(page.viewer.state.paused && page.viewer.state.emergency_stop);
-  page.click("#pause");
-  await page.wait("it goes on", () => !page.viewer.state.paused && !page.byId("rearm").disabled);
-  page.click("#rearm");
-  await page.wait("rearmed", () => !page.viewer.state.emergency_stop);
-});
-
-test("small forces and depths have three digits", async () => {
-  // as soft as the sliders go: 0.01 N/mm
-  for (const place of scene.tissues.keys()) page.set(`input[data-tissue='${place}']`, 0, "input");
-  await page.wait("all tissue is soft", () => page.viewer.state.tissues.every(({ stiffness_N_per_mm }: { stiffness_N_per_mm: number }) => stiffness_N_per_mm === 0.01));
-  await page.wait("the loop's too", () => page.viewer.pose.devices[0].stiffness === Math.fround(0.01));
-  for (let n = 0; n < 10; n++) {
-    const { sequence } = page.viewer.pose;
-    const force = () => Math.hypot(...page.viewer.pose.devices[0].force);
-    await page.wait("another touch", () => page.viewer.pose.sequence > sequence && force() > 0 && Number.isFinite(page.viewer.pose.devices[0].depth));
-    page.draw();
-    const factor = { N: 1, mN: 1e-3, mm: 1, "µm": 1e-3 } as Record<string, number>;
-    const isClose = (text: string, unit: string, value: number) => assert.ok(Math.abs((Number(text.replace("−", "-")) * factor[unit]!) / value - 1) <= 0.006, `${text} ${unit} of ${value}`);
-    isClose(page.text("force"), page.text("force-unit"), force());
-    const [depth, unit] = page.text("depth").split(" ") as [string, string];
-    isClose(depth, unit, page.viewer.pose.devices[0].depth);
-  }
-});
-
-test("help opens and closes by key and button, and letters are shortcuts only where they are wanted", () => {
-  const isHidden = () => page.byId("help-box").hidden;
-  const tool = () => document.querySelector<HTMLElement>("[data-tool][aria-checked=true]")!.dataset.tool;
-  assert.ok(isHidden());
-  page.key("?");
-  assert.ok(!isHidden());
-  page.key("Escape");
-  assert.ok(isHidden());
-  page.click("#help");
-  assert.ok(!isHidden());
-  page.key("r");
-  assert.equal(tool(), "ruler");
-  page.click("#letters");
-  page.key("a");
-  assert.equal(tool(), "ruler");
-  page.click("#letters");
-  page.key("a");
-  assert.equal(tool(), "angle");
-  page.click("#help-close");
-  assert.ok(isHidden());
+  test("help opens and closes by key and button, and letters are shortcuts only where they are wanted", () => {
+    const isHidden = () => page.byId("help-box").hidden;
+    const tool = () => document.querySelector<HTMLElement>("[data-tool][aria-checked=true]")!.dataset.tool;
+    assert.ok(isHidden());
+    page.key("?");
+    assert.ok(!isHidden());
+    page.key("Escape");
+    assert.ok(isHidden());
+    page.click("#help");
+    assert.ok(!isHidden());
+    page.key("r");
+    assert.equal(tool(), "ruler");
+    page.click("#letters");
+    page.key("a");
+    assert.equal(tool(), "ruler");
+    page.click("#letters");
+    page.key("a");
+    assert.equal(tool(), "angle");
+    page.click("#help-close");
+    assert.ok(isHidden());
+  });
 });

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { openPage } from "./page.js";
+import { openPage, testsOf } from "./page.js";
 
 const page = await openPage([]);
 const { server } = page;
@@ -30,35 +30,37 @@ async function mended(): Promise<void> {
   await page.wait("the page is loaded", () => page.isLoaded() && page.viewer.link === "connected");
 }
 
-test("old data is grey, and a server that comes back is found", async () => {
-  server.signal("SIGSTOP");
-  await page.wait("stale", () => !page.viewer.isFresh && page.viewer.age_ms > 250 && document.body.classList.contains("stale") && page.text("link-text").includes("old"));
-  server.signal("SIGCONT");
-  await page.wait("fresh", () => page.viewer.isFresh && !document.body.classList.contains("stale"));
-  await server.stop();
-  await page.wait("lost", () => page.viewer.link !== "connected");
-  await restart([]);
-  await page.wait("found", () => page.isLoaded() && page.viewer.link === "connected" && page.viewer.age_ms < 250);
-});
+testsOf(page, "a page in trouble", () => {
+  test("old data is grey, and a server that comes back is found", async () => {
+    server.signal("SIGSTOP");
+    await page.wait("stale", () => !page.viewer.isFresh && page.viewer.age_ms > 250 && document.body.classList.contains("stale") && page.text("link-text").includes("old"));
+    server.signal("SIGCONT");
+    await page.wait("fresh", () => page.viewer.isFresh && !document.body.classList.contains("stale"));
+    await server.stop();
+    await page.wait("lost", () => page.viewer.link !== "connected");
+    await restart([]);
+    await page.wait("found", () => page.isLoaded() && page.viewer.link === "connected" && page.viewer.age_ms < 250);
+  });
 
-test("a page that is left lets go, and one that is come back to goes on", async () => {
-  const leave = (type: string) => window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
-  leave("pagehide");
-  await page.wait("ended", () => page.viewer.link === "ended");
-  leave("pageshow");
-  await page.wait("connected", () => page.viewer.link === "connected" && page.viewer.isFresh);
-});
+  test("a page that is left lets go, and one that is come back to goes on", async () => {
+    const leave = (type: string) => window.dispatchEvent(Object.assign(new Event(type), { persisted: true }));
+    leave("pagehide");
+    await page.wait("ended", () => page.viewer.link === "ended");
+    leave("pageshow");
+    await page.wait("connected", () => page.viewer.link === "connected" && page.viewer.isFresh);
+  });
 
-test("another version of the protocol is told of", async () => {
-  await restart(["--protocol", "4"]);
-  await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
-  page.click("#again"); // in vain
-  await page.wait("told again", () => !page.byId("mend").hidden);
-  await mended();
-});
+  test("another version of the protocol is told of", async () => {
+    await restart(["--protocol", "4"]);
+    await toldAndLeftAlone("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
+    page.click("#again"); // in vain
+    await page.wait("told again", () => !page.byId("mend").hidden);
+    await mended();
+  });
 
-test("a refusal that lasts is told of", async () => {
-  await restart(["--refuse", "421"]);
-  await toldAndLeftAlone("421", "--host-name");
-  await mended();
+  test("a refusal that lasts is told of", async () => {
+    await restart(["--refuse", "421"]);
+    await toldAndLeftAlone("421", "--host-name");
+    await mended();
+  });
 });
