@@ -128,6 +128,7 @@ class Page {
   private isHopeless = false; // it has run out
   private isAskingWhy = false;
   private hasShownSection = false;
+  isWhole = false; // its panels have been fetched too
 
   /** @param language  resolves when the words of the page are there */
   constructor(private readonly language: Promise<void>) {
@@ -370,16 +371,14 @@ class Page {
         this.isOutdated = false;
         const scene = await fetchScene(this.token);
         if (this.connection.link === "ended" || this.connection.link === "refused") this.connection.open();
-        await this.fetchPanels(scene);
+        // names that a quiz hides are not to be seen until its panel is there; nothing else of them is needed for the first section
+        const isQuiz = (scene.tasks ?? []).some(({ quiz }) => quiz);
+        await Promise.all([this.language, this.hasShownSection || isQuiz ? this.fetchPanels(scene) : null]);
         if (this.session.volumes && showsTheSame(scene, this.session.scene)) this.session.setScene(scene, this.session.volumes);
         else await this.loadVolumes(scene);
         if (this.isOutdated) continue;
         this.controls.showScene(scene);
-        this.nearPanel.now?.show(scene);
-        this.timeline.now?.show(scene.recording);
-        this.training.now?.show(scene);
-        this.lesson.now?.show(scene);
-        if (this.session.state) this.onState(this.session.state);
+        this.showPanels(scene);
         break;
       } catch (error) {
         if (error instanceof NeedsToken) await this.tokenFromUser(this.token !== null);
@@ -395,7 +394,6 @@ class Page {
     byId("cover").hidden = true;
   }
 
-  /** The panels of what a scene has, and the page's words. They come before the volume: names that a quiz hides are not to be seen until its panel is there. */
   private async fetchPanels({ tasks, recording, distances, no_go, may, role }: Scene): Promise<void> {
     const wanted = [
       ...(tasks && tasks.length > 0 ? [this.training] : []),
@@ -403,7 +401,21 @@ class Page {
       ...(recording ? [this.timeline] : []),
       ...(distances || no_go.length > 0 ? [this.nearPanel] : []),
     ];
-    await Promise.all([this.language, ...wanted.map((part) => part.get())]);
+    await Promise.all(wanted.map((part) => part.get()));
+  }
+  private showPanels(scene: Scene): void {
+    this.nearPanel.now?.show(scene);
+    this.timeline.now?.show(scene.recording);
+    this.training.now?.show(scene);
+    this.lesson.now?.show(scene);
+    if (this.session.state) this.onState(this.session.state);
+  }
+  /** What the first section did not wait for. */
+  private async fetchTheRest(): Promise<void> {
+    this.renderer.begin();
+    await this.fetchPanels(this.session.scene!);
+    this.showPanels(this.session.scene!);
+    this.isWhole = true;
   }
 
   private async loadVolumes(scene: Scene): Promise<void> {
@@ -698,7 +710,7 @@ class Page {
         this.hasShownSection = true;
         // up to here counts what the page weighs (tests/browser/smoke_test.py)
         performance.mark("first-section");
-        this.renderer.begin();
+        void this.fetchTheRest();
       }
     }
     this.capture.now?.drawn();

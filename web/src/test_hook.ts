@@ -15,7 +15,7 @@ export function openToTests(page: Page): void {
     get role() { return connection.role; },
     get age_ms() { return connection.age_ms(); },
     get isFresh() { return session.isFresh; },
-    get isLoaded() { return session.volumes !== null; },
+    get isLoaded() { return session.volumes !== null && page.isWhole; },
     get volumeHash() { return session.volumes?.hash ?? null; },
     get scene() { return session.scene; },
     get state() { return session.state; },
