@@ -24,11 +24,20 @@ class JsonError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A member of an object. A template, so that Json may be incomplete where it is named.
+template <class Value>
+struct JsonMember {
+  bool operator==(const JsonMember&) const = default;
+
+  std::string name;
+  Value value;
+};
+
 /// Null, a boolean, a number, a text, an array or an object. Members of an object keep the order in which
 /// they were added; those of a parsed object are sorted by their names.
 class Json {
  public:
-  struct Member;
+  using Member = JsonMember<Json>;
   using Array = std::vector<Json>;
   using Object = std::vector<Member>;
 
@@ -166,13 +175,6 @@ class Json {
   }
 
   Value value_;
-};
-
-struct Json::Member {
-  bool operator==(const Member&) const = default;
-
-  std::string name;
-  Json value;
 };
 
 }  // namespace palpate
