@@ -1,10 +1,10 @@
 # palpate_tests(TARGET PREFIX [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER] [PROPERTIES ...])
 #
 # Registers the tests of a GoogleTest executable with ctest, one process per suite and lane. CI are the patterns of a
-# GoogleTest filter of the tests in the lane `ci`. NIGHTLY takes pairs: a filter of tests in the lane `nightly`, and the reason why a
-# landing does not need them. All others are in the lane `test` (docs/contributing/testing.md). SLOW_SANITIZED is a filter
-# of tests that sanitized runs leave out because they prove physics by many repetitions of code that smaller tests
-# execute as well. PROPERTIES are properties of all ctest tests.
+# GoogleTest filter of the tests in the lane `ci`. NIGHTLY takes pairs: a filter of tests in the lane `nightly`, and the
+# reason why a landing does not need them. All others are in the lane `test` (docs/contributing/testing.md).
+# SLOW_SANITIZED is a filter of tests that sanitized runs leave out because they prove physics by many repetitions of
+# code that smaller tests execute as well. PROPERTIES are properties of all ctest tests.
 function(palpate_tests target prefix)
   cmake_parse_arguments(TESTS "" "SLOW_SANITIZED" "CI;NIGHTLY;PROPERTIES" ${ARGN})
   list(JOIN TESTS_CI ":" TESTS_CI)
