@@ -57,7 +57,8 @@ class TimedSocket {
     const auto address = asio::ip::make_address(host, error);
     if (error) return false;
     const tcp::endpoint endpoint(address, port);
-    socket_.open(endpoint.protocol());
+    socket_.open(endpoint.protocol(), error);
+    if (error) return false;
     // what waits is wait_for()
     socket_.non_blocking(true, error);
     // without it a small message waits for the one before it to be acknowledged
