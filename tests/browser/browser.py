@@ -116,6 +116,11 @@ class Browser:
                 raise AssertionError("never became true: " + script)
             time.sleep(0.02)
 
+    def hear(self):
+        """From here on `window.heard` has each text that the page announces: the next may replace one before it is looked for."""
+        self.run("window.heard = []; const box = document.getElementById('spoken'); "
+                 "new MutationObserver(() => window.heard.push(box.textContent)).observe(box, { childList: true })")
+
     def log(self):
         """Messages of the console since the last call."""
         return self.post("/se/log", {"type": "browser"})

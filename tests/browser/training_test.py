@@ -236,8 +236,7 @@ class WholeTask(Trainee):
         self.page.dark(True)
 
         # by mouse
-        self.page.run("window.spoken = []; new MutationObserver(() => window.spoken.push(document.getElementById('spoken').textContent))"
-                      ".observe(document.getElementById('spoken'), { childList: true })")
+        self.page.hear()
         self.bring_section_to("patella")
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
@@ -266,7 +265,7 @@ class WholeTask(Trainee):
         self.mouse_up()
         self.page.click("#task-end")
         by_mouse = self.expect_debriefed(1)
-        self.page.wait("window.spoken.some((text) => text.includes(document.getElementById('verdict').textContent))")
+        self.page.wait("window.heard.some((text) => text.includes(document.getElementById('verdict').textContent))")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-title")
         for is_dark in (True, False):
             self.page.dark(is_dark)

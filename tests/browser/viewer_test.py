@@ -3381,12 +3381,13 @@ outward = "right"
         self.page.wait(f"palpateViewer.tone?.beeps_per_s > {far['beeps_per_s']} && palpateViewer.tone.frequency_Hz > {far['frequency_Hz']}")
 
         # within it
+        self.page.hear()
         self.lead(self.before_ball(-1.5))
         self.page.wait("palpateViewer.approach.pushes && palpateViewer.tone?.beeps_per_s === 0")
         self.assertAlmostEqual(self.page.run("return palpateViewer.approach.mm"), -1.5, delta=0.02)
         self.assertRegex(self.text("no-go"), r"⚠ the ball: 1\.5\d mm too near · pushed out by [\d.]+ m?N")
         self.page.wait("document.getElementById('flags').textContent.includes('kept away from the ball')")
-        self.page.wait("document.getElementById('spoken').textContent.includes('kept away from the ball')")
+        self.page.wait("window.heard.some((text) => text.includes('kept away from the ball'))")
         self.assertGreater(self.page.run("return Math.hypot(...palpateViewer.pose.devices[0].force)"), 0)
         # the ball's circle in the section, through whose middle it goes, and the rim
         circle = [[self.ball[0], self.ball[1] + self.BALL_MM * math.cos(angle), self.ball[2] + self.BALL_MM * math.sin(angle)] for angle in (0.3, 1.7, 4)]
@@ -3561,10 +3562,11 @@ distance = 6
         patella = next(structure["label"] for structure in scene["structures"] if structure["name"] == "patella")
         places = numpy.argwhere(labels == patella) @ patient_from_voxel[:3, :3].T + patient_from_voxel[:3, 3]
         front = places[places[:, 1].argmin()]
+        self.page.hear()
         self.lead([front[0], front[1] - 6, front[2]])
         self.page.wait("palpateViewer.draw(), !document.getElementById('plan-breach').hidden")
         self.assertRegex(self.text("plan-breach"), r"⚠ patella: [\d.]+ mm away, 6.00 mm are planned")
-        self.page.wait("document.getElementById('spoken').textContent.includes('nearer to patella than planned')")
+        self.page.wait("window.heard.some((text) => text.includes('nearer to patella than planned'))")
         self.assertEqual(self.barriers(), [])
         self.page.run("clearInterval(window.leading)")
 
