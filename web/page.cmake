@@ -63,7 +63,7 @@ set(page ${SHARED}/${hash})
 if(NOT EXISTS ${page})
   install_packages()
   file(REMOVE_RECURSE ${SHARED}/new)
-  run_quietly(${SHARED}/npm-build.log "The viewer's page could not be built." ${NPM} run build -- --outDir ${SHARED}/new
+  run_quietly(${SHARED}/npm-build.log "The viewer's page could not be built." ${NPM} run bundle -- --outDir ${SHARED}/new
               --logLevel warn)
   # one that is made and not named would be missing from palpate
   string(REPLACE "|" ";" named "${FILES}")
