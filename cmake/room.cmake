@@ -27,12 +27,50 @@ endfunction()
 # loop over many points or ticks themselves.
 function(palpate_test_options target)
   cmake_parse_arguments(OPTIONS "" "NUMERIC" "" ${ARGN})
-  if(OPTIONS_NUMERIC)
+  palpate_optimise_test(${target} "${OPTIONS_NUMERIC}")
+  if(PALPATE_PRECOMPILE_TESTS)
+    palpate_precompiled_headers(headers "${OPTIONS_NUMERIC}")
+    target_precompile_headers(${target} REUSE_FROM ${headers})
+  endif()
+endfunction()
+
+function(palpate_optimise_test target numeric)
+  if(numeric)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
   else()
     # glibc's checks of sizes need an optimised build
-    target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O0;-U_FORTIFY_SOURCE>")
+    target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O0;-U_FORTIFY_SOURCE>" $<$<BOOL:${PALPATE_SANITIZE}>:-O0>)
   endif()
+  # undefined behaviour is looked for in the libraries: the tests compile in half the time without. What a
+  # header defines inline may then be the tests' own copy.
+  if(PALPATE_SANITIZE MATCHES "undefined")
+    target_compile_options(${target} PRIVATE -fno-sanitize=undefined)
+  endif()
+endfunction()
+
+# palpate_precompiled_headers(OUT NUMERIC): the target that compiles what nearly every test includes, once for all that
+# are optimised alike. GoogleMock, Eigen and the standard library are most of what a small test costs. g++ alone: the
+# flags of clang's builds differ from module to module.
+include(CMakeDependentOption)
+cmake_dependent_option(PALPATE_PRECOMPILE_TESTS "Compile the headers that tests have in common once" ON
+  "CMAKE_CXX_COMPILER_ID STREQUAL GNU" OFF)
+function(palpate_precompiled_headers out numeric)
+  if(numeric)
+    set(target test_headers_numeric)
+  else()
+    set(target test_headers)
+  endif()
+  set(${out} ${target} PARENT_SCOPE)
+  if(TARGET ${target})
+    return()
+  endif()
+  add_library(${target} OBJECT EXCLUDE_FROM_ALL ${PROJECT_SOURCE_DIR}/tests/test_headers.cc)
+  # position-independent as executables are, and not as libraries: else the tests cannot use them
+  set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+  target_compile_options(${target} PRIVATE -fPIE)
+  target_link_libraries(${target} PRIVATE Eigen3::Eigen GTest::gmock)
+  palpate_optimise_test(${target} "${numeric}")
+  target_precompile_headers(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests/test_headers.h)
 endfunction()
 
 # palpate_room(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
@@ -86,16 +124,8 @@ function(palpate_room name)
     add_executable(${name}_test ${ROOM_TESTS})
     target_link_libraries(${name}_test PRIVATE ${library} ${ROOM_TEST_LINK} GTest::gmock GTest::gtest_main)
     palpate_test_options(${name}_test NUMERIC ${ROOM_NUMERIC_TESTS})
-    if(PALPATE_SANITIZE)
-      target_compile_options(${name}_test PRIVATE ${less_optimised})
-    endif()
     target_compile_definitions(${name}_test PRIVATE
       PALPATE_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-    # undefined behaviour is looked for in the libraries: the tests compile in half the time without. What a
-    # header defines inline may then be the tests' own copy.
-    if(PALPATE_SANITIZE MATCHES "undefined")
-      target_compile_options(${name}_test PRIVATE -fno-sanitize=undefined)
-    endif()
     palpate_tests(${name}_test ${name} CI ${ROOM_CI} NIGHTLY ${ROOM_NIGHTLY} SLOW_SANITIZED "${ROOM_SLOW_SANITIZED}")
   endif()
 
