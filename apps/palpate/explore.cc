@@ -199,6 +199,7 @@ std::string state_of(std::uint32_t flags, bool pointer) {
                          {kFlagClamped, "clamped"},
                          {kFlagPassivity, "damped"},
                          {kFlagTurnHeld, "turn held"},
+                         {kFlagRelease, "released"},
                          {kFlagRamp, "fading"}};
   for (const Word& word : kWords)
     if ((flags & word.flag) != 0) return std::string(" ") + word.text;

@@ -1,3 +1,5 @@
+#include <sys/prctl.h>
+
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -12,6 +14,8 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "supervise")
     return palpate::supervise({argv + 2, argv + argc});
   palpate::app::distrust_environment();
+  // what is in memory is of a patient, and would stand in a core dump
+  ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
   palpate::app::exec_companion(palpate::app::palpate_program(), arguments);
   return palpate::app::run(arguments, {});

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "palpate/base/file.h"
-#include "palpate/base/printable.h"
+#include "palpate/base/table_field.h"
 #include "palpate/cohort/cohort.h"
 #include "palpate/json/json.h"
 #include "palpate/report/cohort_page.h"
@@ -87,10 +87,6 @@ std::string decimal(double value, int decimals) {
   return shown.find_first_not_of("-0.") == shown.npos && shown.front() == '-' ? shown.substr(1) : shown;
 }
 
-std::string as_field(const std::string& text) {
-  return printable_name(text);
-}
-
 std::string state_of(const std::optional<CaseResult>& result) {
   if (!result) return "not done";
   return result->fault.empty() ? "done" : "failed";
@@ -109,12 +105,12 @@ std::string cohort_tsv(const CohortResults& cohort) {
   for (const Figure& figure : kOfCase) head("", figure);
   text += "\tticks\trun_hash";
   for (const std::string& name : structures)
-    for (const Figure& figure : kOfStructure) head(as_field(name) + ":", figure);
+    for (const Figure& figure : kOfStructure) head(tsv_field(name) + ":", figure);
   text += "\n";
   for (std::size_t n = 0; n < cohort.cases.size(); ++n) {
     const auto& result = cohort.results[n];
     const CaseResult shown = result.value_or(CaseResult());
-    text += as_field(cohort.cases[n].name) + "\t" + state_of(result) + "\t" + as_field(shown.fault);
+    text += tsv_field(cohort.cases[n].name) + "\t" + state_of(result) + "\t" + tsv_field(shown.fault);
     if (shown.structures.empty()) {
       text += "\t\t";
     } else {
@@ -140,7 +136,7 @@ std::string cohort_tsv(const CohortResults& cohort) {
 std::string times_tsv(const CohortResults& cohort, const fs::path& folder) {
   std::string text = "case\tread_s\tcheck_s\tpalpate_s\tpicture_s\n";
   for (std::size_t n = 0; n < cohort.cases.size(); ++n) {
-    text += as_field(cohort.cases[n].name);
+    text += tsv_field(cohort.cases[n].name);
     const auto file = read_file(case_folder(folder, static_cast<int>(n) + 1) / "times.json", 4096);
     const std::optional<Json> times = Json::parse(file ? *file : "");
     for (const char* name : {"read_s", "check_s", "palpate_s", "picture_s"}) {

@@ -38,6 +38,9 @@ constexpr std::int64_t kLastZero_ns = 20'000'000;
 constexpr int kMostBroken = 20;
 // events that are listened to before anything else is looked at
 constexpr int kMostEvents = 100;
+// states nobody asked for that are read before a request, and how long that may take
+constexpr int kMostDrained = 256;
+constexpr std::int64_t kDraining_ns = 500'000;
 // half an edge of the largest cube in the ball of 100 mm that can be reached
 constexpr double kHalfReach_mm = 57.7;
 
@@ -57,6 +60,7 @@ enum class Trouble : std::uint8_t {
   kOtherVersion,  ///< who answers is of a version that is not known
   kSilent,        ///< requests are not answered
   kBroken,        ///< they are, by what nobody understands
+  kBehind,        ///< states come faster than they are read, so that nobody knows how old the next one is
   kBrake,         ///< the service has told of a brake or a disconnection a moment ago
   kGone,          ///< a device is not in the service's list any more
   kNoPower,
@@ -105,6 +109,9 @@ Words words_for(Trouble trouble) {
     case Trouble::kBroken:
       return {"the Inverse Service says what is no state of a device",
               "does another program listen at its port? Start the service again"};
+    case Trouble::kBehind:
+      return {"the Inverse Service sends states faster than they can be read",
+              "end other programs that ask it for states, or start the service again"};
     case Trouble::kBrake:
       return {"the device's brake is on, or it was unplugged",
               "release the brake and look at the USB cable: it is felt again a second later"};
@@ -163,6 +170,59 @@ std::variant<Found, NotFound> find(const HaplySettings& settings) {
 }
 
 }  // namespace
+
+/// Whether a sender's states may come from a queue, by how many come that nobody asked for. After a stall,
+/// and when more come than its pace explains, they may, until a window of time has no more than that. A pace
+/// that is kept up for long is the sender's own.
+class SenderPace {
+ public:
+  explicit SenderPace(std::int64_t now_ns = 0) : seen_ns_(now_ns), begun_ns_(now_ns) {}
+
+  /// @param count  of states that had come unasked since the last call
+  void see(int count, std::int64_t now_ns) {
+    const bool stalled = now_ns - seen_ns_ > kStall_ns;
+    seen_ns_ = now_ns;
+    if (stalled) return doubt(now_ns);
+    count_ += count;
+    const double window_s = static_cast<double>(now_ns - begun_ns_) * 1e-9;
+    const bool explained = count_ <= kSurplus + kAbove * pace_hz_ * window_s;
+    if (!queued_ && !explained) return doubt(now_ns);
+    if (window_s < kWindow_s) return;
+    const double hz = count_ / window_s;
+    kept_up_ =
+        std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s ? kept_up_ + 1 : 0;
+    if (!queued_)
+      pace_hz_ += kFollowed * (hz - pace_hz_);
+    else if (kept_up_ >= kKeptUp)
+      pace_hz_ = hz;
+    if (explained || kept_up_ >= kKeptUp) queued_ = false;
+    before_hz_ = hz;
+    begun_ns_ = now_ns;
+    count_ = 0;
+  }
+  /// They may from now on.
+  void doubt(std::int64_t now_ns) {
+    if (!queued_) kept_up_ = 0;
+    queued_ = true;
+    seen_ns_ = begun_ns_ = now_ns;
+    count_ = 0;
+  }
+  bool may_be_queued() const { return queued_; }
+
+ private:
+  static constexpr std::int64_t kStall_ns = 10'000'000;
+  static constexpr double kWindow_s = 0.02;
+  // states more than the pace says in a window, and by which factor; how far two windows of a pace may differ
+  static constexpr double kSurplus = 4, kAbove = 1.5, kSteady = 0.25;
+  // part of a new pace that is believed in each window; windows in a row until it is believed at once
+  static constexpr double kFollowed = 0.1;
+  static constexpr int kKeptUp = 25;
+
+  bool queued_ = false;
+  std::int64_t seen_ns_, begun_ns_;
+  int count_ = 0, kept_up_ = 0;
+  double pace_hz_ = 0, before_hz_ = 0;
+};
 
 /// Members are grouped by whose they are. The servo's thread is whoever calls run().
 class HaplyDriver::Core {
@@ -241,7 +301,8 @@ class HaplyDriver::Core {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
           std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.most_rate_hz) - monotonic_ns())));
-      if (!send(halted_.load() ? zeros_ : commands_)) return lose(Trouble::kLost);
+      if (!drain()) return lose(Trouble::kLost);
+      if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Trouble::kLost);
     } else if (!zero_asked_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
       // who does not answer may still read
       zero_asked_ = true;
@@ -257,6 +318,31 @@ class HaplyDriver::Core {
         break;
     }
     return lose(Trouble::kLost);
+  }
+
+  // Reads what has come without being asked for, so that the next state is no older than that. A service that
+  // sends more states than requests would otherwise queue them, and the force would follow the first of the
+  // queue. False: the connection is lost.
+  bool drain() {
+    const std::int64_t begun_ns = monotonic_ns();
+    for (int count = 0;; ++count) {
+      const std::int64_t looked_ns = monotonic_ns();
+      if (count == kMostDrained || looked_ns > begun_ns + kDraining_ns) {
+        pace_.doubt(looked_ns);
+        return true;
+      }
+      switch (connection_->receive(text_, looked_ns)) {
+        case Connection::Received::kLost:
+          return false;
+        case Connection::Received::kMessage:
+          heard_ns_ = looked_ns;
+          break;
+        case Connection::Received::kNothing:
+          drained_ns_ = looked_ns;
+          pace_.see(count, looked_ns);
+          return true;
+      }
+    }
   }
 
   bool send(const std::array<DeviceCommand, kMaxDevices>& commands) {
@@ -282,10 +368,11 @@ class HaplyDriver::Core {
     if (outstanding_ > 0) return false;
     zero_asked_ = false;
     const bool braked = heard_ns_ < braked_until_ns_.load();
-    Trouble worst = braked ? Trouble::kBrake : Trouble::kNone;
+    const bool queued = pace_.may_be_queued();
+    Trouble worst = queued ? Trouble::kBehind : braked ? Trouble::kBrake : Trouble::kNone;
     for (std::size_t d = 0; d < count_; ++d) {
       const Trouble own = take_state(*state, d);
-      samples_[d].fault = samples_[d].fault || braked;
+      samples_[d].fault = samples_[d].fault || braked || queued;
       if (own != Trouble::kNone && (worst == Trouble::kNone || own < worst)) worst = own;
     }
     note(worst);
@@ -302,7 +389,8 @@ class HaplyDriver::Core {
     if (!device->tip_mm) return Trouble::kBroken;
     sample.tip = *device->tip_mm;
     sample.velocity_mm_s = device->velocity_mm_s;
-    sample.taken_ns = sent_ns_;
+    // an answer to the request, or sent unasked after all that had come before it
+    sample.taken_ns = drained_ns_;
     if (d < state.grips.size()) {
       sample.R_DeviceTool = state.grips[d].orientation;
       sample.buttons = state.grips[d].buttons;
@@ -337,7 +425,8 @@ class HaplyDriver::Core {
     first_ = true;
     zero_asked_ = false;
     outstanding_ = broken_ = 0;
-    heard_ns_ = monotonic_ns();
+    heard_ns_ = drained_ns_ = monotonic_ns();
+    pace_ = SenderPace(heard_ns_);
     // what was asked for before is nothing that anybody feels now
     commands_ = {};
   }
@@ -440,7 +529,8 @@ class HaplyDriver::Core {
   bool first_ = true, zero_asked_ = false;
   int outstanding_ = 0, broken_ = 0;
   double patience_s_ = kGivenUp_s;
-  std::int64_t sent_ns_ = 0, heard_ns_ = 0;
+  std::int64_t sent_ns_ = 0, heard_ns_ = 0, drained_ns_ = 0;
+  SenderPace pace_;
 
   std::atomic<bool> halted_{false}, wanted_{false}, end_{false};
   std::atomic<Trouble> trouble_{Trouble::kNone};

@@ -9,6 +9,8 @@
 #include <cstdlib>
 #include <functional>
 #include <random>
+#include <string>
+#include <thread>
 
 #include "base/test_seed.h"
 #include "haply/test_haply_rig.h"
@@ -117,6 +119,118 @@ TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
   EXPECT_EQ(rig.service.violations(), 0);
   for (const testing::Delivery& delivery : rig.service.delivered())
     ASSERT_LE(delivery.command.force_N.norm(), testing::kWall_N_per_mm * 4 * testing::kWallIntended_mm);
+}
+
+/// How much older the states were than their samples said, of those that make force.
+class Ages final : public ServoFunction {
+ public:
+  void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
+    const DeviceSample& sample = samples[0];
+    commands[0].force_N = Vector<Device>(0, 0, sample.fault ? 0 : 1);
+    ++updates;
+    if (sample.fault || sample.taken_ns == last_ns_) return;
+    last_ns_ = sample.taken_ns;
+    const double said_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
+    most_ms = std::max(most_ms.load(), said_ms - sample.tip.z());
+    ++fresh;
+  }
+  std::atomic<int> updates{0}, fresh{0};
+  std::atomic<double> most_ms{0};
+
+ private:
+  std::int64_t last_ns_ = 0;
+};
+
+// beside a state's own way through a socket of this machine
+constexpr double kTransport_ms = 1;
+
+/// Against a service whose pace is not the driver's.
+class HaplyPace : public ::testing::Test {
+ protected:
+  HaplyPace() : service_(testing::haply_hand()), driver_(service_.settings()) {
+    service_.tells_time = true;
+    EXPECT_TRUE(driver_.open(false).ok());
+    thread_ = std::thread([this] { driver_.run(ages_, clock_); });
+  }
+  ~HaplyPace() override {
+    clock_.stop = true;
+    thread_.join();
+  }
+  void wait_ms(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
+  bool becomes_fresh() {
+    return soon([this, then = ages_.fresh.load()] { return ages_.fresh > then + 100; });
+  }
+
+  void expect_no_state_is_older_than_said() {
+    EXPECT_LT(ages_.most_ms, kTransport_ms + service_.most_late_ms());
+  }
+
+  FakeInverseService service_;
+  HaplyDriver driver_;
+  Ages ages_;
+  testing::UntilStopped clock_;
+  std::thread thread_;
+};
+
+TEST_F(HaplyPace, AStateThatNobodyAskedForIsNoOlderThanItsSampleSays) {
+  for (const double hz : {300.0, 2000.0, 8000.0}) {
+    service_.pushes_hz = hz;
+    wait_ms(300);
+    EXPECT_TRUE(becomes_fresh()) << "one that pushes fresh states stays usable at " << hz << " Hz";
+  }
+  service_.pushes_hz = 0;
+  for (const int each : {2, 5}) {
+    service_.answers_each = each;
+    wait_ms(300);
+    EXPECT_TRUE(becomes_fresh()) << each << " answers to each request";
+  }
+  expect_no_state_is_older_than_said();
+}
+
+TEST_F(HaplyPace, AQueueOfOldStatesGivesNoForceUntilItIsEmpty) {
+  service_.pushes_hz = 5000;
+  for (int n = 0; n < 5; ++n) {
+    service_.hoards = true;
+    wait_ms(150);
+    service_.hoards = false;
+    wait_ms(100);
+    EXPECT_TRUE(becomes_fresh());
+  }
+  expect_no_state_is_older_than_said();
+}
+
+TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
+  service_.answers_each = 3000;
+  EXPECT_TRUE(
+      soon([&] { return driver_.trouble() && driver_.trouble()->what.find("faster") != std::string::npos; }));
+  EXPECT_TRUE(soon([&] { return service_.force_N() == 0; }));
+  service_.answers_each = 1;
+  EXPECT_TRUE(becomes_fresh());
+  EXPECT_TRUE(soon([&] { return !driver_.trouble(); }));
+  expect_no_state_is_older_than_said();
+}
+
+// PALPATE_TEST_SCHEDULES=10000 takes that many
+TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
+  const char* asked = std::getenv("PALPATE_TEST_SCHEDULES");
+  const int schedules = asked != nullptr ? std::atoi(asked) : 60;
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  for (int n = 0; n < schedules; ++n) {
+    constexpr std::array kPaces_hz{0.0, 0.0, 250.0, 1000.0, 4000.0, 10'000.0};
+    constexpr std::array kEach{1, 1, 1, 2, 7, 300};
+    service_.pushes_hz = kPaces_hz[random() % kPaces_hz.size()];
+    service_.answers_each = kEach[random() % kEach.size()];
+    service_.hoards = random() % 3 == 0;
+    service_.silent = random() % 5 == 0;
+    wait_ms(static_cast<int>(1 + random() % 40));
+  }
+  service_.pushes_hz = 0;
+  service_.answers_each = 1;
+  service_.hoards = service_.silent = false;
+  EXPECT_TRUE(becomes_fresh());
+  expect_no_state_is_older_than_said();
 }
 
 // sends a force for ever

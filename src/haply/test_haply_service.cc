@@ -162,9 +162,12 @@ class FakeInverseService::Session {
           last_ns_ = monotonic_ns();
           take(text);
           ++service_.messages_;
-          if (!service_.silent && !answer(false)) break;
+          bool fine = true;
+          for (int n = 0; fine && !service_.silent && n < service_.answers_each; ++n) fine = answer(false);
+          if (!fine) break;
         }
       }
+      if (!push()) break;
       if (monotonic_ns() - last_ns_ > kIdle_ns) go_idle();
     }
     go_idle();
@@ -210,22 +213,50 @@ class FakeInverseService::Session {
     idle_ = idle;
   }
 
+  // all that was due since the last time, as of now
+  bool push() {
+    const double hz = service_.pushes_hz;
+    const std::int64_t now_ns = monotonic_ns();
+    if (!(hz > 0)) {
+      pushed_ns_ = now_ns;
+      return true;
+    }
+    bool fine = true;
+    for (; fine && pushed_ns_ + std::llround(1e9 / hz) <= now_ns; pushed_ns_ += std::llround(1e9 / hz))
+      fine = answer(false);
+    return fine;
+  }
+
   bool answer(bool inventory) {
     DeviceSample sample;
     {
       const std::lock_guard lock(service_.mutex_);
       sample = service_.plant_.advance(service_.acting_);
     }
+    const std::int64_t made_ns = monotonic_ns();
+    if (service_.tells_time)
+      sample.tip[2] = 1e-6 * static_cast<double>(made_ns % FakeInverseService::kEra_ns);
     std::string text = service_.state_text(sample, inventory);
     if (service_.breaks_json) text.resize(text.size() / 2);
     if (service_.says_other) text = R"({"hello":[1,2,3]})";
-    return socket_.write(text);
+    const bool at_once = hoard_.empty();
+    hoard_.push_back(std::move(text));
+    if (service_.hoards && !inventory) return true;
+    std::string frames;
+    for (const std::string& each : hoard_) frames += service_frame(each);
+    hoard_.clear();
+    const bool fine = socket_.write_raw(frames);
+    if (at_once)
+      service_.most_late_ms_ =
+          std::max(service_.most_late_ms_.load(), 1e-6 * static_cast<double>(monotonic_ns() - made_ns));
+    return fine;
   }
 
   FakeInverseService& service_;
   TestServiceSocket& socket_;
   bool first_ = true, idle_ = true;
-  std::int64_t last_ns_ = monotonic_ns();
+  std::int64_t last_ns_ = monotonic_ns(), pushed_ns_ = last_ns_;
+  std::vector<std::string> hoard_;
 };
 
 void FakeInverseService::serve(int handle) {

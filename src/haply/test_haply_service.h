@@ -39,6 +39,11 @@ class FakeInverseService {
   std::atomic<bool> breaks_json{false};  ///< half of each answer
   std::atomic<bool> says_other{false};   ///< JSON of something else
   std::atomic<bool> odd_place{false};    ///< a place that is no number
+  std::atomic<double> pushes_hz{0};      ///< sends states without being asked, each of its own moment
+  std::atomic<int> answers_each{1};      ///< so many to each request, all of them of its moment
+  std::atomic<bool> hoards{false};  ///< keeps its states to itself, and sends them one after the other later
+  std::atomic<bool> tells_time{
+      false};  ///< as the z of its places, in mm: ms of monotonic_ns() modulo kEra_ns
   std::atomic<bool> calibrated{true}, power{true}, ready{true}, present{true}, in_use{false};
   std::atomic<std::uint32_t> buttons{0};
   std::atomic<double> turned_rad{0};  ///< of the grip, about z
@@ -56,9 +61,12 @@ class FakeInverseService {
   double force_N() const { return force_N_; }
   std::uint64_t messages() const { return messages_; }
   std::string last_message() const;
+  /// The longest that a state which it did not hoard took into the socket, on a machine that has much to do.
+  double most_late_ms() const { return most_late_ms_; }
   int connections() const { return connections_; }
 
   static constexpr std::int64_t kIdle_ns = 20'000'000;
+  static constexpr std::int64_t kEra_ns = 1'000'000'000'000;
 
  private:
   struct Listener;
@@ -84,7 +92,7 @@ class FakeInverseService {
   DeliveryLog delivered_;
   std::atomic<int> violations_{0}, connections_{0};
   std::atomic<std::uint64_t> messages_{0};
-  std::atomic<double> force_N_{0};
+  std::atomic<double> force_N_{0}, most_late_ms_{0};
 };
 
 }  // namespace palpate::testing

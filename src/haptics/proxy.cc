@@ -30,12 +30,31 @@ bool has_capsules(std::span<const ToolSphere> spheres) {
                      [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
 }
 
-// what a surface gives of a structure's stiffness: its layer's part, at most so much of all
-double part_of_stiffness(const FeltSurface& surface, const FeltSurface& structure, double most_N_per_mm) {
-  const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm);
-  const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
-  return up_to - std::min(own, surface.from_N_per_mm);
-}
+/// How much of a structure's stiffness its layer's surface gives: at most so much of all, less what the
+/// layers around it give. That is the layer's lower bound, or less where the structures around it are softer
+/// than their own layer's upper bound, which would otherwise be missing from every layer within.
+class StiffnessAround {
+ public:
+  explicit StiffnessAround(double most_N_per_mm) : most_N_per_mm_(most_N_per_mm) {}
+
+  double part(const FeltSurface& surface, const FeltSurface& structure) const {
+    const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm_);
+    const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
+    // but for rounding
+    const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
+    return up_to - std::min(own, less ? *given_N_per_mm_ : surface.from_N_per_mm);
+  }
+  /// What the layer gives of which part() was asked.
+  void add(double part_N_per_mm) {
+    if (given_N_per_mm_) *given_N_per_mm_ += part_N_per_mm;
+  }
+  /// It touches nothing on its way, or yields: what it would give is its bound.
+  void forget() { given_N_per_mm_.reset(); }
+
+ private:
+  double most_N_per_mm_;
+  std::optional<double> given_N_per_mm_ = 0;
+};
 
 /// Where a proxy may go in one tick: its spring changes by no more than the tip's own way and what may slip.
 struct Leash {
@@ -736,12 +755,36 @@ class WayIn {
   Vector<Patient> force_N_;
 };
 
+/// About the tip, of a layer's force where its contacts are: what the walls do not give is friction, which
+/// acts where they do.
+Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
+                          const Vector<Patient>& force_N, double stiffness_N_per_mm) {
+  Vector<Patient> torque_Nmm, along_N = force_N;
+  double all_mm = 0;
+  for (const ProxyContact& contact : contacts) {
+    along_N -= contact.normal * (contact.pull_mm * stiffness_N_per_mm);
+    all_mm += contact.pull_mm;
+  }
+  for (const ProxyContact& contact : contacts) {
+    const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+    torque_Nmm += arm_of(contact, sphere)
+                      .cross(contact.normal * (contact.pull_mm * stiffness_N_per_mm) +
+                             along_N * (contact.pull_mm / all_mm));
+  }
+  return torque_Nmm;
+}
+
 /// What the layers' springs give together.
 class Springs {
  public:
   Springs(std::span<const FeltSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
-      : surfaces_(surfaces), tip_(tip), options_(options) {}
+      : surfaces_(surfaces),
+        tip_(tip),
+        options_(options),
+        around_(options.most_stiffness_N_per_mm),
+        own_around_(std::numeric_limits<double>::infinity()) {}
 
+  /// Layers come outermost first.
   /// @param spheres  as the layer's proxy holds them
   /// @param yield    of the layer in which structures yield
   /// @param slip_N   as of slow_stiffness
@@ -767,17 +810,21 @@ class Springs {
           pressed.add(pull_mm, felt, arm_mm, sphere.radius_at_mm(contact.part));
           continue;
         }
-        own_stiffness += pull_mm * part_of_stiffness(surface, felt, std::numeric_limits<double>::infinity());
-        stiffness += pull_mm * part_of_stiffness(surface, felt, options_.most_stiffness_N_per_mm);
+        own_stiffness += pull_mm * own_around_.part(surface, felt);
+        stiffness += pull_mm * around_.part(surface, felt);
       }
     }
     ProxyForce force;
     if (!(all_mm > 0)) {
       yield = {};
+      forget_around();
       return force;
     }
     stiffness /= all_mm;
     own_stiffness /= all_mm;
+    if (pressed.pull_mm > 0) forget_around();
+    around_.add(stiffness);
+    own_around_.add(own_stiffness);
     const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
     // what yields has its own laws of time
     if (!(pressed.pull_mm > 0))
@@ -804,15 +851,9 @@ class Springs {
       for (const OwnerShare& share : owners_[n].all())
         way_in_.add_owner(share.structure, share.part * contacts[n].pull_mm / all_mm);
 
-    // what the walls do not give is friction, which acts where they do
-    Vector<Patient> along = force.force_N;
-    for (const ProxyContact& contact : contacts) along -= contact.normal * (contact.pull_mm * stiffness);
+    force.torque_Nmm = torque_of(contacts, spheres, force.force_N, stiffness);
     for (std::size_t n = 0; n < contacts.size(); ++n) {
       const ProxyContact& contact = contacts[n];
-      const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-      const Vector<Patient> force_N =
-          contact.normal * (contact.pull_mm * stiffness) + along * (contact.pull_mm / all_mm);
-      force.torque_Nmm += arm_of(contact, sphere).cross(force_N);
       normals_N_ += contact.normal * (contact.pull_mm * stiffness);
       if (!arrived) continue;
       for (const OwnerShare& share : owners_[n].all())
@@ -836,6 +877,10 @@ class Springs {
   const WayIn& way_in() const { return way_in_; }
 
  private:
+  void forget_around() {
+    around_.forget();
+    own_around_.forget();
+  }
   // what yields of all that is leant on, as one sphere that leans in one place
   struct Pressed {
     double pull_mm = 0;
@@ -939,6 +984,7 @@ class Springs {
   std::span<const FeltSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
+  StiffnessAround around_, own_around_;
   RoomFor<OwnerShares, kMostContacts> owners_;
   WayIn way_in_;
   Vector<Patient> normals_N_;
@@ -1106,6 +1152,39 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   return result;
 }
 
+// nothing keeps the layer's proxy from the hand's pose
+bool follows(const ProxyLayer& layer, const ToolPose& hand) {
+  return layer.contacts == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
+         (hand.tip - layer.position).norm() <= kProxyFeel.arrived_mm;
+}
+
+// The layer around this one leaves the hand's pose free, and so does all that lies within: the proxy takes it
+// without looking around. What its spring gave in the tick before is released.
+void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
+             const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
+  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0) {
+    const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
+    const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+    release.force_N += stretched_mm * stiffness;
+    release.torque_Nmm += torque_of(contacts, HeldSpheres(spheres, hand.attitude, layer.attitude).spheres(),
+                                    stretched_mm * stiffness, stiffness);
+    release.stored_mJ += 0.5 * stiffness * stretched_mm.squared_norm();
+  }
+  const Vector<Patient> way = hand.tip - layer.position;
+  layer.attitude = hand.attitude;
+  if (!layer.coupled || way.norm() > kProxyFeel.still_mm) {
+    layer.position = hand.tip;
+    layer.last_way = way;
+  }
+  layer.coupled = true;
+  layer.sticking = false;
+  layer.contacts = 0;
+  layer.part = 1;
+  layer.spring_N_per_mm = 0;
+  layer.behind_mm = layer.lost_s = 0;
+  layer.punctured = still_open(surfaces, spheres, hand, layer);
+}
+
 // after a change of the surfaces, as keep_proxy says
 void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                 std::span<const SurfaceBefore> before, ProxyLayer& state) {
@@ -1220,6 +1299,27 @@ TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quatern
   }
 }
 
+double ProxyRelease::fade(double most_N) {
+  const double before_N = force_N.norm();
+  limit(std::max(0.0, before_N - most_N));
+  return std::min(before_N, most_N);
+}
+
+void ProxyRelease::limit(double most_N) {
+  const double before_N = force_N.norm();
+  if (!(before_N > most_N)) return;
+  // the end is exactly none
+  if (!(most_N > 0)) {
+    *this = {};
+    return;
+  }
+  const double part = most_N / before_N;
+  force_N = force_N * part;
+  torque_Nmm = torque_Nmm * part;
+  // as a spring's of the same stiffness
+  stored_mJ *= part * part;
+}
+
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
                           ProxyWay* way) {
@@ -1229,11 +1329,19 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   WalkRoom room;
   // by what the forces of this layer and of those within may slip, and how they grow with their springs
   double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
+  slip_N -= state.release.fade(slip_N);
+  const Point<Patient> tip_before = state.tip;
   const Vector<Patient> tip_moved = hand.tip - state.tip;
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
+  bool covered = true;
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
+    covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
+    if (!covered) {
+      uncover(surfaces, spheres, hand, tip_before, layer, state.release);
+      continue;
+    }
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
     const double most_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
@@ -1244,6 +1352,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     if (!state.coupled) {
       // nobody knows how the tip got in
       state.within = {};
+      state.release = {};
       springs.recover(state.relaxation);
       return result;
     }
@@ -1269,7 +1378,12 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     result.yields = result.yields || force.yields;
   }
   springs.recover(state.relaxation);
+  state.release.limit(options.most_force_N);
   state.stiffness_N_per_mm = result.tangent_N_per_mm;
+  result.release = state.release;
+  result.force_N += state.release.force_N;
+  result.torque_Nmm += state.release.torque_Nmm;
+  result.stored_mJ += state.release.stored_mJ;
   result.normal = springs.normal();
   result.friction = springs.friction();
   springs.way_in().tell(result);

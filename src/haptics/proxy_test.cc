@@ -624,11 +624,13 @@ TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
   EXPECT_NEAR(pressed_N(-1), 0.8, 1e-3);
   run.surfaces[0].stiffness_N_per_mm = 0.2;
   EXPECT_NEAR(pressed_N(-1), 0.2, 1e-3);
-  // and what is within all of its own beyond that
+  // and what is within what it is stiffer than that: the sum along the way in
   run.surfaces[1].stiffness_N_per_mm = 2;
-  EXPECT_NEAR(pressed_N(-3), 0.2 * 3 + 1.5 * 1, 2e-3);
+  EXPECT_NEAR(pressed_N(-3), 0.2 * 2 + 2 * 1, 2e-3);
   run.surfaces[1].stiffness_N_per_mm = 0.3;
-  EXPECT_NEAR(pressed_N(-3), 0.2 * 3, 2e-3) << "softer than what it was made for is no layer";
+  EXPECT_NEAR(pressed_N(-3), 0.2 * 2 + 0.3 * 1, 2e-3);
+  run.surfaces[1].stiffness_N_per_mm = 0.1;
+  EXPECT_NEAR(pressed_N(-3), 0.2 * 3, 2e-3) << "softer than what lies around it is no layer";
 }
 
 TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {

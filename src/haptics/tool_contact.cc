@@ -240,14 +240,18 @@ HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
 
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
   const RelaxationTimes& times = tick.model.relaxation_times;
-  return {tick.friction,
-          hand.most_stiffness_N_per_mm(),
-          tick.dt_s,
-          kProxyFeel.most_slip_N_per_s / hand.device.force_gain,
-          tick.yields,
-          hand.number,
-          times.any() ? &times : nullptr,
-          tick.holes};
+  const double peak_N = hand.device.limits.peak_force_N;
+  ProxyOptions options;
+  options.friction = tick.friction;
+  options.most_stiffness_N_per_mm = hand.most_stiffness_N_per_mm();
+  options.dt_s = tick.dt_s;
+  options.most_slip_N_per_s = kProxyFeel.most_slip_N_per_s / hand.device.force_gain;
+  options.yields = tick.yields;
+  options.device = hand.number;
+  options.relaxation_times = times.any() ? &times : nullptr;
+  options.holes = tick.holes;
+  if (peak_N > 0) options.most_force_N = peak_N / hand.device.force_gain;
+  return options;
 }
 
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
@@ -296,6 +300,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;
+  if (result.release.force_N != Vector<Patient>()) tool.flags |= kFlagRelease;
   return tool;
 }
 

@@ -35,6 +35,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   About about() const { return about_; }
   /// When it last got on.
   Clock::time_point since() const { return since_; }
+  /// Its address.
+  const std::string& peer() const { return http_->peer(); }
   /// Whether a volume is on its way.
   bool is_loading() const { return !volume_left_.empty(); }
 

@@ -117,7 +117,7 @@ void Hub::make_room_for_connection() {
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
                        [&](const auto& one, const auto& other) { return place(one) < place(other); });
-  log_.say("", "too many connections, the one that gets on least is closed");
+  log_.say((*oldest)->peer(), "too many connections: this one, which gets on least, is closed");
   std::shared_ptr(*oldest)->close();
 }
 

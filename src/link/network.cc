@@ -1,3 +1,5 @@
+#include <sys/stat.h>
+
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <openssl/ssl.h>
@@ -422,7 +424,9 @@ class SslIdentity : public TlsIdentity {
     SSL_CTX* const context = context_.native_handle();
     PALPATE_CHECK(SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION) == 1 &&
                   SSL_CTX_set_cipher_list(context, kCiphers12) == 1 &&
-                  SSL_CTX_set_ciphersuites(context, kCiphers13) == 1);
+                  SSL_CTX_set_ciphersuites(context, kCiphers13) == 1 &&
+                  // those of TLS 1.3, which the option below leaves
+                  SSL_CTX_set_num_tickets(context, 0) == 1);
     SSL_CTX_set_options(context, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET);
     SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
     ErrorCode ignored;
@@ -531,6 +535,10 @@ Result<std::shared_ptr<TlsIdentity>> TlsIdentity::read(const std::filesystem::pa
   if (failed) return bad_tls(certificate_file, "holds no certificate that can be read");
   const auto key = read_file(key_file, kMostPemBytes);
   if (!key) return key.error();
+  struct stat status;
+  if (::stat(key_file.c_str(), &status) != 0 || (status.st_mode & S_IRWXO) != 0)
+    return Error{ErrorKind::kBadInput, "everybody on this machine may read this key", key_file.string(),
+                 "chmod 600 it, and have a new certificate made where it stood so for long"};
   identity->context().use_private_key(net::buffer(*key), net::ssl::context::pem, failed);
   if (failed) return bad_tls(key_file, "holds no key of that certificate that can be read");
   return std::shared_ptr<TlsIdentity>(std::move(identity));

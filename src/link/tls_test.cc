@@ -1,15 +1,21 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
 #include <openssl/rsa.h>
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
+#include <sys/stat.h>
 
+#include <array>
+#include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "base/test_folder.h"
 #include "link/test_client.h"
 #include "link/test_host.h"
+#include "link/transport.h"
 
 namespace palpate::link {
 namespace {
@@ -65,7 +71,12 @@ struct TlsTest : ::testing::Test {
   void SetUp() override {
     const Pem pem = self_signed();
     options.tls_certificate = write_text(folder / "certificate.pem", pem.certificate);
-    options.tls_key = write_text(folder / "key.pem", pem.key);
+    options.tls_key = write_key(pem);
+  }
+  std::filesystem::path write_key(const Pem& pem, const char* name = "key.pem") {
+    const auto file = write_text(folder / name, pem.key);
+    ::chmod(file.c_str(), 0600);
+    return file;
   }
 };
 
@@ -135,11 +146,23 @@ struct OfferingClient {
   bool agreed = false;
 };
 
+TEST_F(TlsTest, AKeyThatEverybodyMayReadIsRefused) {
+  for (const auto& [mode, refused] :
+       {std::pair{0600, false}, {0640, false}, {0644, true}, {0604, true}, {0602, true}}) {
+    ASSERT_EQ(::chmod(options.tls_key.c_str(), static_cast<mode_t>(mode)), 0);
+    const auto read = TlsIdentity::read(options.tls_certificate, options.tls_key);
+    EXPECT_EQ(!read.ok(), refused) << mode;
+    if (refused) {
+      EXPECT_THAT(read.error().message(), ::testing::HasSubstr("chmod 600"));
+    }
+  }
+}
+
 TEST_F(TlsTest, OnlyCiphersWhoseKeysAreForgotten) {
   for (const bool rsa : {false, true}) {
     const Pem pem = self_signed(rsa);
     write_text(folder / "certificate.pem", pem.certificate);
-    write_text(folder / "key.pem", pem.key);
+    write_key(pem);
     TestServer test(options);
     const auto agrees = [&](int version, const std::string& ciphers) {
       return OfferingClient(test.port(), version, ciphers).agreed;
@@ -175,6 +198,19 @@ TEST_F(TlsTest, NothingOfAConnectionOutlivesIt) {
   EXPECT_FALSE(SSL_SESSION_has_ticket(session));
 }
 
+// in TLS 1.3 a session comes after the handshake, with what is read next
+TEST_F(TlsTest, NoSessionIsOffered) {
+  TestServer test(options);
+  OfferingClient client(test.port(), TLS1_3_VERSION, "TLS_AES_128_GCM_SHA256");
+  ASSERT_TRUE(client.agreed);
+  const std::string asked = "GET / HTTP/1.1\r\nHost: localhost:" + std::to_string(test.port()) + "\r\n\r\n";
+  ASSERT_EQ(SSL_write(client.tls, asked.data(), static_cast<int>(asked.size())),
+            static_cast<int>(asked.size()));
+  std::array<char, 64> answer{};
+  ASSERT_GT(SSL_read(client.tls, answer.data(), static_cast<int>(answer.size())), 0);
+  EXPECT_FALSE(SSL_SESSION_is_resumable(SSL_get0_session(client.tls)));
+}
+
 TEST_F(TlsTest, KeysAreNotAgreedUponAnew) {
   TestServer test(options);
   OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
@@ -192,7 +228,7 @@ TEST_F(TlsTest, EndsWithViewersConnected) {
 }
 
 TEST_F(TlsTest, AKeyOfAnotherCertificateIsRefused) {
-  options.tls_key = write_text(folder / "other.pem", self_signed().key);
+  options.tls_key = write_key(self_signed(), "other.pem");
   palpate::testing::FakeHost host;
   const auto server = ViewerServer::start(host, options);
   ASSERT_FALSE(server.ok());

@@ -9,6 +9,7 @@
 #include "palpate/model/make_model.h"
 #include "palpate/model/memory_forecast.h"
 #include "palpate/model/ramp_structures.h"
+#include "palpate/model/stiffness_layers.h"
 #include "palpate/preparation/preparation.h"
 
 namespace palpate {
@@ -197,6 +198,24 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
             newtons(thin[n].most_N);
   if (thin.size() > kNamed) text += " and " + std::to_string(thin.size() - kNamed) + " more,";
   warn(text + " of " + newtons(wanted_N) + " (direct methods)");
+}
+
+// tissues that contact does not tell apart where they touch, because there are more than it has layers
+void warn_of_merged(const Model& model, const Warn& warn) {
+  if (!warn) return;
+  std::vector<double> stiffnesses;
+  for (const Tissue& tissue : model.tissues)
+    if (tissue.felt && !model.yields(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
+  for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
+    if (layer.most_N_per_mm <= kSameStiffness * layer.least_N_per_mm) continue;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
+                  "contact has at "
+                  "most %d layers of stiffness",
+                  layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMostLayers);
+    warn(text);
+  }
 }
 
 // Regions of the scene, a structure each where they are of structures.
@@ -454,6 +473,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   auto made = make_model(std::move(parts), preparing, progress);
   if (!made) return of_scene(made.error());
   warn_of_thin(*made, warn);
+  warn_of_merged(*made->model, warn);
   const std::shared_ptr<Model> model = made->model;
 
   model->scan = ready_made->scan;

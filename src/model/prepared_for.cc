@@ -10,6 +10,7 @@
 #include "model/surfaces_needed.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/model/make_model.h"
+#include "palpate/model/stiffness_layers.h"
 #include "palpate/surfaces/surfaces.h"
 
 namespace palpate {
@@ -33,24 +34,12 @@ Error too_many(std::size_t structures, std::size_t common) {
           "set felt = false on tissues that are not touched, or choose another method"};
 }
 
-// What differs by less is one layer: nobody feels it, and every layer is a surface to be made and a proxy.
-constexpr double kSameStiffness = 1.07;
-
 // The upper bounds of a group's layers, softest first: of each structure the first that is not below it.
 std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
-  std::sort(stiffnesses.begin(), stiffnesses.end());
-  for (double same = kSameStiffness;; same *= kSameStiffness) {
-    std::vector<double> bounds;
-    double softest = 0;
-    for (const double stiffness : stiffnesses) {
-      if (bounds.empty() || stiffness > same * softest) {
-        softest = stiffness;
-        bounds.push_back(stiffness);
-      }
-      bounds.back() = stiffness;
-    }
-    if (bounds.size() <= static_cast<std::size_t>(kMostLayers)) return bounds;
-  }
+  std::vector<double> bounds;
+  for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses)))
+    bounds.push_back(layer.most_N_per_mm);
+  return bounds;
 }
 
 // Which surfaces a model's structures need. Structures that touch have a surface in common; what is stiffer

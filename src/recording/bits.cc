@@ -58,6 +58,8 @@ const char* name_of(TickFlag flag) {
       return "turn held";
     case kFlagNoGo:
       return "no-go region";
+    case kFlagRelease:
+      return "release";
   }
   return nullptr;
 }

@@ -2,22 +2,12 @@
 #include <cstdio>
 
 #include "palpate/base/hash.h"
+#include "palpate/base/table_field.h"
 #include "palpate/json/json.h"
 #include "palpate/records/records.h"
 
 namespace palpate {
 namespace {
-
-/// A field of RFC 4180.
-std::string field(std::string text) {
-  // spreadsheets take these for formulas
-  if (!text.empty() && std::string_view("=+-@\t\r").find(text.front()) != std::string_view::npos)
-    text.insert(0, "'");
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + "\"";
-}
 
 std::string number(const std::optional<double>& value) {
   if (!value) return "";
@@ -74,14 +64,14 @@ std::string csv_rows(const RunRecord& run) {
   for (const std::string* text :
        {&run.learner, &run.task, &run.task_hash, &run.started_utc, &run.data_set, &run.palpate_version,
         &run.commit, &run.device, &run.hand, &run.settings_hash, &run.run_hash, &run.score_hash})
-    start += "," + field(*text);
+    start += "," + csv_field(*text);
   start += "," + number(run.duration_s) + "," + (run.in_band ? "1" : "0");
   if (run.metrics.empty()) return start + ",,,,,,,\r\n";
   std::string rows;
   for (const RunMetric& metric : run.metrics)
-    rows += start + "," + field(metric.name) + "," + field(metric.unit) + "," + number(metric.value) + "," +
-            number(metric.at_least) + "," + number(metric.at_most) + "," + (metric.counts ? "1" : "0") + "," +
-            (metric.in_band ? "1" : "0") + "\r\n";
+    rows += start + "," + csv_field(metric.name) + "," + csv_field(metric.unit) + "," + number(metric.value) +
+            "," + number(metric.at_least) + "," + number(metric.at_most) + "," + (metric.counts ? "1" : "0") +
+            "," + (metric.in_band ? "1" : "0") + "\r\n";
   return rows;
 }
 

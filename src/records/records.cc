@@ -1,5 +1,9 @@
 #include "palpate/records/records.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -348,6 +352,12 @@ Result<std::unique_ptr<Records>> open_records(const std::filesystem::path& file,
   std::error_code unknown;
   if (!write || std::filesystem::exists(file, unknown))
     if (const auto opened = InputFile::open(file); !opened) return opened.error();
+  // for its owner's eyes: SQLite's other files take their rights from it
+  if (write) {
+    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
+    if (descriptor < 0) return output_error(file, errno);
+    ::close(descriptor);
+  }
   sqlite3* database = nullptr;
   const int flags = (write ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READWRITE) |
                     SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;

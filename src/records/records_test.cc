@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -82,6 +83,20 @@ TEST(Records, GiveBackWhatWasAdded) {
   EXPECT_EQ(back->in_band, true);
   EXPECT_EQ(back->duration_s, 12.5);
   EXPECT_THAT((*records)->run(9).error().message(), HasSubstr("no run 9"));
+}
+
+TEST(Records, AreForTheirOwnersEyes) {
+  const test::TemporaryFolder folder;
+  const mode_t before = ::umask(0);
+  auto records = Records::open(folder / "records.db");
+  ASSERT_TRUE(records.ok());
+  ASSERT_TRUE((*records)->add(a_run("L042", 1)).ok());
+  ::umask(before);
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    struct stat status;
+    ASSERT_EQ(::stat(entry.path().c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0600u) << entry.path();
+  }
 }
 
 TEST(Records, ListsWhatIsAskedFor) {

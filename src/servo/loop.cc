@@ -286,7 +286,7 @@ void Loop::publish() noexcept {
   snapshot_.store(record_, bytes);
   if (!ring_.push(record_, bytes)) add(counts_.dropped, 1);
   // where a pose is none, nobody knows
-  constexpr std::uint32_t kNotFree = kFlagContact | kFlagInside | kFlagNotFinite | kFlagNoGo;
+  constexpr std::uint32_t kNotFree = kFlagContact | kFlagInside | kFlagNotFinite | kFlagNoGo | kFlagRelease;
   bool silent = parameters_.paused, touching = false;
   for (int d = 0; d < record_.devices; ++d) {
     touching = touching || (record_.device[d].flags & kNotFree) != 0;

@@ -33,6 +33,15 @@ template <class Place>
            wrench.gripper_N);
 }
 
+// mostly none of them
+void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
+  hash.add(static_cast<std::uint64_t>(surfaces.any()));
+  if (surfaces.none()) return;
+  // its words as they stand: shifts of so many bits cost more
+  for (const std::uint64_t bits : std::bit_cast<std::array<std::uint64_t, kMostSurfaces / 64>>(surfaces))
+    hash.add(bits);
+}
+
 [[gnu::always_inline]] inline void hash_layer(HashOfWords& hash, const ProxyLayer& proxy) {
   hash.add(static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
   // it begins anew, and there may be no such layer
@@ -40,9 +49,7 @@ template <class Place>
   hash_place(hash, proxy.position);
   hash_place(hash, proxy.last_way);
   hash_quaternion(hash, proxy.attitude);
-  // its words as they stand: shifts of so many bits cost more
-  const auto punctured = std::bit_cast<std::array<std::uint64_t, kMostSurfaces / 64>>(proxy.punctured);
-  for (const std::uint64_t bits : punctured) hash.add(bits);
+  hash_surfaces(hash, proxy.punctured);
   hash.add(proxy.part, proxy.spring_N_per_mm.value_or(-1), proxy.behind_mm, proxy.lost_s, proxy.contacts);
   for (int n = 0; n < proxy.contacts; ++n) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
@@ -79,6 +86,11 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   if (const ProxyState& proxy = hand.proxy; proxy.stiffness_N_per_mm > 0) {
     hash_place(hash, proxy.tip);
     hash.add(proxy.stiffness_N_per_mm);
+  }
+  if (const ProxyRelease& release = hand.proxy.release; release.force_N != Vector<Patient>()) {
+    hash_place(hash, release.force_N);
+    hash_place(hash, release.torque_Nmm);
+    hash.add(release.stored_mJ);
   }
   if (hand.proxy.yield.modulus_N_per_mm2 > 0) hash_part(hash, hand.proxy.yield);
   if (hand.proxy.relaxation.remembers()) hash_part(hash, hand.proxy.relaxation);

@@ -14,8 +14,10 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kMostBody_bytes = std::size_t{1} << 16;
-// an image of a whole volume is smaller
-constexpr std::uint64_t kMostPassed_bytes = std::uint64_t{1} << 33;
+// what is passed over: an image of a volume, and everything else, is smaller
+constexpr std::uint64_t kMostImage_bytes = std::uint64_t{1} << 28, kMostOther_bytes = std::uint64_t{1} << 24;
+// no tracking system sees farther
+constexpr double kFarthest_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
 constexpr std::size_t kType_bytes = 12, kName_bytes = 20, kMatrix_bytes = 48, kQuaternion_bytes = 28;
 // a name, a type and a zero
@@ -88,7 +90,7 @@ std::optional<Content> content_of(unsigned version, Bytes body) {
 
 // the identity is what is sent in the place of a pose that there is none of
 void take_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm, PoseMessage& out) {
-  const bool is_rigid = rotation.allFinite() && at_mm.allFinite() &&
+  const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kFarthest_mm &&
                         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 &&
                         rotation.determinant() > 0;
   out.seen = is_rigid && !(rotation.isIdentity(0) && at_mm.isZero(0));
@@ -152,14 +154,15 @@ Result<void> Reader::begin_body() {
   const bool is_type = !type.empty() && std::all_of(type.begin(), type.end(), [](char c) {
     return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
   });
-  if (version < 1 || version > 3 || !is_type || missing_ > kMostPassed_bytes)
+  is_kept_ = is_pose(type);
+  const bool is_image = type == "IMAGE" || type == "VIDEO" || type == "NDARRAY" || type == "POLYDATA";
+  // a wrong length would swallow the poses behind it
+  const std::uint64_t most_bytes = is_kept_   ? kMostBody_bytes
+                                   : is_image ? kMostImage_bytes
+                                              : kMostOther_bytes;
+  if (version < 1 || version > 3 || !is_type || missing_ > most_bytes)
     return Error{ErrorKind::kBadInput, "sends what is no OpenIGTLink", "",
                  "look whether the address is that of a tracker's server (PLUS: port 18944)"};
-  is_kept_ = is_pose(type);
-  if (is_kept_ && missing_ > kMostBody_bytes) {
-    is_kept_ = false;
-    ++damaged_;
-  }
   is_in_body_ = true;
   return {};
 }

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -200,6 +202,36 @@ TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
   MessageBytes endless = fine;
   for (std::size_t n = 0; n < 8; ++n) endless[42 + n] = 0xff;
   EXPECT_THAT(read(endless).refused, HasSubstr("no OpenIGTLink"));
+}
+
+// or the poses behind it would be taken for its body
+TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
+  const MessageBytes pose = test::transform_message("Tool", some_pose());
+  const auto head_of = [](MessageBytes bytes, std::uint64_t length) {
+    bytes.resize(kHead_bytes);
+    for (std::size_t n = 0; n < 8; ++n) bytes[42 + n] = static_cast<std::uint8_t>(length >> (56 - 8 * n));
+    return bytes;
+  };
+  // any one bit of it that makes it longer than poses are
+  for (int bit = 17; bit < 64; ++bit)
+    EXPECT_THAT(read(head_of(pose, 48 | std::uint64_t{1} << bit)).refused, HasSubstr("no OpenIGTLink"))
+        << bit;
+  const MessageBytes image = message_bytes("IMAGE", "Image", {}),
+                     status = message_bytes("STATUS", "PLUS", {});
+  EXPECT_EQ(read(head_of(image, std::uint64_t{1} << 28)).refused, "");
+  EXPECT_THAT(read(head_of(image, std::uint64_t{1} << 33)).refused, HasSubstr("no OpenIGTLink"));
+  EXPECT_EQ(read(head_of(status, std::uint64_t{1} << 24)).refused, "");
+  EXPECT_THAT(read(head_of(status, std::uint64_t{1} << 30)).refused, HasSubstr("no OpenIGTLink"));
+}
+
+TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {
+  for (const double mm : {9'000.0, 11'000.0, 1e30, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    Eigen::Isometry3d pose = some_pose();
+    pose.translation() = Eigen::Vector3d(0, mm, 0);
+    const Read seen = read(test::transform_message("Tool", pose));
+    ASSERT_EQ(seen.poses.size(), 1u);
+    EXPECT_EQ(seen.poses[0].seen, mm < 10'000) << mm;
+  }
 }
 
 // a STATUS of version 2 that is well

@@ -15,6 +15,7 @@
 
 #include "base/test_chart.h"
 #include "base/test_files.h"
+#include "felt_body.h"
 #include "palpate/haptics/proxy.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"
@@ -26,8 +27,7 @@
 namespace palpate {
 namespace {
 
-using test::in_ci;
-using test::shared_file;
+using namespace test;
 
 constexpr unsigned kSeamSeed = 15;
 constexpr double kPress_N = 1, kSlideMost_N = 3;
@@ -41,66 +41,6 @@ constexpr double kSlipOver_mm = 1;
 int seam_presses() {
   const char* asked = std::getenv("PALPATE_TEST_PRESSES");
   return asked != nullptr ? std::atoi(asked) : 400;
-}
-
-/// A label map with what is felt of it, without friction.
-struct Body {
-  std::shared_ptr<const Model> model;
-  std::vector<FeltSurface> surfaces;
-
-  bool is_felt(LabelId label) const { return model->is_felt(label); }
-  /// Those of a layer that a tool meets that has gone through nothing.
-  bool is_met(const FeltSurface& felt, int layer = 0) const {
-    return felt.surface != nullptr && felt.beneath < 0 && felt.layer == layer;
-  }
-  double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
-    double least = std::numeric_limits<double>::infinity();
-    for (const FeltSurface& felt : surfaces)
-      if (is_met(felt, layer)) least = std::min(least, felt.surface->distance_mm(at) - radius_mm);
-    return least;
-  }
-  Vector<Patient> outward(const Point<Patient>& at) const {
-    const FeltSurface* nearest = nullptr;
-    for (const FeltSurface& felt : surfaces)
-      if (is_met(felt) &&
-          (nearest == nullptr || felt.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
-        nearest = &felt;
-    return nearest->surface->outward(at);
-  }
-};
-
-Model model_of(const LabelMap& map,
-               const std::function<std::optional<double>(const Segment&)>& stiffness_of) {
-  Model model;
-  model.labels = label_bricks(map.flattened());
-  const std::vector<std::size_t> voxels = label_counts(*model.labels);
-  for (std::size_t label = 0; label < voxels.size(); ++label)
-    if (voxels[label] > 0) model.tissue_of_label.resize(label + 1, -1);
-  for (const Segment& segment : map.segments) {
-    const std::optional<double> stiffness = stiffness_of(segment);
-    if (!stiffness || segment.id >= model.tissue_of_label.size()) continue;
-    model.tissue_of_label[segment.id] = static_cast<std::int16_t>(model.tissues.size());
-    Tissue tissue;
-    tissue.name = segment.name;
-    tissue.stiffness_N_per_mm = *stiffness;
-    tissue.friction_coefficient = tissue.static_friction = 0;
-    model.tissues.push_back(tissue);
-  }
-  return model;
-}
-
-// what a scene proposes to feel, by the names of the structures
-std::optional<double> as_proposed(const Segment& segment) {
-  const TissuePreset* preset = match_preset(segment.name);
-  if (preset == nullptr || !preset->values.felt) return {};
-  return preset->values.stiffness_N_per_mm;
-}
-
-Body one_body(const Model& model) {
-  const std::array methods{ForceMethod::kProxy};
-  const auto ready = ready_for(std::make_shared<const Model>(model), methods);
-  EXPECT_TRUE(ready.ok());
-  return {*ready, (*ready)->surfaces};
 }
 
 // the same with a closed surface for each label, as it was before there were outer ones
@@ -318,39 +258,11 @@ class SeamPress {
   double most_drawn_N_ = 0, most_inward_N_ = 0;  // until kSlipOver_mm, and from there
 };
 
-/// Felt voxels with a free one beside a face: all of them, and those with another felt label around.
-struct Surfaces {
-  std::vector<std::array<int, 3>> all, seams;
-};
-
-Surfaces exposed_voxels(const Body& body) {
-  Surfaces found;
-  const Bricks<LabelId>& labels = *body.model->labels;
-  const auto& dims = labels.geometry().dims;
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
-        const LabelId own = labels.at(i, j, k);
-        if (!body.is_felt(own)) continue;
-        bool exposed = false, seam = false;
-        for (int n = 0; n < 27; ++n) {
-          const int di = n % 3 - 1, dj = n / 3 % 3 - 1, dk = n / 9 - 1;
-          const LabelId other = labels.anywhere(i + di, j + dj, k + dk);
-          const bool felt = body.is_felt(other);
-          exposed = exposed || (!felt && std::abs(di) + std::abs(dj) + std::abs(dk) == 1);
-          seam = seam || (felt && other != own);
-        }
-        if (exposed) found.all.push_back({i, j, k});
-        if (exposed && seam) found.seams.push_back({i, j, k});
-      }
-  return found;
-}
-
 Figures press_all_over(const Body& body, int presses, double radius_mm) {
   std::mt19937 random(kSeamSeed);
   Figures figures;
   const HalfAVoxel half(body);
-  const Surfaces voxels = exposed_voxels(body);
+  const ExposedVoxels voxels = exposed_voxels(body);
   const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
   std::uniform_real_distribution<double> turn(0, 6.283185307179586);
   for (int n = 0; n < presses; ++n) {
@@ -513,13 +425,6 @@ TEST(Seams, OfAFlatTopAreNotFelt) {
       }
     }
   }
-}
-
-std::optional<LabelMap> labels_of(const std::filesystem::path& file) {
-  const auto read = read_labels(file);
-  EXPECT_TRUE(read.ok());
-  if (!read.ok()) return {};
-  return read->labels;
 }
 
 void expect_one_body_in(const char* what, const std::string& name, double least_N_per_mm) {

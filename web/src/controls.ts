@@ -30,7 +30,7 @@ export interface Actions {
 /** Of a tick, in the order in which they are told. */
 const FLAGS: (keyof Words["flags"])[] = [
   "emergencyStop", "paused", "stale", "deviceFault", "halted", "jump", "notFinite", "noGo", "clamped", "thermal", "clutched", "wedged", "ruptured", "inside",
-  "passivity", "turnHeld", "ramp",
+  "passivity", "turnHeld", "release", "ramp",
 ];
 type Preset = keyof Words["presets"];
 const LETTERS_KEY = "palpate.letters";

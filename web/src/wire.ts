@@ -31,6 +31,7 @@ export const Flag = {
   passivity: 1 << 20,
   turnHeld: 1 << 21,
   noGo: 1 << 22,
+  release: 1 << 23,
 } as const;
 
 /** A structure along the tip's way in. */

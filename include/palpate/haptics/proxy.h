@@ -93,7 +93,7 @@ class OwnersMemo {
   std::array<Known, 4> known_;
   std::size_t next_ = 0;
 };
-inline constexpr std::size_t kMostSurfaces = 256;
+inline constexpr std::size_t kMostSurfaces = 1024;
 using SurfaceSet = std::bitset<kMostSurfaces>;
 
 /// A part of the tool: a sphere, or a capsule, which is a sphere swept along a line, on which it may widen
@@ -203,7 +203,7 @@ class TouchedAtRest {
 /// A corner of three walls, each of which may be met by every sphere of the tool.
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
-inline constexpr int kMostLayers = 6;
+inline constexpr int kMostLayers = 12;
 
 /// What is remembered of a layer between two ticks.
 struct ProxyLayer {
@@ -231,6 +231,19 @@ struct ProxyLayer {
   TouchedAtRest at_rest;
 };
 
+/// What is left of the forces of layers that have been let go because the tool has left the layer around
+/// them.
+struct ProxyRelease {
+  Vector<Patient> force_N;     ///< on the tip
+  Vector<Patient> torque_Nmm;  ///< about the tip
+  double stored_mJ = 0;
+
+  /// Shortens the force by at most so much. Returns by how much.
+  double fade(double most_N);
+  /// Shortens the force to at most so much.
+  void limit(double most_N);
+};
+
 /// What is remembered between two ticks: of the outermost layer, and of those within. Small and without
 /// pointers.
 struct ProxyState : ProxyLayer {
@@ -239,6 +252,7 @@ struct ProxyState : ProxyLayer {
   double stiffness_N_per_mm = 0;  ///< of all springs then, as it grew; 0: nothing was touched
   YieldState yield;               ///< of what yields of the outermost layer
   RelaxationState relaxation;     ///< likewise
+  ProxyRelease release;
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -257,6 +271,8 @@ struct ProxyOptions {
   const RelaxationTimes* relaxation_times = nullptr;  ///< of the model; null: nothing relaxes
   Holes* holes = nullptr;         ///< of all tools, in tissue that stays open; null: everything closes
   double away = kProxyFeel.away;  ///< part of a stride that may lead away from the tip
+  /// On the tip: more is not sent, and a release does not begin with more.
+  double most_force_N = std::numeric_limits<double>::infinity();
 };
 
 /// What the springs from the tip to the proxies give.
@@ -281,8 +297,10 @@ struct FeltPart {
 };
 inline constexpr std::size_t kMostFeltParts = 6;
 
-struct ProxyResult : ProxyForce {                ///< of all layers
+/// Of all layers, with what is still being released.
+struct ProxyResult : ProxyForce {
   std::array<ProxyForce, kMostLayers> of_layer;  ///< each layer's part of it
+  ProxyRelease release;                          ///< likewise; no contact is told for it
   /// Outermost first; none without contact. Of more than there is room for, those that give most.
   std::array<FeltPart, kMostFeltParts> felt;
   int felt_parts = 0;
@@ -316,6 +334,10 @@ struct ProxyResult : ProxyForce {                ///< of all layers
 ///   may let go (most_slip_N_per_s), through free space too; what was gone through lets go at once
 ///   (docs/decisions/0033). Nor does the stiffness change faster, where the proxy comes from one structure to
 ///   another under a long spring.
+/// - A layer holds the tool only while the layer around it does. Once the proxy of that one follows the hand,
+/// which
+///   is outside all that lies within then, the inner proxies are put at the tip as well, and their force
+///   fades at the pace of a slip (docs/decisions/0076-layers-hold-while-covered.md).
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common

@@ -169,7 +169,7 @@ export const de: Words = {
   flags: {
     emergencyStop: "Not-Halt", paused: "Pause", stale: "keine Pose von der Hand", deviceFault: "Gerätefehler", halted: "angehalten", jump: "Sprung",
     notFinite: "keine Zahl", clamped: "an der Grenze", thermal: "Motor warm", clutched: "ausgekuppelt", wedged: "verkeilt",
-    ruptured: "durch die Oberfläche", inside: "innen, seit der Kontakt begann", noGo: "ferngehalten", passivity: "gedämpft", turnHeld: "Drehung gehalten", ramp: "klingt an oder ab",
+    ruptured: "durch die Oberfläche", inside: "innen, seit der Kontakt begann", noGo: "ferngehalten", passivity: "gedämpft", turnHeld: "Drehung gehalten", release: "losgelassen", ramp: "klingt an oder ab",
   },
   stoppedBy: {
     you: "angehalten von dieser Seite", viewer: "angehalten von einem anderen Betrachter", key: "angehalten durch eine Taste, wo palpate läuft",

@@ -168,7 +168,7 @@ export const en = {
   flags: {
     emergencyStop: "emergency stop", paused: "paused", stale: "no pose from the hand", deviceFault: "device fault", halted: "halted", jump: "jump",
     notFinite: "not finite", clamped: "at the limit", thermal: "motor warm", clutched: "clutched", wedged: "wedged", ruptured: "through the surface",
-    inside: "inside since contact began", noGo: "kept away", passivity: "damped", turnHeld: "turn held", ramp: "fading",
+    inside: "inside since contact began", noGo: "kept away", passivity: "damped", turnHeld: "turn held", release: "released", ramp: "fading",
   },
   stoppedBy: {
     you: "stopped by this page", viewer: "stopped by another viewer", key: "stopped by a key where palpate runs",

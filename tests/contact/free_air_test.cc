@@ -1,0 +1,375 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/test_files.h"
+#include "felt_body.h"
+#include "palpate/phantoms/phantoms.h"
+
+/// A tool that is free is left alone: presses to 8 N on layered bodies, from which the hand goes back the way
+/// it came or out on another side. PALPATE_TEST_PRESSES says how many on each body.
+namespace palpate::free_air {
+namespace {
+
+using namespace test;
+
+constexpr unsigned kFreeAirSeed = 49;
+constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02, kHold_ticks = 700;
+constexpr double kFar_mm = 12, kDeepest_mm = 12, kAside_mm = 30;
+constexpr double kFree_mm = 1;    // of all that is felt, beyond the radius
+constexpr double kLeft_N = 0.02;  // that no hand feels
+constexpr double kJump_N = 0.02;  // in a tick, beyond the stiffness times the hand's way
+// of all layers together; a place where no wall shows the way has given 0.024 N
+constexpr double kMostJump_N = 0.03;
+constexpr double kRounding_N = 1e-9;
+// one tick of the slip law
+constexpr double kSlip_N = kProxyFeel.most_slip_N_per_s * kDt_s;
+
+int presses_asked() {
+  const char* asked = std::getenv("PALPATE_TEST_PRESSES");
+  return asked != nullptr ? std::atoi(asked) : 200;
+}
+
+struct FreeAirFigures {
+  int presses = 0, back = 0, aside = 0;
+  int within_while_free = 0;  ///< ticks in which a layer within gave force while the outermost proxy was free
+  int jumps = 0, slow_releases = 0;
+  int drawn = 0, held_outside = 0;  ///< withdrawals and ways out after which more than kLeft_N was left
+  int grown = 0;                    ///< in which a force grew in free air
+  double largest_jump_N = 0, most_released_N = 0, most_drawn_N = 0, longest_drawn_s = 0;
+};
+
+enum class WayOut { kBack, kAside };
+
+/// One press, and the way out of it.
+class FreeAirPress {
+ public:
+  FreeAirPress(const Body& body, double radius_mm, FreeAirFigures& figures)
+      : body_(body),
+        tool_{{}, radius_mm},
+        figures_(figures),
+        voxel_mm_(body.model->labels->geometry().spacing_mm.norm()),
+        X_VoxelPatient_(body.model->labels->geometry().X_PatientVoxel().inverse()) {}
+
+  void go(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
+          WayOut way_out) {
+    const auto start = free_place(target, outward);
+    if (!start) return;
+    ++figures_.presses;
+    tip_ = *start;
+    advance();
+    double way_mm = 0;
+    for (; result_.force_N.norm() < kPress_N && way_mm < kFar_mm + kDeepest_mm; way_mm += kStep_mm)
+      lead(outward * -kStep_mm);
+    if (way_out == WayOut::kBack) {
+      ++figures_.back;
+      while ((tip_ - *start).norm() > 1.5 * kStep_mm) lead((*start - tip_).normalized() * kStep_mm);
+    } else {
+      ++figures_.aside;
+      for (double aside_mm = 0; aside_mm < kAside_mm && !(is_far_from_all() && aside_mm > kFar_mm);
+           aside_mm += kStep_mm)
+        lead(across * kStep_mm);
+    }
+    if (!is_far_from_all()) return;
+    is_back_ = way_out == WayOut::kBack;
+    for (int n = 0; n < kHold_ticks; ++n) hold();
+    figures_.drawn += is_back_ && drawn_;
+    figures_.held_outside += !is_back_ && drawn_;
+    figures_.grown += is_back_ && grown_;
+  }
+
+ private:
+  void lead(const Vector<Patient>& step) {
+    tip_ += step;
+    advance();
+  }
+
+  // at rest in free air: what is left only falls, at the pace of a slip
+  void hold() {
+    const double before_N = result_.force_N.norm();
+    advance();
+    const double now_N = result_.force_N.norm();
+    grown_ = grown_ || now_N > before_N + kRounding_N;
+    held_s_ += kDt_s;
+    if (held_s_ * kProxyFeel.most_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
+    drawn_ = true;
+    figures_.most_drawn_N = std::max(figures_.most_drawn_N, now_N);
+    figures_.longest_drawn_s = std::max(figures_.longest_drawn_s, held_s_);
+  }
+
+  void advance() {
+    const ProxyResult before = result_;
+    const Vector<Patient> moved = tip_ - state_.tip;
+    result_ = advance_proxy(body_.surfaces, {&tool_, 1}, tip_, state_);
+    const double K = std::max(before.stiffness_N_per_mm, result_.stiffness_N_per_mm);
+    const double jump_N = begun_ ? (result_.force_N - before.force_N).norm() - K * moved.norm() : 0;
+    begun_ = true;
+    figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
+    figures_.jumps += jump_N > kJump_N;
+    // what gives force within while nothing is touched outside
+    const bool is_free = state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
+    figures_.within_while_free += is_free && within_N(result_) > 0;
+    // a release falls by the whole of what may slip, but for what is let go besides
+    const double released_N = result_.release.force_N.norm();
+    figures_.most_released_N = std::max(figures_.most_released_N, released_N);
+    const double expected_N = std::max(0.0, before.release.force_N.norm() - kSlip_N);
+    if (within_N(before) == 0) figures_.slow_releases += released_N > expected_N + kRounding_N;
+    if (is_far_from_all()) {
+      if (held_s_ == 0) left_N_ = result_.force_N.norm();
+    } else {
+      left_N_ = held_s_ = 0;
+    }
+  }
+
+  // of all layers but the outermost
+  static double within_N(const ProxyResult& result) {
+    double all_N = 0;
+    for (const ProxyForce& layer : std::span(result.of_layer).subspan(1)) all_N += layer.force_N.norm();
+    return all_N;
+  }
+
+  // of felt voxels, whatever the surfaces say
+  bool is_far_from_all() const {
+    if (body_.clearance_mm(tip_, tool_.radius_mm) <= 0.5 * kFree_mm) return false;
+    const Bricks<LabelId>& labels = *body_.model->labels;
+    const GridGeometry& grid = labels.geometry();
+    const double far_mm = tool_.radius_mm + kFree_mm + 0.5 * voxel_mm_;
+    const Eigen::Vector3d p = (X_VoxelPatient_ * tip_).eigen();
+    const Eigen::Vector3d reach = far_mm * grid.spacing_mm.cwiseInverse();
+    const auto low = [&](int a) { return static_cast<int>(std::ceil(p[a] - reach[a])); };
+    for (int k = low(2); k <= p.z() + reach.z(); ++k)
+      for (int j = low(1); j <= p.y() + reach.y(); ++j)
+        for (int i = low(0); i <= p.x() + reach.x(); ++i)
+          if (body_.is_felt(labels.anywhere(i, j, k)) &&
+              (Eigen::Vector3d(i, j, k) - p).cwiseProduct(grid.spacing_mm).norm() < far_mm)
+            return false;
+    return true;
+  }
+
+  std::optional<Point<Patient>> free_place(const Point<Patient>& target,
+                                           const Vector<Patient>& outward) const {
+    std::optional<Point<Patient>> first;
+    for (double way_mm = 0; way_mm <= kFar_mm; way_mm += 0.1) {
+      const Point<Patient> at = target + outward * way_mm;
+      const bool free = body_.clearance_mm(at, tool_.radius_mm) > 0.2;
+      if (free && !first) first = at;
+      if (!free) first.reset();
+    }
+    return first;
+  }
+
+  const Body& body_;
+  ToolSphere tool_;
+  FreeAirFigures& figures_;
+  const double voxel_mm_;
+  const Transform<Voxel, Patient> X_VoxelPatient_;
+  ProxyState state_;
+  ProxyResult result_;
+  Point<Patient> tip_;
+  bool begun_ = false, is_back_ = false, drawn_ = false, grown_ = false;
+  double left_N_ = 0, held_s_ = 0;
+};
+
+FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
+  std::mt19937 random(kFreeAirSeed);
+  FreeAirFigures figures;
+  const ExposedVoxels voxels = exposed_voxels(body);
+  const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
+  std::uniform_real_distribution<double> turn(0, 6.283185307179586), tilt(0, 0.6);
+  for (int n = 0; n < presses; ++n) {
+    const auto& among = n % 2 == 0 && !voxels.seams.empty() ? voxels.seams : voxels.all;
+    const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
+    const Point<Patient> target = X_PatientVoxel * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+    const Eigen::Vector3d normal = body.outward(target).eigen();
+    const Eigen::Vector3d aside = Eigen::AngleAxisd(turn(random), normal) * normal.unitOrthogonal();
+    const Eigen::Vector3d outward = Eigen::AngleAxisd(tilt(random), aside) * normal;
+    const Eigen::Vector3d across = Eigen::AngleAxisd(turn(random), outward) * outward.unitOrthogonal();
+    FreeAirPress(body, radius_mm, figures)
+        .go(target, Vector<Patient>(outward), Vector<Patient>(across),
+            n % 4 < 2 ? WayOut::kBack : WayOut::kAside);
+  }
+  return figures;
+}
+
+void expect_left_alone(const char* what, const Model& model) {
+  SCOPED_TRACE(std::string(what) + ", seed " + std::to_string(kFreeAirSeed));
+  const Body body = one_body(model);
+  for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
+    const FreeAirFigures f = press_all_over(body, presses_asked() / 4, radius_mm);
+    std::printf(
+        "%-13s tool %.1f mm: %5d presses, %5d back, %5d aside; %d ticks of force within while free, %d jumps "
+        "(largest "
+        "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; held outside %d\n",
+        what, radius_mm, f.presses, f.back, f.aside, f.within_while_free, f.jumps, f.largest_jump_N,
+        f.slow_releases, f.most_released_N, f.drawn, f.most_drawn_N, f.longest_drawn_s, f.grown,
+        f.held_outside);
+    std::fflush(stdout);
+    EXPECT_GT(f.presses, presses_asked() / 8);
+    EXPECT_EQ(f.within_while_free, 0);
+    EXPECT_LT(f.largest_jump_N, kMostJump_N);
+    EXPECT_EQ(f.slow_releases, 0);
+    EXPECT_EQ(f.drawn, 0);
+    EXPECT_EQ(f.grown, 0);
+  }
+}
+
+/// A label map of 1 where it is soft and 2 where it is bone.
+LabelMap soft_and_bone(double half_mm, double spacing_mm,
+                       const std::function<int(const Eigen::Vector3d&)>& label_at) {
+  GridGeometry grid;
+  const int count = 2 * static_cast<int>(std::ceil(half_mm / spacing_mm)) + 1;
+  grid.dims = {count, count, count};
+  grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
+  grid.origin = Point<Patient>(Eigen::Vector3d::Constant(-0.5 * (count - 1) * spacing_mm));
+  LabelMap map;
+  map.layers.emplace_back(grid);
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  for (int k = 0; k < count; ++k)
+    for (int j = 0; j < count; ++j)
+      for (int i = 0; i < count; ++i)
+        map.layers[0].at(i, j, k) =
+            static_cast<LabelId>(label_at((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen()));
+  map.segments = {{1, "soft", {}, 0, 1}, {2, "bone", {}, 0, 2}};
+  return map;
+}
+
+Model soft_and_bone_model(const LabelMap& map) {
+  return model_of(map, [](const Segment& segment) { return segment.id == 1 ? 0.1 : 1.5; });
+}
+
+// a cup of bone, open at the top, filled and covered by a ball that is soft
+LabelMap cup_in_a_ball(double wall_mm) {
+  return soft_and_bone(12, 0.3, [&](const Eigen::Vector3d& p) {
+    const double r = p.norm();
+    if (r > 8) return 0;
+    return r > 5 && r < 5 + wall_mm && p.z() < 2.5 ? 2 : 1;
+  });
+}
+
+// plates and hollow cells of thin bone in soft tissue, as in a temporal bone
+LabelMap cells_and_plates(unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> place(-8, 8), radius(1.5, 4), wall(0.5, 0.9), unit(-1, 1);
+  struct Cell {
+    Eigen::Vector3d middle;
+    double radius, wall;
+  };
+  struct Plate {
+    Eigen::Vector3d normal;
+    double offset, thick;
+  };
+  std::vector<Cell> cells;
+  std::vector<Plate> plates;
+  for (int n = 0; n < 24; ++n) {
+    const Eigen::Vector3d middle(place(random), place(random), place(random));
+    cells.push_back({middle, radius(random), wall(random)});
+  }
+  for (int n = 0; n < 3; ++n) {
+    const Eigen::Vector3d normal(unit(random), unit(random), unit(random));
+    plates.push_back({normal.normalized(), 0.6 * place(random), wall(random)});
+  }
+  return soft_and_bone(15, 0.3, [=](const Eigen::Vector3d& p) {
+    if (p.norm() > 11) return 0;
+    for (const Plate& plate : plates)
+      if (std::abs(plate.normal.dot(p) - plate.offset) < 0.5 * plate.thick) return 2;
+    bool bone = false;
+    for (const Cell& cell : cells) {
+      const double r = (p - cell.middle).norm();
+      if (r < cell.radius - cell.wall) return 1;
+      bone = bone || r < cell.radius;
+    }
+    return bone ? 2 : 1;
+  });
+}
+
+TEST(FreeAir, OfCellsAndPlatesInSoftTissueNothingPullsAToolThatIsOut) {
+  expect_left_alone("cells, plates", soft_and_bone_model(cells_and_plates(kFreeAirSeed)));
+}
+
+TEST(FreeAir, OfThePhantomsKneeNothingPullsAToolThatIsOut) {
+  const auto parameters = parse_phantom("knee-phantom:spacing=0.8");
+  ASSERT_TRUE(parameters.ok());
+  const auto phantom = make_phantom(*parameters);
+  ASSERT_TRUE(phantom.ok());
+  expect_left_alone("knee-phantom", model_of(phantom->labels, as_proposed));
+}
+
+void expect_left_alone_in(const char* what, const std::string& name, double least_N_per_mm) {
+  const auto file = shared_file(name);
+  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
+  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
+  const auto labels = labels_of(*file);
+  ASSERT_TRUE(labels);
+  expect_left_alone(what, model_of(*labels, [&](const Segment& segment) {
+                      const auto stiffness = as_proposed(segment);
+                      return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
+                    }));
+}
+
+TEST(FreeAir, OfTheHandSegmentedKneeNothingPullsAToolThatIsOut) {
+  expect_left_alone_in("knee_spl", "knee_spl/seg.nrrd", presses_asked() >= 1000 ? 0 : 0.2);
+}
+
+TEST(FreeAir, OfTheObliqueKneeNothingPullsAToolThatIsOut) {
+  expect_left_alone_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
+}
+
+TEST(FreeAir, OfAHeadOfFourStiffnessesNothingPullsAToolThatIsOut) {
+  const std::filesystem::path file = "/usr/share/mricron/templates/aal.nii.gz";
+  if (!std::filesystem::exists(file)) {
+    if (in_ci()) FAIL() << "the package mricron-data is not installed";
+    GTEST_SKIP() << "needs the package mricron-data";
+  }
+  const auto labels = labels_of(file);
+  ASSERT_TRUE(labels);
+  expect_left_alone("head",
+                    model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
+}
+
+// from above into the cup, through its thin wall to the side, and out: nothing is touched there any more
+TEST(FreeAir, AToolThatCameOutThroughTheWallOfACupIsLetGo) {
+  for (const double wall_mm : {1.0, 1.5})
+    for (const double radius_mm : {0.0, 0.5, 1.5}) {
+      SCOPED_TRACE(testing::Message() << "wall " << wall_mm << " mm, tool " << radius_mm << " mm");
+      const Body body = one_body(soft_and_bone_model(cup_in_a_ball(wall_mm)));
+      const ToolSphere tool{{}, radius_mm};
+      ProxyState state;
+      ProxyResult result;
+      Point<Patient> tip(0, 0, 12);
+      const auto lead = [&](const Point<Patient>& to) {
+        while ((to - tip).norm() > 1e-9) {
+          tip += (to - tip) * std::min(1.0, kStep_mm / (to - tip).norm());
+          result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
+        }
+      };
+      lead({0, 0, 0});
+      lead({7.5, 0, 0});
+      const double within_N = result.of_layer[1].force_N.norm();
+      EXPECT_GT(within_N, 1) << "the wall holds while the soft ball does";
+      lead({12.5 + radius_mm, 0, 0});
+      const double left_N = result.force_N.norm();
+      const int most_ticks = static_cast<int>(left_N / kSlip_N) + 1;
+      for (int n = 0; n < most_ticks; ++n) {
+        const double before_N = result.force_N.norm();
+        result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
+        EXPECT_LE(result.force_N.norm(), before_N);
+        EXPECT_EQ(result.force_N, result.release.force_N);
+      }
+      EXPECT_EQ(result.force_N, Vector<Patient>());
+      EXPECT_EQ(state.layer(1).position, tip);
+    }
+}
+
+}  // namespace
+}  // namespace palpate::free_air
