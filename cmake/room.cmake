@@ -39,7 +39,10 @@ function(palpate_optimise_test target numeric)
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
   else()
     # glibc's checks of sizes need an optimised build
-    target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O0;-U_FORTIFY_SOURCE>" $<$<BOOL:${PALPATE_SANITIZE}>:-O0>)
+    target_compile_options(${target} PRIVATE "$<$<CONFIG:Release>:-O0;-U_FORTIFY_SOURCE>")
+    if(PALPATE_SANITIZE)
+      target_compile_options(${target} PRIVATE -O0)
+    endif()
   endif()
   # undefined behaviour is looked for in the libraries: the tests compile in half the time without. What a
   # header defines inline may then be the tests' own copy.
