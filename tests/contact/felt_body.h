@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <random>
 #include <vector>
 
 #include "palpate/haptics/proxy.h"
@@ -33,6 +34,18 @@ struct Body {
     for (const FeltSurface& felt : surfaces)
       if (is_met(felt, layer)) least = std::min(least, felt.surface->distance_mm(at) - radius_mm);
     return least;
+  }
+  /// Straight before a target, with room for a sphere all the way out of everything's reach.
+  std::optional<Point<Patient>> free_place(const Point<Patient>& target, const Vector<Patient>& outward,
+                                           double radius_mm, double far_mm) const {
+    std::optional<Point<Patient>> first;
+    for (double way_mm = 0; way_mm <= far_mm; way_mm += 0.1) {
+      const Point<Patient> at = target + outward * way_mm;
+      const bool free = clearance_mm(at, radius_mm) > 0.2;
+      if (free && !first) first = at;
+      if (!free) first.reset();
+    }
+    return first;
   }
   Vector<Patient> outward(const Point<Patient>& at) const {
     const FeltSurface* nearest = nullptr;
@@ -81,6 +94,13 @@ inline Body one_body(const Model& model) {
 /// Felt voxels with a free one beside a face: all of them, and those with another felt label around.
 struct ExposedVoxels {
   std::vector<std::array<int, 3>> all, seams;
+
+  /// @param at_seam  where there are seams
+  Point<Voxel> any(bool at_seam, std::mt19937& random) const {
+    const auto& among = at_seam && !seams.empty() ? seams : all;
+    const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
+    return {voxel[0], voxel[1], voxel[2]};
+  }
 };
 
 inline ExposedVoxels exposed_voxels(const Body& body) {

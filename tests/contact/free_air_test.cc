@@ -64,7 +64,7 @@ class FreeAirPress {
 
   void go(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
           WayOut way_out) {
-    const auto start = free_place(target, outward);
+    const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) return;
     ++figures_.presses;
     tip_ = *start;
@@ -157,18 +157,6 @@ class FreeAirPress {
     return true;
   }
 
-  std::optional<Point<Patient>> free_place(const Point<Patient>& target,
-                                           const Vector<Patient>& outward) const {
-    std::optional<Point<Patient>> first;
-    for (double way_mm = 0; way_mm <= kFar_mm; way_mm += 0.1) {
-      const Point<Patient> at = target + outward * way_mm;
-      const bool free = body_.clearance_mm(at, tool_.radius_mm) > 0.2;
-      if (free && !first) first = at;
-      if (!free) first.reset();
-    }
-    return first;
-  }
-
   const Body& body_;
   ToolSphere tool_;
   FreeAirFigures& figures_;
@@ -188,9 +176,7 @@ FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
   const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
   std::uniform_real_distribution<double> turn(0, 6.283185307179586), tilt(0, 0.6);
   for (int n = 0; n < presses; ++n) {
-    const auto& among = n % 2 == 0 && !voxels.seams.empty() ? voxels.seams : voxels.all;
-    const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
-    const Point<Patient> target = X_PatientVoxel * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+    const Point<Patient> target = X_PatientVoxel * voxels.any(n % 2 == 0, random);
     const Eigen::Vector3d normal = body.outward(target).eigen();
     const Eigen::Vector3d aside = Eigen::AngleAxisd(turn(random), normal) * normal.unitOrthogonal();
     const Eigen::Vector3d outward = Eigen::AngleAxisd(tilt(random), aside) * normal;

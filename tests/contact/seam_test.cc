@@ -106,7 +106,7 @@ class SeamPress {
       : body_(body), half_(half), tool_{{}, radius_mm}, figures_(figures) {}
 
   void go(const Point<Patient>& target, const Vector<Patient>& outward, double aside) {
-    const auto start = free_place(target, outward);
+    const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) {
       ++figures_.left_out;
       return;
@@ -214,19 +214,6 @@ class SeamPress {
     return all_N;
   }
 
-  // straight before the target, with room for the tool all the way out of everything's reach
-  std::optional<Point<Patient>> free_place(const Point<Patient>& target,
-                                           const Vector<Patient>& outward) const {
-    std::optional<Point<Patient>> first;
-    for (double way_mm = 0; way_mm <= kFar_mm; way_mm += 0.1) {
-      const Point<Patient> at = target + outward * way_mm;
-      const bool free = body_.clearance_mm(at, tool_.radius_mm) > 0.2;
-      if (free && !first) first = at;
-      if (!free) first.reset();
-    }
-    return first;
-  }
-
   void advance() {
     const Vector<Patient> before_N = result_.force_N;
     const double before_K = result_.stiffness_N_per_mm;
@@ -266,9 +253,7 @@ Figures press_all_over(const Body& body, int presses, double radius_mm) {
   const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
   std::uniform_real_distribution<double> turn(0, 6.283185307179586);
   for (int n = 0; n < presses; ++n) {
-    const auto& among = n % 2 == 0 && !voxels.seams.empty() ? voxels.seams : voxels.all;
-    const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
-    const Point<Patient> target = X_PatientVoxel * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
+    const Point<Patient> target = X_PatientVoxel * voxels.any(n % 2 == 0, random);
     SeamPress(body, half, radius_mm, figures).go(target, body.outward(target), turn(random));
   }
   return figures;
