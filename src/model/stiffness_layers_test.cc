@@ -43,7 +43,9 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
       ASSERT_GT(layers[n].least_N_per_mm, layers[n - 1].most_N_per_mm);
     double worst = 0;
     for (const StiffnessRange& layer : layers) worst = std::max(worst, layer.error());
-    if (layers.size() < static_cast<std::size_t>(most) || most == 7) ASSERT_LE(worst, 1 - 1 / kSameStiffness);
+    if (layers.size() < static_cast<std::size_t>(most) || most == 7) {
+      ASSERT_LE(worst, 1 - 1 / kSameStiffness);
+    }
   }
 }
 
