@@ -25,7 +25,8 @@ namespace {
 using namespace test;
 
 constexpr unsigned kFreeAirSeed = 49;
-constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02, kHold_ticks = 700;
+constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02;
+constexpr int kHold_ticks = 700;
 constexpr double kFar_mm = 12, kDeepest_mm = 12, kAside_mm = 30;
 constexpr double kFree_mm = 1;    // of all that is felt, beyond the radius
 constexpr double kLeft_N = 0.02;  // that no hand feels
@@ -43,7 +44,9 @@ int presses_asked() {
 
 struct FreeAirFigures {
   int presses = 0, back = 0, aside = 0;
+  int held_back = 0, held_aside = 0;  ///< ways that led to free air, where the hand then rested
   int within_while_free = 0;  ///< ticks in which a layer within gave force while the outermost proxy was free
+  int untold = 0;             ///< ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
   int drawn = 0, held_outside = 0;  ///< withdrawals and ways out after which more than kLeft_N was left
   int grown = 0;                    ///< in which a force grew in free air
@@ -69,12 +72,15 @@ class FreeAirPress {
     ++figures_.presses;
     tip_ = *start;
     advance();
-    double way_mm = 0;
-    for (; result_.force_N.norm() < kPress_N && way_mm < kFar_mm + kDeepest_mm; way_mm += kStep_mm)
+    double pressed_mm = 0;
+    for (; result_.force_N.norm() < kPress_N && pressed_mm < kFar_mm + kDeepest_mm; pressed_mm += kStep_mm)
       lead(outward * -kStep_mm);
     if (way_out == WayOut::kBack) {
       ++figures_.back;
       while ((tip_ - *start).norm() > 1.5 * kStep_mm) lead((*start - tip_).normalized() * kStep_mm);
+      is_back_ = true;
+      for (double way_mm = 0; way_mm < kFar_mm && !is_far_from_all(); way_mm += kStep_mm)
+        lead(outward * kStep_mm);
     } else {
       ++figures_.aside;
       for (double aside_mm = 0; aside_mm < kAside_mm && !(is_far_from_all() && aside_mm > kFar_mm);
@@ -82,7 +88,7 @@ class FreeAirPress {
         lead(across * kStep_mm);
     }
     if (!is_far_from_all()) return;
-    is_back_ = way_out == WayOut::kBack;
+    ++(is_back_ ? figures_.held_back : figures_.held_aside);
     for (int n = 0; n < kHold_ticks; ++n) hold();
     figures_.drawn += is_back_ && drawn_;
     figures_.held_outside += !is_back_ && drawn_;
@@ -119,6 +125,8 @@ class FreeAirPress {
     figures_.jumps += jump_N > kJump_N;
     // what gives force within while nothing is touched outside
     const bool is_free = state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
+    figures_.untold += result_.force_N != Vector<Patient>() && state_.contacts == 0 &&
+                       within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
     figures_.within_while_free += is_free && within_N(result_) > 0;
     // a release falls by the whole of what may slip, but for what is let go besides
     const double released_N = result_.release.force_N.norm();
@@ -194,10 +202,11 @@ void expect_left_alone(const char* what, const Model& model) {
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
     const FreeAirFigures f = press_all_over(body, presses_asked() / 4, radius_mm);
     std::printf(
-        "%-13s tool %.1f mm: %5d presses, %5d back, %5d aside; %d ticks of force within while free, %d jumps "
+        "%-13s tool %.1f mm: %5d presses, %5d back, %5d aside in free air; %d ticks of force within while "
+        "free, %d jumps "
         "(largest "
         "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; held outside %d\n",
-        what, radius_mm, f.presses, f.back, f.aside, f.within_while_free, f.jumps, f.largest_jump_N,
+        what, radius_mm, f.presses, f.held_back, f.held_aside, f.within_while_free, f.jumps, f.largest_jump_N,
         f.slow_releases, f.most_released_N, f.drawn, f.most_drawn_N, f.longest_drawn_s, f.grown,
         f.held_outside);
     std::fflush(stdout);
@@ -205,7 +214,10 @@ void expect_left_alone(const char* what, const Model& model) {
     EXPECT_EQ(f.within_while_free, 0);
     EXPECT_LT(f.largest_jump_N, kMostJump_N);
     EXPECT_EQ(f.slow_releases, 0);
-    EXPECT_EQ(f.drawn, 0);
+    EXPECT_GT(f.held_back, f.back / 2) << "what is expected of ways back was looked at";
+    EXPECT_EQ(f.untold, 0);
+    // what the outermost layer holds after a press of 8 N, in a pocket of it: docs/decisions/0076
+    EXPECT_LE(f.drawn, 1 + f.held_back / 50);
     EXPECT_EQ(f.grown, 0);
   }
 }
