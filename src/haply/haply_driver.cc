@@ -60,7 +60,7 @@ enum class Trouble : std::uint8_t {
   kOtherVersion,  ///< who answers is of a version that is not known
   kSilent,        ///< requests are not answered
   kBroken,        ///< they are, by what nobody understands
-  kBehind,        ///< states come faster than they are read, so that nobody knows how old the next one is
+  kBehind,        ///< states may come from a queue (SenderPace), so that the age of the next one is unknown
   kBrake,         ///< the service has told of a brake or a disconnection a moment ago
   kGone,          ///< a device is not in the service's list any more
   kNoPower,
@@ -110,8 +110,8 @@ Words words_for(Trouble trouble) {
       return {"the Inverse Service says what is no state of a device",
               "does another program listen at its port? Start the service again"};
     case Trouble::kBehind:
-      return {"the Inverse Service sends states faster than they can be read",
-              "end other programs that ask it for states, or start the service again"};
+      return {"the Inverse Service sends more states than usual, or has stood still: they may be old",
+              "wait a moment; if it stays so, end other programs that ask for states, or start it again"};
     case Trouble::kBrake:
       return {"the device's brake is on, or it was unplugged",
               "release the brake and look at the USB cable: it is felt again a second later"};

@@ -536,9 +536,10 @@ Result<std::shared_ptr<TlsIdentity>> TlsIdentity::read(const std::filesystem::pa
   const auto key = read_file(key_file, kMostPemBytes);
   if (!key) return key.error();
   struct stat status;
-  if (::stat(key_file.c_str(), &status) != 0 || (status.st_mode & S_IRWXO) != 0)
-    return Error{ErrorKind::kBadInput, "everybody on this machine may read this key", key_file.string(),
-                 "chmod 600 it, and have a new certificate made where it stood so for long"};
+  if (::stat(key_file.c_str(), &status) == 0 && (status.st_mode & S_IRWXO) != 0)
+    return Error{ErrorKind::kBadInput, "every account of this machine may read or change this key",
+                 key_file.string(),
+                 "chmod 600 it; if another account has read it, make a new key and certificate"};
   identity->context().use_private_key(net::buffer(*key), net::ssl::context::pem, failed);
   if (failed) return bad_tls(key_file, "holds no key of that certificate that can be read");
   return std::shared_ptr<TlsIdentity>(std::move(identity));

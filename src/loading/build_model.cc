@@ -211,8 +211,7 @@ void warn_of_merged(const Model& model, const Warn& warn) {
     char text[160];
     std::snprintf(text, sizeof text,
                   "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
-                  "contact has at "
-                  "most %d layers of stiffness",
+                  "contact has at most %d layers of stiffness",
                   layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMostLayers);
     warn(text);
   }

@@ -46,7 +46,7 @@ enum TickFlag : std::uint32_t {
   kFlagPassivity = 1u << 20,       ///< damped, so that the hand gets no more energy than it has put in
   kFlagTurnHeld = 1u << 21,        ///< the object turned slower than it was told, so as not to push the hand
   kFlagNoGo = 1u << 22,            ///< the tool is nearer to a no-go region than it is to keep away
-  kFlagRelease = 1u << 23,         ///< the force of a structure that no longer covers the tip fades out
+  kFlagRelease = 1u << 23,         ///< the tool left the layer around a structure, whose force fades out
 };
 /// After these the force is zero at once, and comes back by the ramp.
 inline constexpr std::uint32_t kFaultFlags =

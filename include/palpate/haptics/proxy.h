@@ -334,10 +334,9 @@ struct ProxyResult : ProxyForce {
 ///   may let go (most_slip_N_per_s), through free space too; what was gone through lets go at once
 ///   (docs/decisions/0033). Nor does the stiffness change faster, where the proxy comes from one structure to
 ///   another under a long spring.
-/// - A layer holds the tool only while the layer around it does. Once the proxy of that one follows the hand,
-/// which
-///   is outside all that lies within then, the inner proxies are put at the tip as well, and their force
-///   fades at the pace of a slip (docs/decisions/0076-layers-hold-while-covered.md).
+/// - A layer holds the tool only while the layer around it does. Once the outer proxy follows the hand, the
+///   tip is outside all inner layers: their proxies are put at the tip as well, and their force fades at the
+///   pace of a slip (docs/decisions/0076-layers-hold-while-covered.md).
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common

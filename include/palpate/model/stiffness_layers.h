@@ -10,8 +10,8 @@ namespace palpate {
 struct StiffnessRange {
   double least_N_per_mm = 0, most_N_per_mm = 0;
 
-  /// What covers the stiffest of them with the softest is felt as that: by so much softer than it is, 0
-  /// ... 1.
+  /// The largest relative error, 0 ... 1: the stiffest structure, covered by the softest, is felt as soft as
+  /// that one.
   double error() const { return 1 - least_N_per_mm / most_N_per_mm; }
 };
 
