@@ -1617,6 +1617,9 @@ class WithRamp(Viewer):
                 self.page.run("document.getElementById('help').click()")
                 self.assertEqual(self.barriers(), [])
                 self.page.run("document.getElementById('help-close').click()")
+                # as a refused request is told
+                self.page.run("const toast = document.getElementById('toast'); toast.textContent = 'There was another stop.'; toast.hidden = false")
+                self.assertEqual(self.barriers(), [])
                 self.page.resize(390, 844)
                 self.page.wait("innerWidth <= 390")
                 self.assertEqual(self.barriers(), [])
