@@ -1,5 +1,8 @@
 #pragma once
 
+#include <algorithm>
+#include <span>
+
 #include "palpate/haptics/proxy.h"
 #include "palpate/sampling/surface.h"
 
@@ -11,6 +14,12 @@ namespace palpate {
 
 /// From one sphere to the next there are so many steps; 0 of a sphere alone.
 int row_steps(const ToolSphere& sphere);
+
+/// Whether any part of a tool is a capsule.
+inline bool has_capsules(std::span<const ToolSphere> spheres) {
+  return std::any_of(spheres.begin(), spheres.end(),
+                     [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
+}
 
 struct NearestInRow {
   /// Of the sphere's centre, in the surface's own measure, less what it is wider than the first one.

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 
+#include "haptics/capsule_row.h"
 #include "haptics/footprint.h"
 #include "haptics/held_spheres.h"
 #include "haptics/near_surfaces.h"
@@ -23,11 +24,6 @@ int layers_of(std::span<const FeltSurface> surfaces) {
   int most = 0;
   for (const FeltSurface& felt : surfaces) most = std::max(most, felt.layer);
   return std::min(most + 1, kMostLayers);
-}
-
-bool has_capsules(std::span<const ToolSphere> spheres) {
-  return std::any_of(spheres.begin(), spheres.end(),
-                     [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
 }
 
 /// How much of a structure's stiffness its layer's surface gives: at most so much of all, less what the
@@ -1158,7 +1154,52 @@ bool follows(const ProxyLayer& layer, const ToolPose& hand) {
          (hand.tip - layer.position).norm() <= kProxyFeel.arrived_mm;
 }
 
-// The layer around this one leaves the hand's pose free, and so does all that lies within: the proxy takes it
+// Whether the hand's tool is clear of the outermost layer and could be carried straight to another pose: the
+// tip on a line, while the attitude turns evenly. Sphere tracing (Hart 1996); where that takes more than a
+// tick's work, false.
+bool is_clear_way(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                  const SurfaceSet& punctured, const ToolPose& hand, const ToolPose& to) {
+  const Vector<Patient> way = to.tip - hand.tip;
+  const double arc_mm = arc_of_turn_mm(spheres, hand.attitude, to.attitude);
+  const double way_mm = way.norm() + arc_mm, reach_mm = std::max(way_mm, kProxyFeel.back_clearance_mm);
+  NearSurfaces near(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
+  if (near.reach_mm() < reach_mm) return false;
+  const auto clearance_mm = [&](const Point<Patient>& at) {
+    double least_mm = std::numeric_limits<double>::infinity();
+    for (std::size_t n = 0; n < near.count(); ++n) least_mm = std::min(least_mm, near.clearance(n, at));
+    return least_mm;
+  };
+  double leaves_mm = clearance_mm(hand.tip);
+  if (leaves_mm < kProxyFeel.back_clearance_mm) return false;
+  double gone_mm = 0;
+  for (int place = 0; place < kProxyFeel.most_back_places; ++place) {
+    if (!(leaves_mm + kProxyFeel.dip_mm > 0)) return false;
+    gone_mm += (leaves_mm + kProxyFeel.dip_mm) / near.steepest();
+    if (gone_mm >= way_mm) return true;
+    const double part = gone_mm / way_mm;
+    if (arc_mm > 0)
+      near.turn(TurnedTool(spheres, hand.attitude, hand.attitude.slerp(part, to.attitude)).spheres());
+    leaves_mm = clearance_mm(hand.tip + way * part);
+  }
+  return false;
+}
+
+// Whether the tool is free on the side on which it was free before contact began: what it leans on holds it
+// from elsewhere, as a pocket does into which the proxy was pressed.
+bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+                   const ToolPose& hand, ProxyState& state) {
+  if (state.contacts == 0 || (hand.tip - state.looked_tip).norm() < kProxyFeel.back_pitch_mm) return false;
+  state.looked_tip = hand.tip;
+  // mostly the tip lies beneath what it leans on
+  const ProxyContact& leant_on = state.contact[0];
+  const ToolSphere& sphere = spheres[static_cast<std::size_t>(leant_on.sphere)];
+  const Surface& surface = *surfaces[static_cast<std::size_t>(leant_on.surface)].surface;
+  const double enough_mm = sphere.radius_mm + kProxyFeel.back_clearance_mm;
+  if (nearest_part(surface, sphere, hand.tip, enough_mm).distance_mm < enough_mm) return false;
+  return is_clear_way(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
+}
+
+// What holds the layer has let go of the hand's pose, and so has all that lies within: the proxy takes it
 // without looking around. What its spring gave in the tick before is released.
 void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
              const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
@@ -1334,7 +1375,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   const Vector<Patient> tip_moved = hand.tip - state.tip;
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
-  bool covered = true;
+  bool covered = !has_come_back(surfaces, spheres, hand, state);
+  if (!covered) state.yield = {};
   for (int n = 0; n < layers_of(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
     covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
@@ -1376,6 +1418,10 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     result.tangent_N_per_mm += force.tangent_N_per_mm;
     result.stored_mJ += force.stored_mJ;
     result.yields = result.yields || force.yields;
+  }
+  if (follows(state, hand)) {
+    state.free_tip = hand.tip;
+    state.free_attitude = hand.attitude;
   }
   springs.recover(state.relaxation);
   state.release.limit(options.most_force_N);
@@ -1419,6 +1465,8 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
     if (!give_birth(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
+  born.free_tip = born.position;
+  born.free_attitude = born.attitude;
   state = born;
   return true;
 }
@@ -1442,7 +1490,10 @@ void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const Too
     if (through[s]) open(surfaces, static_cast<int>(s), state);
   for (int n = state.coupled ? 1 : 0; n < layers_of(surfaces); ++n) {
     const SurfaceSet punctured = state.layer(n).punctured;
-    give_birth(surfaces, spheres, n, hand, punctured, state.layer(n));
+    const bool born = give_birth(surfaces, spheres, n, hand, punctured, state.layer(n));
+    if (!born || n > 0) continue;
+    state.free_tip = state.position;
+    state.free_attitude = state.attitude;
   }
 }
 

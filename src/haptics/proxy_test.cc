@@ -130,6 +130,65 @@ TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
   }
 }
 
+// A tip that comes out of a plate on the side where x is negative, with its proxy on the other side.
+ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate_mm) {
+  ProxyRun run;
+  run.surfaces = {felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) {
+    return std::min(std::abs(p.x()) - 1, std::abs(p.x() - second_plate_mm) - 0.6);
+  })};
+  run.at({3, 0, 0});
+  run.lead({3, 0, 0}, {0.5, 0, 0}, 0.02);
+  run.state.free_tip = free_tip;
+  run.lead({0.5, 0, 0}, {-2, 0, 0}, 0.02);
+  return run;
+}
+
+TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
+  ProxyRun run = held_behind_a_plate({-3, 1, 0}, 8);
+  EXPECT_EQ(run.state.position, Point<Patient>(-2, 0, 0));
+  EXPECT_EQ(run.state.contacts, 0);
+  // what the spring gave when the tip was clear of the plate fades
+  double force_N = run.result.release.force_N.norm();
+  EXPECT_GT(force_N, 1.5);
+  const double slip_N = kProxyFeel.most_slip_N_per_s * run.dt_s;
+  for (; force_N > 0; force_N = run.result.force_N.norm()) {
+    EXPECT_EQ(run.result.force_N, run.result.release.force_N);
+    run.at({-2, 0, 0});
+    ASSERT_NEAR(run.result.force_N.norm(), std::max(0.0, force_N - slip_N), 1e-9);
+  }
+}
+
+// the tip stays where it is, and the end of a lever has turned to the other side of a plate and back
+TEST(Proxy, HoldsALeverUntilItHasTurnedBack) {
+  ProxyRun run;
+  run.surfaces = {
+      felt_surface(cube_grid(9, kKnee_mm), [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
+  run.spheres = {{{}, 0.3}, {{5, 0, 0}, 0.5}};
+  const Point<Patient> tip(-2, 0, 2);
+  const auto turn = [&](double from_rad, double to_rad) {
+    for (int n = 1; n <= 200; ++n)
+      run.at(tip, Eigen::Quaterniond(
+                      Eigen::AngleAxisd(from_rad + (to_rad - from_rad) * n / 200, Eigen::Vector3d::UnitY())));
+  };
+  turn(0, 0.95);
+  EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxyFeel.back_clearance_mm) << "it is through";
+  EXPECT_GT(run.result.force_N.norm(), 1);
+  EXPECT_GE(run.state.contacts, 1);
+  turn(0.95, 0);
+  EXPECT_EQ(run.result.force_N, Vector<Patient>());
+}
+
+TEST(Proxy, HoldsAToolThatHasComeOutOnAnotherSide) {
+  // where it began, or where something else lies on the way there
+  for (const Point<Patient>& free_tip : {Point<Patient>(3, 0, 0), Point<Patient>(-6, 0, 0)}) {
+    ProxyRun run = held_behind_a_plate(free_tip, -4);
+    for (int settle = 0; settle < 500; ++settle) run.at({-2, 0, 0});
+    EXPECT_NEAR(run.state.position.x(), 1, 0.01);
+    EXPECT_NEAR(run.result.force_N.x(), 3, 0.01);
+    EXPECT_EQ(run.result.release.force_N, Vector<Patient>());
+  }
+}
+
 TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
   for (const double degrees : {90.0, 40.0, 20.0}) {
     SCOPED_TRACE(degrees);
@@ -1007,6 +1066,7 @@ TEST(Proxy, ATipThatBeginsInsideIsNotHeldUntilItIsFree) {
   for (int n = 0; n < 5; ++n) {
     run.at({0, 0, -2 + 0.3 * n});
     EXPECT_FALSE(run.state.coupled);
+    EXPECT_FALSE(run.result.lagging);
     EXPECT_EQ(run.result.force_N, Vector<Patient>());
   }
   run.at({0, 0, 0.5});

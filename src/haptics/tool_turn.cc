@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "haptics/capsule_row.h"
 #include "haptics/near_surfaces.h"
 
 /// The spheres of a tool that turns by an angle a about an axis through the tip go on arcs of a * r, where r
@@ -34,7 +35,9 @@ class Turn {
         layer_(layer),
         attitude_(attitude),
         state_(state),
-        way_(way) {}
+        way_(way),
+        left_looks_(has_capsules(spheres) ? kToolTurnFeel.most_looks_of_capsules : kToolTurnFeel.most_looks) {
+  }
 
   ToolTurn go() {
     note();
@@ -68,17 +71,22 @@ class Turn {
     // a step's push is at most a stride: it comes on top
     room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
     double done_rad = 0;
-    while (left_steps_ > 0 && done_rad < leg_rad && room_mm_ > kProxyFeel.outside_mm) {
+    // the next tick goes on where this one's work ends
+    most_looks_ = near.looks() + left_looks_;
+    while (left_steps_ > 0 && near.looks() < most_looks_ && done_rad < leg_rad &&
+           room_mm_ > kProxyFeel.outside_mm) {
       --left_steps_;
       const double step_rad = step(near, rest, begun, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
-        result_.blocked = true;
+        (near.looks() < most_looks_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
         return false;
       }
       done_rad += step_rad;
+      has_turned_ = true;
     }
+    left_looks_ = most_looks_ - near.looks();
     if (done_rad >= rest.angle()) return arrive();
-    result_.lagging = done_rad == 0;
+    result_.lagging = done_rad == 0 || left_looks_ <= 0;
     return !result_.lagging;
   }
 
@@ -100,6 +108,8 @@ class Turn {
     }
     const double stride_mm = kProxyFeel.stride_mm() / near.steepest();
     for (int tries = 0; tries <= kToolTurnFeel.most_halvings; ++tries, angle_rad *= 0.5) {
+      // the first step of a tick is tried to its end: so the turn goes on however much is near
+      if (tries > 0 && has_turned_ && near.looks() >= most_looks_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
@@ -141,6 +151,9 @@ class Turn {
   double room_mm_ = 0;                                // that the gathered surfaces allow any sphere
   std::array<double, kMostNear> clearance_mm_{};
   int left_steps_ = kToolTurnFeel.most_steps;
+  int left_looks_;      // of the tick's, after this leg
+  int most_looks_ = 0;  // of the surfaces gathered for this leg
+  bool has_turned_ = false;
 };
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace palpate {
 
 /// Raised by whoever changes what any of these functions gives for the same parameters: what was prepared
 /// before is then no longer found. A test says when it was forgotten (KeptPreparation.GoldenHash).
-inline constexpr std::uint32_t kPreparationVersion = 6;
+inline constexpr std::uint32_t kPreparationVersion = 7;
 
 /// The slow parts of a model. For one model: labels are told apart by where they stand.
 class KeptPreparing final : public Preparing {

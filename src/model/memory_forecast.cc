@@ -7,6 +7,7 @@
 #include <map>
 #include <vector>
 
+#include "model/surface_reach.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/model/make_model.h"
@@ -169,8 +170,8 @@ struct SurfaceBytes {
   double stays = 0, makes = 0;
 };
 
-SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>& group) {
-  const SurfaceOptions options;
+SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>& group,
+                           const SurfaceOptions& options) {
   const Eigen::Vector3d& mm = estimate.grid().spacing_mm;
   const Body body = estimate.body(group, options.reach_mm + 1);
   // of every n-th voxel, about so far apart
@@ -201,10 +202,10 @@ double tree_bytes(const Estimate& estimate, LabelId label) {
 
 // one group after the other; the labels of what is made together are merged in bricks of their own
 SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vector<LabelId>>& groups,
-                          double labels) {
+                          const SurfaceOptions& options, double labels) {
   SurfaceBytes all;
   for (const std::vector<LabelId>& group : groups) {
-    const SurfaceBytes bytes = surface_bytes(estimate, group);
+    const SurfaceBytes bytes = surface_bytes(estimate, group, options);
     all.makes = std::max(all.makes, labels + all.stays + bytes.makes);
     all.stays += bytes.stays;
   }
@@ -256,19 +257,22 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.told_distances);
   double trees = 0;
   for (const LabelId label : tracked) trees += tree_bytes(estimate, label);
+  const bool has_surfaces = proxy || !tracked.empty();
+  const auto options = has_surfaces ? felt_surface_options(model.tools, grid) : SurfaceOptions();
+  if (!options) return options.error();
   if (proxy) {
     const auto groups = surfaces_needed(model, preparing, progress);
     if (!groups) return groups.error();
     for (const auto& group : *groups)
       if (group.size() == 1) std::erase(tracked, group.front());
-    const SurfaceBytes bytes = bytes_of_all(estimate, *groups, labels);
+    const SurfaceBytes bytes = bytes_of_all(estimate, *groups, *options, labels);
     peak = std::max(peak, field + bytes.makes);
     surfaces = bytes.stays;
   }
   if (!tracked.empty()) {
     std::vector<std::vector<LabelId>> alone;
     for (const LabelId label : tracked) alone.push_back({label});
-    const SurfaceBytes bytes = bytes_of_all(estimate, alone, labels);
+    const SurfaceBytes bytes = bytes_of_all(estimate, alone, *options, labels);
     peak = std::max(peak, field + surfaces + bytes.makes);
     surfaces += bytes.stays;
   }
@@ -285,7 +289,10 @@ Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& pr
   const auto groups = surfaces_needed(model, preparing, progress);
   if (!groups) return groups.error();
   const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
-  const SurfaceBytes bytes = bytes_of_all(estimate, *groups, static_cast<double>(model.labels->bytes()));
+  const auto options = felt_surface_options(model.tools, model.labels->geometry());
+  if (!options) return options.error();
+  const SurfaceBytes bytes =
+      bytes_of_all(estimate, *groups, *options, static_cast<double>(model.labels->bytes()));
   return static_cast<std::uint64_t>(with_heap(std::max(bytes.makes, bytes.stays)));
 }
 

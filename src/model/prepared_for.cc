@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "model/surface_reach.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/model/make_model.h"
@@ -92,7 +93,9 @@ class SurfacesNeeded {
   Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
                                            const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
-    const auto prepared = preparing.outer_surfaces(labels, all, {}, progress);
+    const auto options = felt_surface_options(model_.tools, labels.geometry());
+    if (!options) return options.error();
+    const auto prepared = preparing.outer_surfaces(labels, all, *options, progress);
     if (!prepared) return prepared.error();
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts) {
@@ -296,7 +299,9 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
     if (surfaces[n] == nullptr) missing.push_back({tracked[n]});
   }
   if (!missing.empty()) {
-    auto made = preparing.outer_surfaces(*model->labels, missing, {}, progress);
+    const auto options = felt_surface_options(model->tools, model->labels->geometry());
+    if (!options) return options.error();
+    auto made = preparing.outer_surfaces(*model->labels, missing, *options, progress);
     if (!made) return made.error();
     auto next = made->begin();
     for (auto& surface : surfaces)

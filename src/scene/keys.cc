@@ -449,7 +449,7 @@ SceneKeys declared_keys() {
              .default_text = "0",
              .unit = "mm",
              .min = 0,
-             .max = 3,
+             .max = kWidestTool_mm,
              .meaning = "Of the sphere at every point; felt by the proxy."},
             {.name = "capsule",
              .type = kTables,
@@ -536,7 +536,7 @@ SceneKeys declared_keys() {
                     .type = kNumber,
                     .unit = "mm",
                     .min = 0,
-                    .max = 10,
+                    .max = kWidestTool_mm,
                     .meaning = "Without it: the tool's `radius`."}}},
       .workspace =
           {"[workspace]",

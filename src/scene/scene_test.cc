@@ -454,7 +454,7 @@ TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
     const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n" + keys, "t");
     return scene.ok() ? std::string("nothing") : scene.error().message();
   };
-  EXPECT_THAT(fault("radius = 9\n"), HasSubstr("t:5: [second_tool]: radius = 9 is outside 0 ... 3 mm"));
+  EXPECT_THAT(fault("radius = 13\n"), HasSubstr("t:5: [second_tool]: radius = 13 is outside 0 ... 12 mm"));
   EXPECT_THAT(fault("diamter = 9\n"), HasSubstr("t:5: unknown key \"diamter\" in [second_tool]"));
   EXPECT_THAT(fault("diameter = 3\n"), HasSubstr("t:5: [second_tool]: `diameter` is a burr's"));
   EXPECT_THAT(fault("kind = 'burr'\nshape = 'cone'\n"),
@@ -469,7 +469,7 @@ TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
   EXPECT_THAT(fault("[[second_tool.capsule]]\nform = [0, 0, 0]\n"), HasSubstr("[[second_tool.capsule]]"));
   EXPECT_THAT(fault("second_tool = 3\n"), HasSubstr("unknown key \"second_tool\" in [second_tool]"));
   // of two faults the first one is told
-  EXPECT_THAT(fault("radius = 9\n[tool]\nradius = 8\n"), HasSubstr("radius = 9"));
+  EXPECT_THAT(fault("radius = 14\n[tool]\nradius = 13\n"), HasSubstr("radius = 14"));
   const auto twice = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[[second_tool]]\nradius = 1\n", "t");
   ASSERT_FALSE(twice.ok());
   EXPECT_THAT(twice.error().message(), HasSubstr("second_tool"));

@@ -87,6 +87,11 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
     hash_place(hash, proxy.tip);
     hash.add(proxy.stiffness_N_per_mm);
   }
+  if (const ProxyState& proxy = hand.proxy; proxy.contacts > 0) {
+    hash_place(hash, proxy.free_tip);
+    hash_quaternion(hash, proxy.free_attitude);
+    hash_place(hash, proxy.looked_tip);
+  }
   if (const ProxyRelease& release = hand.proxy.release; release.force_N != Vector<Patient>()) {
     hash_place(hash, release.force_N);
     hash_place(hash, release.torque_Nmm);

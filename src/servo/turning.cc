@@ -21,6 +21,7 @@ struct Held {
   Vector<World> lever;  ///< from World's origin, the object not turned, mm of the patient
   Vector<World> sent_N;
   double stiffness_N_per_mm = 0;  ///< at the device; 0: not known
+  double stiffest_N_per_mm = 0;   ///< of the whole model, at the device
   double scale = 1;
 };
 
@@ -32,6 +33,7 @@ Held held_by(const Model& model, const DeviceParameters& own, const DeviceState&
   held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
   held.sent_N = hand.output.sent.force_N;
   held.stiffness_N_per_mm = FeltStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
+  held.stiffest_N_per_mm = FeltStiffness(own).by_proxy(model.greatest_stiffness_N_per_mm());
   held.scale = own.scale;
   return held;
 }
@@ -41,11 +43,14 @@ Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eig
   return (Rotation<World, World>(to) * held.lever - Rotation<World, World>(from) * held.lever) / held.scale;
 }
 
-// The part of a way that keeps both limits. Against a spring the force grows on the way: F s + K s^2 / 2.
+// The part of a way that keeps all limits. Against a spring the force grows on the way: F s + K s^2 / 2.
 double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
   const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
   const double most_mJ = kTurningFeel.most_power_mW * dt_s;
-  double part = std::min(1.0, kTurningFeel.most_speed_mm_s * dt_s / std::max(length_mm, 1e-12));
+  double longest_mm = kTurningFeel.most_speed_mm_s * dt_s;
+  if (held.stiffest_N_per_mm > 0)
+    longest_mm = std::min(longest_mm, kTurningFeel.most_step_N / held.stiffest_N_per_mm);
+  double part = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
   if (!(force_N > 0)) return part;
   const double along_mm = held.sent_N.dot(way_mm) / force_N;
   if (along_mm == 0) return part;

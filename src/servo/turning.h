@@ -5,7 +5,7 @@
 #include "palpate/servo/servo.h"
 
 /// How the object turns to where it was told to be, and what that does to a hand. docs/concepts/passivity.md,
-/// "A turning object", derives the two limits.
+/// "A turning object", derives the limits.
 ///
 /// The way of a tip in World is its way relative to the object and the object's own way under it:
 ///

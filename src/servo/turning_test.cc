@@ -139,8 +139,7 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     before_N = wall.force();
     before_mJ = device.turned_mJ;
   }
-  // K v T of a wall that comes, and the first step of F^2 = 2 K P t
-  EXPECT_LE(largest_step_N, kWall_N_per_mm * kTurningFeel.most_speed_mm_s * kTurnTick_s * 1.01);
+  EXPECT_LE(largest_step_N, kTurningFeel.most_step_N * 1.01);
   // half a period's worth
   EXPECT_LE(most_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.most_power_mW * 0.075) + 0.05);
   EXPECT_GE(least_N, 0);
@@ -156,8 +155,7 @@ TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {
     wall.at(above);
     EXPECT_LE((wall.turned() - before) * std::hypot(kLever_mm, 2),
               kTurningFeel.most_speed_mm_s * kTurnTick_s * (1 + 1e-3));
-    EXPECT_LE(wall.force() - before_N, kWall_N_per_mm * kTurningFeel.most_speed_mm_s * kTurnTick_s * 1.01)
-        << n;
+    EXPECT_LE(wall.force() - before_N, kTurningFeel.most_step_N * 1.01) << n;
     before = wall.turned();
     before_N = wall.force();
   }

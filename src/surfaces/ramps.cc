@@ -310,7 +310,9 @@ Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<Ram
 
 Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid) {
   const double widest_mm = grid.spacing_mm.maxCoeff();
-  const double width_mm = asked_mm.value_or(std::max(kUsualRampWidth_mm, 2 * widest_mm));
+  // the proxy reads no ramp: on coarser voxels than a ramp can be made for its scenes load all the same
+  if (!asked_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMostRampWidth_mm);
+  const double width_mm = *asked_mm;
   // rounding of a direction matrix is no reason
   if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMostRampWidth_mm) return width_mm;
   return bad_input(

@@ -37,8 +37,8 @@ Error out_of_range(const char* name, double value, const char* range) {
 }
 
 Result<void> check(const SurfaceOptions& o) {
-  if (!(o.reach_mm >= 1 && o.reach_mm <= 12)) {
-    return out_of_range("the reach of a surface in mm", o.reach_mm, "give 1 to 12 mm");
+  if (!(o.reach_mm >= 1 && o.reach_mm <= kMostSurfaceReach_mm)) {
+    return out_of_range("the reach of a surface in mm", o.reach_mm, "give 1 to 15 mm");
   }
   if (!(o.position_sigma_mm >= 0 && o.position_sigma_mm <= 3)) {
     return out_of_range("sigma of a surface's position in mm", o.position_sigma_mm, "give 0 to 3 mm");

@@ -443,7 +443,7 @@ TEST(Surfaces, RefuseWhatCannotBe) {
   const Volume<LabelId> labels(test::surface_grid({4, 4, 4}, {1, 1, 1}), kTissue);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const SurfaceOptions& bad :
-       {SurfaceOptions{.reach_mm = 0.5}, SurfaceOptions{.reach_mm = 13}, SurfaceOptions{.reach_mm = nan},
+       {SurfaceOptions{.reach_mm = 0.5}, SurfaceOptions{.reach_mm = 15.1}, SurfaceOptions{.reach_mm = nan},
         SurfaceOptions{.position_sigma_mm = -1}, SurfaceOptions{.normal_sigma_mm = 0},
         SurfaceOptions{.stray_below_mm3 = -1}, SurfaceOptions{.drop_below_mm3 = nan},
         SurfaceOptions{.drop_below_mm3 = 100}, SurfaceOptions{.threads = -1}}) {

@@ -99,7 +99,7 @@ struct ExposedVoxels {
   Point<Voxel> any(bool at_seam, std::mt19937& random) const {
     const auto& among = at_seam && !seams.empty() ? seams : all;
     const auto& voxel = among[std::uniform_int_distribution<std::size_t>(0, among.size() - 1)(random)];
-    return {voxel[0], voxel[1], voxel[2]};
+    return Point<Voxel>(voxel[0], voxel[1], voxel[2]);
   }
 };
 

@@ -34,6 +34,7 @@ constexpr double kJump_N = 0.02;  // in a tick, beyond the stiffness times the h
 // of all layers together; a place where no wall shows the way has given 0.024 N
 constexpr double kMostJump_N = 0.03;
 constexpr double kRounding_N = 1e-9;
+constexpr double kSunk_mm = 0.1;  // a way is not free that lies deeper
 // one tick of the slip law
 constexpr double kSlip_N = kProxyFeel.most_slip_N_per_s * kDt_s;
 
@@ -45,6 +46,7 @@ int presses_asked() {
 struct FreeAirFigures {
   int presses = 0, back = 0, aside = 0;
   int held_back = 0, held_aside = 0;  ///< ways that led to free air, where the hand then rested
+  int hooked = 0;  ///< ways back of a tool that had slid round to the other side: what it went round holds it
   int within_while_free = 0;  ///< ticks in which a layer within gave force while the outermost proxy was free
   int untold = 0;             ///< ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
@@ -70,7 +72,7 @@ class FreeAirPress {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) return;
     ++figures_.presses;
-    tip_ = *start;
+    tip_ = start_ = *start;
     advance();
     double pressed_mm = 0;
     for (; result_.force_N.norm() < kPress_N && pressed_mm < kFar_mm + kDeepest_mm; pressed_mm += kStep_mm)
@@ -88,6 +90,10 @@ class FreeAirPress {
         lead(across * kStep_mm);
     }
     if (!is_far_from_all()) return;
+    if (is_back_ && went_round_) {
+      ++figures_.hooked;
+      return;
+    }
     ++(is_back_ ? figures_.held_back : figures_.held_aside);
     for (int n = 0; n < kHold_ticks; ++n) hold();
     figures_.drawn += is_back_ && drawn_;
@@ -99,6 +105,18 @@ class FreeAirPress {
   void lead(const Vector<Patient>& step) {
     tip_ += step;
     advance();
+    went_round_ = went_round_ || (is_free() && !is_straight_way());
+  }
+
+  bool is_free() const {
+    return state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
+  }
+  // whether nothing lies between the beginning and the tip
+  bool is_straight_way() const {
+    const Vector<Patient> way = tip_ - start_;
+    for (double at_mm = 0; at_mm < way.norm(); at_mm += 0.1)
+      if (body_.clearance_mm(start_ + way.normalized() * at_mm, tool_.radius_mm) < -kSunk_mm) return false;
+    return true;
   }
 
   // at rest in free air: what is left only falls, at the pace of a slip
@@ -124,20 +142,27 @@ class FreeAirPress {
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     figures_.jumps += jump_N > kJump_N;
     // what gives force within while nothing is touched outside
-    const bool is_free = state_.contacts == 0 && (state_.position - tip_).norm() <= kProxyFeel.arrived_mm;
     figures_.untold += result_.force_N != Vector<Patient>() && state_.contacts == 0 &&
                        within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
-    figures_.within_while_free += is_free && within_N(result_) > 0;
+    figures_.within_while_free += is_free() && within_N(result_) > 0;
     // a release falls by the whole of what may slip, but for what is let go besides
     const double released_N = result_.release.force_N.norm();
     figures_.most_released_N = std::max(figures_.most_released_N, released_N);
     const double expected_N = std::max(0.0, before.release.force_N.norm() - kSlip_N);
-    if (within_N(before) == 0) figures_.slow_releases += released_N > expected_N + kRounding_N;
+    if (!has_let_go(before, result_)) figures_.slow_releases += released_N > expected_N + kRounding_N;
     if (is_far_from_all()) {
       if (held_s_ == 0) left_N_ = result_.force_N.norm();
     } else {
       left_N_ = held_s_ = 0;
     }
+  }
+
+  // whether a layer that gave force gives none any more
+  static bool has_let_go(const ProxyResult& before, const ProxyResult& now) {
+    for (std::size_t n = 0; n < kMostLayers; ++n)
+      if (before.of_layer[n].force_N != Vector<Patient>() && now.of_layer[n].force_N == Vector<Patient>())
+        return true;
+    return false;
   }
 
   // of all layers but the outermost
@@ -172,7 +197,8 @@ class FreeAirPress {
   const Transform<Voxel, Patient> X_VoxelPatient_;
   ProxyState state_;
   ProxyResult result_;
-  Point<Patient> tip_;
+  Point<Patient> tip_, start_;
+  bool went_round_ = false;  // the tool has slid round to where the tip had come out on another side
   bool begun_ = false, is_back_ = false, drawn_ = false, grown_ = false;
   double left_N_ = 0, held_s_ = 0;
 };
@@ -205,9 +231,10 @@ void expect_left_alone(const char* what, const Model& model) {
         "%-13s tool %.1f mm: %5d presses, %5d back, %5d aside in free air; %d ticks of force within while "
         "free, %d jumps "
         "(largest "
-        "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; held outside %d\n",
+        "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; hooked %d, held "
+        "outside %d\n",
         what, radius_mm, f.presses, f.held_back, f.held_aside, f.within_while_free, f.jumps, f.largest_jump_N,
-        f.slow_releases, f.most_released_N, f.drawn, f.most_drawn_N, f.longest_drawn_s, f.grown,
+        f.slow_releases, f.most_released_N, f.drawn, f.most_drawn_N, f.longest_drawn_s, f.grown, f.hooked,
         f.held_outside);
     std::fflush(stdout);
     EXPECT_GT(f.presses, presses_asked() / 8);
@@ -216,8 +243,8 @@ void expect_left_alone(const char* what, const Model& model) {
     EXPECT_EQ(f.slow_releases, 0);
     EXPECT_GT(f.held_back, f.back / 2) << "what is expected of ways back was looked at";
     EXPECT_EQ(f.untold, 0);
-    // what the outermost layer holds after a press of 8 N, in a pocket of it: docs/decisions/0076
-    EXPECT_LE(f.drawn, 1 + f.held_back / 50);
+    // one of 2788 was (docs/decisions/0076-layers-hold-while-covered.md)
+    EXPECT_LE(f.drawn, f.held_back / 80);
     EXPECT_EQ(f.grown, 0);
   }
 }

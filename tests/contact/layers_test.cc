@@ -31,7 +31,8 @@ LabelMap slabs(int count) {
     for (int j = 0; j < wide; ++j)
       for (int i = 0; i < wide; ++i) map.layers[0].at(i, j, k) = static_cast<LabelId>(count - k / slab);
   for (int n = 1; n <= count; ++n)
-    map.segments.push_back({static_cast<LabelId>(n), "slab " + std::to_string(n), {}, 0, n});
+    map.segments.push_back(
+        {static_cast<LabelId>(n), "slab " + std::to_string(n), {}, 0, static_cast<LabelId>(n)});
   return map;
 }
 
@@ -93,7 +94,8 @@ TEST(ManyLayers, ThreeHundredLabelsOfFourTissuesAreTaken) {
       for (int i = 2; i < 38; ++i)
         map.layers[0].at(i, j, k) = static_cast<LabelId>(1 + (i / 5 + 8 * (j / 5) + 64 * (k / 5)) % kLabels);
   for (int n = 1; n <= kLabels; ++n)
-    map.segments.push_back({static_cast<LabelId>(n), "region " + std::to_string(n), {}, 0, n});
+    map.segments.push_back(
+        {static_cast<LabelId>(n), "region " + std::to_string(n), {}, 0, static_cast<LabelId>(n)});
   const Body body =
       one_body(model_of(map, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
   const auto shapes = std::count_if(body.surfaces.begin(), body.surfaces.end(),

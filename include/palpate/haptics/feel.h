@@ -47,6 +47,10 @@ struct ProxyFeel {
   double away_of_capsules = 0.02;
   /// So far from a tip that has been free for so long it does not come back to it.
   double lost_mm = 2, lost_s = 0.25;
+  /// A tool that has so much clearance from the outermost layer, and a straight way of free space to where it
+  /// was free before contact began, has come back out of the tissue. It is looked for each time that the tip
+  /// has gone so far.
+  double back_clearance_mm = 0.5, back_pitch_mm = 0.05;
   /// A tool that has gone through a surface is out of it when it has left it by so much.
   double sealed_mm = 0.2;
   /// A part of a tool finds a hole that stayed open from so far aside of where it fits, and from so far
@@ -59,8 +63,9 @@ struct ProxyFeel {
   /// beyond what the tip's own way changes them by: 20 mN in a millisecond are not felt as a click.
   double most_slip_N_per_s = 19;
   /// Work of one tick, at most: strides, tries of each, halvings of a try, corrections that put the tool back
-  /// outside, and ways that are felt for where no normal shows one.
-  int most_strides = 48, most_tries = 4, most_halvings = 8, most_corrections = 8, most_feelings = 4;
+  /// outside, ways that are felt for where no normal shows one, and places of a way back.
+  int most_strides = 48, most_tries = 4, most_halvings = 8, most_corrections = 8, most_feelings = 4,
+      most_back_places = 160;
   /// No stride begins after so many looks at surfaces beyond the first gathering's, which are what strides of
   /// several spheres among many walls cost; a capsule is looked at in many places.
   int most_looks = 150, most_looks_of_capsules = 1000;
@@ -86,6 +91,9 @@ struct ProxyFeel {
     of("away_of_capsules", away_of_capsules);
     of("lost_mm", lost_mm);
     of("lost_s", lost_s);
+    of("back_clearance_mm", back_clearance_mm);
+    of("back_pitch_mm", back_pitch_mm);
+    of("most_back_places", most_back_places);
     of("sealed_mm", sealed_mm);
     of("hole_play_mm", hole_play_mm);
     of("row_dip_mm", row_dip_mm);
@@ -109,8 +117,11 @@ struct ToolTurnFeel {
   /// Surfaces are gathered for so long an arc of the sphere that goes farthest, with room for being pushed
   /// (so many times as long), and then anew: of a longer one too many would be near.
   double leg_mm = 2, room = 2.2;
-  /// Work of one tick, at most: legs, steps of each, halvings of a step.
+  /// Work of one tick, at most: legs, steps of all, halvings of a step.
   int most_legs = 8, most_steps = 48, most_halvings = 4;
+  /// No step begins after so many looks at surfaces, nor a second try of one that is not the first; of a tool
+  /// with capsules, which is looked at in many places.
+  int most_looks = 350, most_looks_of_capsules = 3000;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -120,6 +131,8 @@ struct ToolTurnFeel {
     of("most_legs", most_legs);
     of("most_steps", most_steps);
     of("most_halvings", most_halvings);
+    of("most_looks", most_looks);
+    of("most_looks_of_capsules", most_looks_of_capsules);
   }
 };
 

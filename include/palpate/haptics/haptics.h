@@ -76,6 +76,9 @@ struct Tissue {
   std::vector<int> rests_on;  ///< indices of tissues that support this one
 };
 
+/// The largest radius of a tool's sphere or capsule: a finger's.
+inline constexpr double kWidestTool_mm = 12;
+
 /// A part of an instrument that is long: a shaft, a hook. A cylinder with round ends.
 struct ToolCapsule {
   Eigen::Vector3d from_mm, to_mm;  ///< ends of its axis, in the tip's frame; not the same

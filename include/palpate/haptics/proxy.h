@@ -253,6 +253,9 @@ struct ProxyState : ProxyLayer {
   YieldState yield;               ///< of what yields of the outermost layer
   RelaxationState relaxation;     ///< likewise
   ProxyRelease release;
+  Point<Patient> free_tip;  ///< where the tip last was free: the outermost proxy followed the hand there
+  Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< of the tool then
+  Point<Patient> looked_tip;  ///< from where a free way to that pose was looked for last
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -337,6 +340,9 @@ struct ProxyResult : ProxyForce {
 /// - A layer holds the tool only while the layer around it does. Once the outer proxy follows the hand, the
 ///   tip is outside all inner layers: their proxies are put at the tip as well, and their force fades at the
 ///   pace of a slip (docs/decisions/0076-layers-hold-while-covered.md).
+/// - The outermost layer holds the tool until it has come back out of the tissue: it is clear of the layer,
+///   and nothing lies on the straight way to the pose in which it was free before. A proxy that is held
+///   elsewhere then, as by a pocket into which it was pressed, is put at the tip in the same way.
 /// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
 ///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common

@@ -71,6 +71,8 @@ struct TurningFeel {
   /// What lies under a tip to which a force is sent moves no faster, mm of the device: a surface that meets a
   /// tip comes as a slow hand would.
   double most_speed_mm_s = 100;
+  /// Nor farther in a tick than makes this force of the model's stiffest tissue.
+  double most_step_N = 0.1;
   /// What one tick may spend does not grow with its lateness beyond this.
   double longest_tick_s = 0.01;
   /// The turn of a tick is that small that its way is nearly straight: tries until it is within the limits.
@@ -81,6 +83,7 @@ struct TurningFeel {
     of("interval_s", interval_s);
     of("most_power_mW", most_power_mW);
     of("most_speed_mm_s", most_speed_mm_s);
+    of("most_step_N", most_step_N);
     of("longest_tick_s", longest_tick_s);
     of("tries", tries);
   }

@@ -71,9 +71,10 @@ struct Ramps {
 Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                             const RampOptions& options, const Progress& progress = {});
 
-/// The width of an inward ramp on a grid: what is asked for, or kUsualRampWidth_mm; more where that is not
-/// two of the grid's widest voxels. Error kBadInput where what is asked for is less than these, or they are
-/// more than a ramp can have.
+/// The width of an inward ramp on a grid, mm: the one asked for; else two of the grid's widest voxels, at
+/// least kUsualRampWidth_mm and at most kMostRampWidth_mm. On voxels of more than half of that the force of
+/// the direct methods shows the slices. Error kBadInput where a width is asked for that is less than two
+/// voxels.
 Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid);
 inline constexpr double kUsualRampWidth_mm = 4;
 

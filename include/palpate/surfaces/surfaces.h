@@ -26,10 +26,13 @@ namespace internal {
 struct SurfaceNet;
 }
 
+/// The largest distance of a surface's position: what 16 bits hold in steps of kSurfaceStep_mm.
+inline constexpr double kMostSurfaceReach_mm = 15;
+
 /// One setting serves bones and thin tissue alike; what each number moves is said beside it.
 struct SurfaceOptions {
-  /// mm, 1 ... 12. How far from the surface the position still grows; beyond, it stays at that. At least the
-  /// largest tool radius and 1 mm. The work grows with it.
+  /// mm, 1 ... kMostSurfaceReach_mm. How far from the surface the position still grows; beyond, it stays at
+  /// that. The work and the memory grow with it.
   double reach_mm = 4;
   /// mm, 0 ... 3. Width of the filter by which the net's nodes are placed before it is made smooth. It
   /// decides little: what is smooth and keeps every voxel on its side is found from anywhere.
@@ -62,7 +65,6 @@ struct SurfaceWorkings {
   /// The surface as it was made once, which later versions share.
   std::shared_ptr<const internal::SurfaceNet> net;
 };
-/// 15 mm fit into 16 bits.
 inline constexpr double kSurfaceStep_mm = 1.0 / 2048;
 
 struct PreparedSurface {

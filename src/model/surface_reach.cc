@@ -1,0 +1,40 @@
+#include "model/surface_reach.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace palpate {
+namespace {
+
+double widest_radius_mm(const Tool& tool) {
+  double widest_mm = tool.radius_mm;
+  for (const ToolCapsule& capsule : tool.capsules) widest_mm = std::max(widest_mm, capsule.radius_mm);
+  if (tool.burr) widest_mm = std::max(widest_mm, tool.burr->end_radius_mm);
+  return widest_mm;
+}
+
+}  // namespace
+
+Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const GridGeometry& grid) {
+  SurfaceOptions options;
+  const double spacing_mm = grid.spacing_mm.maxCoeff();
+  for (std::size_t number = 0; number < tools.size(); ++number) {
+    const double radius_mm = widest_radius_mm(tools[number]);
+    // without the voxels beside it a centre's distance is cut off
+    if (radius_mm + spacing_mm > kMostSurfaceReach_mm) {
+      char what[200];
+      std::snprintf(
+          what, sizeof what,
+          "a tool of %.3g mm radius is too wide for voxels of %.3g mm: together they are more than %g mm",
+          radius_mm, spacing_mm, kMostSurfaceReach_mm);
+      return Error{ErrorKind::kBadInput, what, "",
+                   std::string("set a smaller `radius` under [") + (number == 0 ? "tool" : "second_tool") +
+                       "], or give labels with finer voxels"};
+    }
+    const double needed_mm = radius_mm + std::max(1.0, 2 * spacing_mm - 1);
+    options.reach_mm = std::clamp(needed_mm, options.reach_mm, kMostSurfaceReach_mm);
+  }
+  return options;
+}
+
+}  // namespace palpate
