@@ -8,12 +8,15 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <exception>
 #include <map>
 #include <mutex>
 #include <set>
+#include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -55,7 +58,8 @@ void tell_what_is_missing(Error& error, const std::filesystem::path& file, int e
   auto there = error_number == ENOTDIR ? file : folder;
   while (!there.empty() && !std::filesystem::exists(there, ignored)) there = there.parent_path();
   if (!there.empty() && !std::filesystem::is_directory(there, ignored)) {
-    error.what = "cannot be written, " + there.filename().string() + " is a file and not a folder";
+    error.what = "is a file and not a folder, so nothing can be written in it";
+    error.where = there.string();
     error.remedy = "choose a folder";
   } else if (there == folder) {
     error.what = "cannot be written, this folder takes no files";
@@ -96,13 +100,38 @@ bool is_there_still(int descriptor, const std::string& file) {
          opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
-void remove_temporaries(const std::filesystem::path& folder, const std::string& prefix) {
-  std::error_code failed, ignored;
-  std::vector<std::filesystem::path> left;
+// the prefix of a hidden file's name, as hidden_prefix() makes them; empty: another program named it
+std::string prefix_of_hidden(std::string_view name) {
+  constexpr std::string_view kBegin = ".palpate-";
+  constexpr std::size_t kLength = kBegin.size() + 16;
+  if (!name.starts_with(kBegin) || name.size() <= kLength) return "";
+  const std::string_view hash = name.substr(kBegin.size(), 16), rest = name.substr(kLength);
+  if (hash.find_first_not_of("0123456789abcdef") != std::string_view::npos) return "";
+  return rest == ".lock" || rest.starts_with('-') ? std::string(name.substr(0, kLength)) : "";
+}
+
+// the temporaries in a folder, by their prefix; a prefix whose lock alone is there has none
+std::map<std::string, std::vector<std::filesystem::path>> temporaries_in(
+    const std::filesystem::path& folder) {
+  std::map<std::string, std::vector<std::filesystem::path>> found;
+  std::error_code failed;
   std::filesystem::directory_iterator entry(folder, failed);
-  for (; !failed && entry != std::filesystem::directory_iterator(); entry.increment(failed))
-    if (entry->path().filename().string().starts_with(prefix + "-")) left.push_back(entry->path());
-  for (const auto& file : left) std::filesystem::remove(file, ignored);
+  for (; !failed && entry != std::filesystem::directory_iterator(); entry.increment(failed)) {
+    const std::string name = entry->path().filename().string(), prefix = prefix_of_hidden(name);
+    if (prefix.empty()) continue;
+    auto& files = found[prefix];
+    if (name != prefix + ".lock") files.push_back(entry->path());
+  }
+  return found;
+}
+
+// only files of this account: a link, or another account's file under such a name, is not a temporary of ours
+void remove_temporaries(const std::vector<std::filesystem::path>& files) {
+  for (const auto& file : files) {
+    struct stat status {};
+    if (::lstat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == ::geteuid())
+      ::unlink(file.c_str());
+  }
 }
 
 Error written_by_another(const std::filesystem::path& target, int descriptor) {
@@ -132,8 +161,12 @@ class Claims {
     }
     const auto descriptor = lock_file(lock, named);
     if (!descriptor) return descriptor.error();
-    remove_temporaries(folder, prefix);
     held_[lock] = {*descriptor, ::getpid(), 1};
+    for (const auto& [abandoned, files] : temporaries_in(folder))
+      if (abandoned == prefix)
+        remove_temporaries(files);
+      else
+        sweep((folder / (abandoned + ".lock")).string(), files);
     return lock;
   }
 
@@ -146,7 +179,7 @@ class Claims {
     for (const auto& [lock, held] : held_) {
       if (held.process != ::getpid()) continue;
       const std::filesystem::path file = lock;
-      remove_temporaries(file.parent_path(), file.stem().string());
+      remove_temporaries(temporaries_in(file.parent_path())[file.stem().string()]);
       ::unlink(lock.c_str());
     }
   }
@@ -177,9 +210,38 @@ class Claims {
     int count;
   };
 
+  // Removes what a process left behind that died while it wrote another file of the folder: nobody holds that
+  // file's lock then. `files` were there before the lock is looked at, and whoever takes the lock meanwhile
+  // begins temporaries with names of their own: none of a process that lives is among them.
+  void sweep(const std::string& lock, const std::vector<std::filesystem::path>& files) {
+    struct stat status {};
+    // without its lock file nobody may write a temporary, except on a disk that knows no locks
+    if (::lstat(lock.c_str(), &status) != 0 || !S_ISREG(status.st_mode) || is_held(status)) return;
+    const int descriptor = ::open(lock.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY);
+    if (descriptor < 0) return;
+    struct flock whole {};
+    whole.l_type = F_WRLCK;
+    if (::fcntl(descriptor, F_SETLK, &whole) == 0 && is_there_still(descriptor, lock)) {
+      remove_temporaries(files);
+      ::unlink(lock.c_str());
+    }
+    ::close(descriptor);
+  }
+
+  // closing another descriptor of a file that is locked here would give its lock back
+  bool is_held(const struct stat& lock) const {
+    return std::ranges::any_of(held_, [&](const auto& entry) {
+      struct stat status {};
+      return ::fstat(entry.second.descriptor, &status) == 0 && status.st_ino == lock.st_ino &&
+             status.st_dev == lock.st_dev;
+    });
+  }
+
   static Result<int> lock_file(const std::string& lock, const std::filesystem::path& named) {
-    // who had it removes it when he has done, perhaps between our opening and our locking it
-    while (true) {
+    // who had it removes it when he has done, perhaps between our opening and our locking it; another run
+    // that sweeps the folder holds it for a moment
+    constexpr int kTries = 5;
+    for (int tries = 0;;) {
       const int descriptor =
           ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY, 0666);
       if (descriptor < 0) return output_error(named, errno);
@@ -188,7 +250,9 @@ class Claims {
       if (::fcntl(descriptor, F_SETLK, &whole) != 0 && (errno == EACCES || errno == EAGAIN)) {
         const Error error = written_by_another(named, descriptor);
         ::close(descriptor);
-        return error;
+        if (++tries == kTries) return error;
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        continue;
       }
       if (is_there_still(descriptor, lock)) return descriptor;
       ::close(descriptor);

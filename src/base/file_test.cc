@@ -13,11 +13,14 @@
 #include <cerrno>
 #include <csignal>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "base/test_child.h"
 #include "base/test_files.h"
+#include "base/test_folder.h"
 #include "palpate/base/output.h"
 
 namespace palpate {
@@ -109,9 +112,9 @@ TEST_F(FileTest, MissingFolderNamesTheFolder) {
 TEST_F(FileTest, WhatStandsInTheWayIsNamed) {
   ASSERT_TRUE(write_file(folder_ / "a", "a").ok());
   for (const char* below : {"a/b", "a/b/c"})
-    EXPECT_NE(write_file(folder_ / below, "x").error().what.find("a is a file and not a folder"),
-              std::string::npos);
-  EXPECT_NE(output_error(folder_ / "a", ENOTDIR).what.find("a is a file"), std::string::npos);
+    EXPECT_EQ(write_file(folder_ / below, "x").error().where, (folder_ / "a").string());
+  const Error error = output_error(folder_ / "a", ENOTDIR);
+  EXPECT_NE(error.message().find("/a: is a file and not a folder"), std::string::npos) << error.message();
   // a folder that is there and still takes nothing is not called missing
   EXPECT_NE(write_file("/proc/x.h5", "x").error().what.find("takes no files"), std::string::npos);
 }
@@ -217,22 +220,83 @@ TEST_F(FileTest, WhatOneProcessWritesNoOtherDoes) {
   EXPECT_EQ(*read_file(folder_ / "a.h5"), "theirs");
 }
 
-TEST_F(FileTest, WhatAKilledRunLeftIsSweptByTheNextOfItsTarget) {
-  testing::Shared<std::atomic<bool>> begun;
-  testing::Child killed([&] {
-    const auto claim = claim_output(folder_ / "a.nrrd");
-    const auto pending = PendingFile::create(folder_ / "a.nrrd");
-    const auto another = PendingFile::create(folder_ / "b.nrrd");
-    *begun = claim.ok() && pending.ok() && another.ok();
-    while (true) ::pause();
+TEST_F(FileTest, WhatAKilledRunLeftIsSweptByTheNextInItsFolder) {
+  for (const char* next : {"a.nrrd", "c.nrrd"}) {
+    testing::Shared<std::atomic<bool>> begun;
+    testing::Child killed([&] {
+      const auto claim = claim_output(folder_ / "a.nrrd");
+      const auto pending = PendingFile::create(folder_ / "a.nrrd");
+      const auto another = PendingFile::create(folder_ / "b.nrrd");
+      *begun = claim.ok() && pending.ok() && another.ok();
+      while (true) ::pause();
+    });
+    while (!*begun) ::usleep(1000);
+    EXPECT_EQ(folder_.count(), 4u) << "two temporaries and two locks";
+    killed.kill();
+    ASSERT_TRUE(write_file(folder_ / next, "x").ok());
+    EXPECT_EQ(folder_.count(), 1u) << next;
+    fs::remove(folder_ / next);
+  }
+}
+
+TEST_F(FileTest, NothingOfARunThatLivesIsSwept) {
+  testing::Shared<std::atomic<bool>> begun, done;
+  testing::Child beside([&] {
+    {
+      auto pending = PendingFile::create(folder_ / "beside.h5");
+      *begun = pending.ok();
+      while (!*done) ::usleep(1000);
+      if (!pending->commit(Flush::kNot)) ::_exit(1);
+    }
+    if (!write_file(folder_ / "after", "theirs").ok()) ::_exit(1);
   });
   while (!*begun) ::usleep(1000);
-  EXPECT_EQ(folder_.count(), 4u) << "two temporaries and two locks";
-  killed.kill();
-  ASSERT_TRUE(write_file(folder_ / "a.nrrd", "x").ok());
-  EXPECT_EQ(folder_.count(), 3u) << "the other target's stay";
-  ASSERT_TRUE(write_file(folder_ / "b.nrrd", "x").ok());
-  EXPECT_EQ(folder_.count(), 2u);
+  auto own = PendingFile::create(folder_ / "own.h5");
+  ASSERT_TRUE(own.ok());
+  ASSERT_TRUE(write_file(folder_ / "x", "x").ok());
+  EXPECT_EQ(folder_.count(), 5u) << "two temporaries, two locks and x";
+  // and the lock on its own file is this process's still
+  testing::Child refused([&] {
+    if (write_file(folder_ / "own.h5", "theirs").ok()) ::_exit(1);
+  });
+  EXPECT_TRUE(refused.finished());
+  *done = true;
+  EXPECT_TRUE(beside.finished());
+  EXPECT_TRUE(own->commit(Flush::kNot).ok());
+  EXPECT_TRUE(fs::exists(folder_ / "beside.h5"));
+}
+
+// each run sweeps the folder in which the others write
+TEST_F(FileTest, RunsThatSweepOneFolderDisturbNoneOfTheOthers) {
+  constexpr int kRuns = 3, kFiles = 60;
+  std::vector<std::unique_ptr<testing::Child>> runs;
+  for (int run = 0; run < kRuns; ++run)
+    runs.push_back(std::make_unique<testing::Child>([this, run] {
+      for (int n = 0; n < kFiles; ++n)
+        if (!write_file(folder_ / (std::to_string(run) + "-" + std::to_string(n % 4)), "x").ok()) ::_exit(1);
+    }));
+  for (const auto& run : runs) EXPECT_TRUE(run->finished());
+  EXPECT_EQ(folder_.count(), static_cast<std::size_t>(kRuns * 4));
+}
+
+TEST_F(FileTest, WhatOthersNamedIsNotSwept) {
+  const std::string prefix = ".palpate-0123456789abcdef";
+  ASSERT_TRUE(write_file(folder_ / "elsewhere", "kept").ok());
+  for (const std::string name :
+       {".palpate-notes", ".palpate-0123456789abcdeg-abcdef", ".palpate-0123456789abcdef", "palpate-x"})
+    test::write_text(folder_ / name, "another program's");
+  // the lock of a process that is gone, and links under a temporary's and under a lock's name
+  test::write_text(folder_ / (prefix + ".lock"), "");
+  test::write_text(folder_ / (prefix + "-abcdef.h5"), "left behind");
+  fs::create_symlink("elsewhere", folder_ / (prefix + "-linked"));
+  fs::create_symlink("elsewhere", folder_ / ".palpate-fedcba9876543210.lock");
+  test::write_text(folder_ / ".palpate-fedcba9876543210-abcdef", "whose lock is a link");
+  ASSERT_TRUE(write_file(folder_ / "x", "x").ok());
+  EXPECT_FALSE(fs::exists(folder_ / (prefix + "-abcdef.h5")));
+  EXPECT_FALSE(fs::exists(folder_ / (prefix + ".lock")));
+  EXPECT_EQ(*read_file(folder_ / "elsewhere"), "kept");
+  EXPECT_TRUE(fs::is_symlink(folder_ / (prefix + "-linked")));
+  EXPECT_EQ(folder_.count(), 9u);
 }
 
 TEST_F(FileTest, AFolderIsNeitherReadNorWritten) {

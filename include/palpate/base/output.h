@@ -18,7 +18,8 @@ bool same_file(const std::filesystem::path& a, const std::filesystem::path& b);
 /// nothing is excluded.
 class OutputClaim {
  public:
-  /// Sweeps away the temporaries of killed processes that wrote this file.
+  /// Removes the temporaries of this account's killed processes that wrote this file or another one of its
+  /// folder; those of a process that lives stay. On a disk that knows no locks, those of this file alone.
   /// Errors: kOutput where the folder is missing or takes no files, and where another process has a claim.
   static Result<OutputClaim> take(const std::filesystem::path& file);
   OutputClaim(OutputClaim&& other) noexcept : lock_(std::exchange(other.lock_, {})) {}
