@@ -46,6 +46,16 @@ inline std::filesystem::path write_text(const std::filesystem::path& file, const
   return file;
 }
 
+/// Writes a file that its owner alone may read.
+inline std::filesystem::path write_private(const std::filesystem::path& file, const std::string& text) {
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream out(file, std::ios::binary);
+  std::filesystem::permissions(file,
+                               std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  out << text;
+  return file;
+}
+
 inline std::string bytes_of_file(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};

@@ -142,8 +142,13 @@ Result<Tokens> Tokens::read(const std::filesystem::path& file,
   const auto text = read_file(file, kMostTokenFile_bytes);
   if (!text) return text.error();
   struct stat status;
-  if (warn && ::stat(file.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0)
-    warn(file.string() + ": others than its owner may read the tokens; chmod 600 it");
+  const mode_t mode = ::stat(file.c_str(), &status) == 0 ? status.st_mode : 0;
+  if ((mode & S_IRWXO) != 0)
+    return Error{ErrorKind::kBadInput, "every account of this machine may read or change these tokens",
+                 file.string(),
+                 "chmod 600 it; if another account has read it, make new ones (palpate token)"};
+  if (warn && (mode & S_IRWXG) != 0)
+    warn(file.string() + ": its owner's group may read or change these tokens; chmod 600 it");
   return parse(*text, file.string(), warn);
 }
 

@@ -23,7 +23,9 @@ class Tokens {
   /// @param warn  told the lines whose tokens could be guessed
   static Result<Tokens> parse(std::string_view text, const std::string& source,
                               const std::function<void(const std::string&)>& warn = {});
-  /// @param warn  also told when others than the file's owner may read it
+  /// Errors: those of read_file() and parse(), and a file that every account of the machine may read or
+  /// change.
+  /// @param warn  also reports a file that its owner's group may read or change
   static Result<Tokens> read(const std::filesystem::path& file,
                              const std::function<void(const std::string&)>& warn);
 

@@ -159,7 +159,7 @@ TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
   EXPECT_EQ(write_viewer_tokens(folder / "none" / "tokens", "view").error().kind, ErrorKind::kOutput);
 }
 
-TEST(Tokens, AFileThatOthersMayReadIsWarnedOf) {
+TEST(Tokens, AFileThatEverybodyMayReadIsRefusedAndOneOfAGroupWarnedOf) {
   const TemporaryFolder folder;
   constexpr const char* kStrong = "k7wq2mzr9xbt4hvc";
   const auto file = write_text(folder / "tokens", std::string("view ") + kStrong + "\n");
@@ -172,6 +172,15 @@ TEST(Tokens, AFileThatOthersMayReadIsWarnedOf) {
   ASSERT_TRUE(Tokens::read(file, warn).ok());
   EXPECT_NE(warned.find("chmod 600"), std::string::npos);
   EXPECT_EQ(warned.find(kStrong), std::string::npos);
+  for (const mode_t mode : {0644u, 0604u, 0602u, 0601u}) {
+    ::chmod(file.c_str(), mode);
+    const auto open_to_all = Tokens::read(file, {});
+    ASSERT_FALSE(open_to_all.ok()) << mode;
+    EXPECT_EQ(open_to_all.error().kind, ErrorKind::kBadInput);
+    EXPECT_EQ(open_to_all.error().where, file.string());
+    EXPECT_NE(open_to_all.error().remedy.find("chmod 600"), std::string::npos);
+    EXPECT_FALSE(holders_of_tokens(file).ok()) << mode;
+  }
   EXPECT_FALSE(Tokens::read(folder / "none", warn).ok());
 }
 

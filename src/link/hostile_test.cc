@@ -153,7 +153,7 @@ TEST_F(HostileTest, BodiesThatCouldBeReadInTwoWays) {
 TEST_F(HostileTest, GuessesOfTokens) {
   const palpate::test::TemporaryFolder folder;
   ViewerServerOptions options;
-  options.token_file = palpate::test::write_text(folder / "tokens", "view a-token-of-our-own-71\n");
+  options.token_file = palpate::test::write_private(folder / "tokens", "view a-token-of-our-own-71\n");
   TestServer guarded(options);
   TestViewer inside(guarded.port());
   ASSERT_EQ(inside.greet({{"token", "a-token-of-our-own-71"}})["type"], "welcome");

@@ -16,7 +16,7 @@ namespace palpate::link {
 namespace {
 
 using palpate::test::TemporaryFolder;
-using palpate::test::write_text;
+using palpate::test::write_private;
 using palpate::testing::Json;
 using palpate::testing::request;
 using palpate::testing::test_task;
@@ -41,7 +41,7 @@ struct School {
     for (const auto& [role, token] : kTokenOf)
       lines += std::string(name_of(role)) + " " + token + (role == Role::kLearner ? " L042\n" : "\n");
     ViewerServerOptions options;
-    options.token_file = write_text(folder / "tokens", lines);
+    options.token_file = write_private(folder / "tokens", lines);
     return options;
   }
   /// Who has said hello. @param more  of the hello

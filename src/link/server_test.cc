@@ -14,7 +14,7 @@ namespace palpate::link {
 namespace {
 
 using palpate::test::TemporaryFolder;
-using palpate::test::write_text;
+using palpate::test::write_private;
 using palpate::testing::FakeHost;
 using palpate::testing::Json;
 using palpate::testing::number_at;
@@ -138,7 +138,7 @@ TEST(ViewerServer, OptionsThatDoNotGoTogether) {
   EXPECT_EQ(kind_of(options), ErrorKind::kBadInput);
   // an address that no machine of ours has
   const TemporaryFolder folder;
-  options.token_file = write_text(folder / "tokens", "view 0123456789abcdef\n");
+  options.token_file = write_private(folder / "tokens", "view 0123456789abcdef\n");
   options.address = "192.0.2.1";
   EXPECT_EQ(kind_of(options), ErrorKind::kUnavailable);
 }
@@ -147,7 +147,7 @@ TEST(ViewerServer, OptionsThatDoNotGoTogether) {
 TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
   const TemporaryFolder folder;
   ViewerServerOptions options;
-  options.token_file = write_text(folder / "tokens", "view 0123456789abcdef\n");
+  options.token_file = write_private(folder / "tokens", "view 0123456789abcdef\n");
   for (const char* all : {"0.0.0.0", "::"}) {
     options.address = all;
     FakeHost host;

@@ -12,7 +12,7 @@ namespace palpate::link {
 namespace {
 
 using palpate::test::TemporaryFolder;
-using palpate::test::write_text;
+using palpate::test::write_private;
 using palpate::testing::FakeHost;
 using palpate::testing::Json;
 using palpate::testing::number_at;
@@ -127,8 +127,8 @@ struct Quiz {
     host.bring_near(on_the_ball());
     ViewerServerOptions options;
     options.port = 0;
-    options.token_file = write_text(folder / "tokens", std::string("learner ") + kLearnerToken +
-                                                           " L042\nteacher " + kTeacherToken + "\n");
+    options.token_file = write_private(folder / "tokens", std::string("learner ") + kLearnerToken +
+                                                              " L042\nteacher " + kTeacherToken + "\n");
     server = *ViewerServer::start(host, options);
   }
   TestAnswer get(const char* token, const std::string& path) const {

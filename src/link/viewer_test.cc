@@ -17,7 +17,7 @@ namespace palpate::link {
 namespace {
 
 using palpate::test::TemporaryFolder;
-using palpate::test::write_text;
+using palpate::test::write_private;
 using palpate::testing::Json;
 using palpate::testing::kPing;
 using palpate::testing::masked_frame;
@@ -36,8 +36,8 @@ struct GuardedServer {
   TemporaryFolder folder;
   TestServer test{[this] {
     ViewerServerOptions options;
-    options.token_file = write_text(folder / "tokens",
-                                    std::string("control ") + kControlToken + "\nview " + kViewToken + "\n");
+    options.token_file = write_private(
+        folder / "tokens", std::string("control ") + kControlToken + "\nview " + kViewToken + "\n");
     return options;
   }()};
 };
@@ -560,7 +560,7 @@ struct Crowd {
   Crowd() {
     ViewerServerOptions options;
     options.token_file =
-        write_text(folder / "tokens", std::string("control ") + kControl + "\nview " + kView + "\n");
+        write_private(folder / "tokens", std::string("control ") + kControl + "\nview " + kView + "\n");
     test.emplace(options);
   }
   /// What it is told: "welcome", or the close code.
