@@ -69,6 +69,10 @@ class Access {
     bool too_many_guesses = false;  ///< the token was not looked at: GuessLimit
   };
   Admission admit(std::string_view token, const AddressBlock& from, GuessLimit::Clock::time_point now);
+  /// Called about every 100 ms, so that nothing is known of an address a second after its last wrong token.
+  void forget_guesses(GuessLimit::Clock::time_point now) { guesses_.forget_the_quiet(now); }
+  /// Addresses of which a wrong token is remembered.
+  std::size_t addresses_remembered() const { return guesses_.addresses(); }
   /// The token of "Bearer TOKEN"; empty where it is none.
   static std::string_view bearer(std::string_view authorization);
 

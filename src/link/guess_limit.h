@@ -27,12 +27,13 @@ class GuessLimit {
   bool may_guess(const AddressBlock& from, Clock::time_point now);
   /// The token was wrong.
   void guessed_wrong(const AddressBlock& from, Clock::time_point now);
+  /// Removes the accounts of addresses that have not guessed for a second, at most every 100 ms. Without it
+  /// an account would outlast its second until the next token is shown.
+  void forget_the_quiet(Clock::time_point now);
   /// That have an account at present.
   std::size_t addresses() const { return accounts_.size(); }
 
  private:
-  void forget_the_quiet(Clock::time_point now);
-
   std::map<AddressBlock, TokenBucket> accounts_;
   TokenBucket shared_{kEachSecond, kAtOnce, {}};
   Clock::time_point forgot_{};

@@ -116,6 +116,28 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   EXPECT_EQ(limit.addresses(), 0u);
 }
 
+// the hub's sweep asks for it, whether or not anybody shows a token
+TEST(GuessLimit, NoAddressIsRememberedForLongerThanASecond) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE(seed);
+  std::mt19937 random(seed);
+  for (int round = 0; round < 200; ++round) {
+    Access access = guarded();
+    Clock::time_point now{std::chrono::hours(1)}, last = now;
+    const int guesses = 1 + static_cast<int>(random() % 12);
+    for (int n = 0; n < guesses; ++n) {
+      now += std::chrono::milliseconds(random() % 250);
+      // one that is refused without a look counts for nothing
+      if (!access.admit("wrong-token-of-some-length", block("10.1.2.3"), now).too_many_guesses) last = now;
+      access.forget_guesses(now);
+      EXPECT_EQ(access.addresses_remembered(), 1u) << round;
+    }
+    for (now = last; now < last + 1s; now += 100ms) access.forget_guesses(now);
+    access.forget_guesses(last + 1s);
+    EXPECT_EQ(access.addresses_remembered(), 0u) << round;
+  }
+}
+
 TEST(GuessLimit, TheSiteSaysWhenToTryAgain) {
   testing::FakeHost host;
   Site site(host, guarded(), VolumeFacts{"00aa", 1, 0, {0, 1}, false});

@@ -97,6 +97,27 @@ TEST_F(HostileTest, MalformedRequests) {
     EXPECT_EQ(status_of(bytes), 400) << bytes;
 }
 
+// RFC 9112, 5.2: a proxy before the server may see another header than the server does
+TEST_F(HostileTest, ObsoleteLineFolding) {
+  const std::string host = "Host: " + test.host_name() + "\r\n";
+  for (const std::string& head :
+       {host + "X-Note: a\r\n b\r\n", host + "X-Note: a\r\n\tb\r\n", host + "X-Note: a\r\n \r\n",
+        host + "X-Note:\r\n Content-Length: 5\r\n", "Host:\r\n " + test.host_name() + "\r\n",
+        host + "Authorization: Bearer\r\n " + kCanary + "\r\n"}) {
+    TestSocket socket(test.port());
+    socket.send("GET / HTTP/1.1\r\n" + head + "\r\n");
+    EXPECT_EQ(read_answer(socket).status, 400) << head;
+    EXPECT_TRUE(socket.closes()) << head;
+  }
+  EXPECT_EQ(TestViewer(test.port(), "X-Note: a\r\n b\r\n").opening().status, 400);
+  // white space within a line folds nothing, in the next head of a connection neither
+  TestSocket socket(test.port());
+  for (int n = 0; n < 2; ++n) {
+    socket.send("GET / HTTP/1.1\r\n" + host + "X-Note: \t a  b\t\r\n\r\n");
+    EXPECT_EQ(read_answer(socket).status, 200);
+  }
+}
+
 TEST_F(HostileTest, ForeignHostsAndOrigins) {
   EXPECT_EQ(request(test.port(), "GET", "/", "Host: DOE^CANARY.example\r\n").status, 421);
   EXPECT_EQ(status_of("GET / HTTP/1.1\r\n\r\n"), 421);

@@ -488,6 +488,7 @@ void Hub::sweep() {
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->check(now);
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->check(now);
   log_.catch_up(now);
+  site_.access().forget_guesses(now);
   if (welcomed_ == 0) return;
   health_ = host_.health();
   answer_late();

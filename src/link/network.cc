@@ -275,6 +275,25 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
   std::function<void()> on_control_;
 };
 
+/// What a connection has sent and no head has used. Beast unfolds a header of several lines as it parses it;
+/// a proxy that does not would read another header, so the bytes are searched before they are gone.
+class HeadBuffer : public beast::flat_static_buffer<2 * HttpConnection::kMostHead_bytes> {
+ public:
+  void consume(std::size_t bytes) {
+    const std::string_view used(static_cast<const char*>(data().data()), std::min(bytes, size()));
+    for (std::size_t end = used.find('\n'); end != std::string_view::npos; end = used.find('\n', end + 1))
+      is_folded_ =
+          is_folded_ || used.substr(end + 1).starts_with(' ') || used.substr(end + 1).starts_with('\t');
+    flat_static_buffer::consume(bytes);
+  }
+  /// Whether a line that was consumed since then began with white space.
+  bool is_folded() const { return is_folded_; }
+  void begin_head() { is_folded_ = false; }
+
+ private:
+  bool is_folded_ = false;
+};
+
 class BeastHttp : public HttpConnection, public std::enable_shared_from_this<BeastHttp> {
  public:
   explicit BeastHttp(std::unique_ptr<Stream> stream) : stream_(std::move(stream)) {
@@ -300,6 +319,7 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
 
   void read_head(std::function<void(Head)> then) override {
     parser_.emplace();
+    input_.begin_head();
     parser_->header_limit(kMostHead_bytes);
     // a body is refused when it is known who asks, and never read
     parser_->body_limit(std::numeric_limits<std::uint64_t>::max());
@@ -308,6 +328,7 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
         [self = shared_from_this(), then = std::move(then)](ErrorCode failed, std::size_t head_bytes) {
           // the parser's own limit leaves some of the ends of lines out
           if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
+          if (!failed && self->input_.is_folded()) failed = http::error::bad_value;
           then(outcome(failed));
         });
   }
@@ -398,7 +419,7 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
   std::unique_ptr<Stream> stream_;
   std::string peer_ = "gone", local_address_;
   AddressBlock from_{};
-  beast::flat_static_buffer<2 * kMostHead_bytes> input_;
+  HeadBuffer input_;
   std::optional<http::request_parser<http::empty_body>> parser_;
 };
 
