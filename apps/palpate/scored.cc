@@ -89,8 +89,9 @@ bool is_run_of_task(const RecordingHeader& header, const std::string& asked, con
 Result<OfferedTask> offered_task(const std::string& name_or_file) {
   auto task = load_task(name_or_file);
   if (!task) return task.error();
+  // a file's name may be a patient's, and a task's name is told to viewers
   const std::string name = std::filesystem::path(name_or_file).stem().string();
-  return OfferedTask{name.empty() ? "task" : printable_name(name), *std::move(task)};
+  return OfferedTask{is_brought_along(name, task->text_hash) ? name : "task", *std::move(task)};
 }
 
 Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,

@@ -2,7 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <memory>
+#include <stdexcept>
+#include <system_error>
+
+#include "palpate/base/reason.h"
 
 namespace palpate {
 namespace {
@@ -27,6 +32,13 @@ TEST(ResultDeathTest, ReadingTheSideThatIsNotThereNamesItself) {
   EXPECT_DEATH((void)error.value(), "bug: check 'ok\\(\\)' failed");
   const Result<void> success;
   EXPECT_DEATH((void)success.error(), "bug: check '!ok\\(\\)' failed");
+}
+
+TEST(ReasonOf, NamesNoFile) {
+  const std::error_code failed = std::make_error_code(std::errc::no_such_file_or_directory);
+  EXPECT_EQ(reason_of(std::filesystem::filesystem_error("cannot open", "/home/DOE^CANARY", failed)),
+            failed.message());
+  EXPECT_EQ(reason_of(std::runtime_error("out of luck")), "out of luck");
 }
 
 }  // namespace

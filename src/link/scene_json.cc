@@ -4,6 +4,7 @@
 
 #include "link/pose_message.h"
 #include "link/task_json.h"
+#include "link/told_error.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 #include "palpate_version.h"
@@ -126,10 +127,6 @@ Json no_go_json(const ViewedNoGo& region) {
   return json;
 }
 
-Json error_json(const Error& error) {
-  return {{"what", shown(error.what)}, {"where", shown(error.where)}, {"how", printable(error.remedy)}};
-}
-
 Json recording_json(const ViewedRecording& recording) {
   Json contacts = Json::array(), events = Json::array();
   for (const ViewedRecording::Contact& contact : recording.contacts)
@@ -172,7 +169,7 @@ Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
 Json playback_json(const ViewedState::Playback& playback) {
   return {{"playing", playback.playing},
           {"speed", playback.speed},
-          {"failed", playback.failure ? error_json(*playback.failure) : Json()}};
+          {"failed", playback.failure ? told_error(*playback.failure) : Json()}};
 }
 
 }  // namespace
@@ -230,9 +227,9 @@ std::string state_json(const ViewedState& state, const StateReader& reader) {
   json["method"] = state.method;
   json["law"] = state.law;
   json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
-  json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
+  json["law_failed"] = state.law_failure ? told_error(*state.law_failure) : Json();
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
-  json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
+  json["method_failed"] = state.method_failure ? told_error(*state.method_failure) : Json();
   json["friction"] = state.friction;
   json["viscosity"] = state.viscosity;
   json["passivity"] = state.passivity;
@@ -309,7 +306,7 @@ std::string asked_json(std::int64_t id) {
 
 std::string refused_json(std::int64_t id, const Error& error) {
   Json json = {{"type", "refused"}, {"id", id}};
-  json.update(error_json(error));
+  json.update(told_error(error));
   return text_of(json);
 }
 

@@ -108,7 +108,7 @@ TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
   state.playback = {true, -2, Error{ErrorKind::kBadInput, "has changed", "run.h5", "open it again"}};
   EXPECT_EQ(Json::parse(state_json(state, reader(1, 0, 1)))["playback"],
             Json::parse(R"({"playing": true, "speed": -2.0,
-                            "failed": {"what": "has changed", "where": "run.h5", "how": "open it again"}})"));
+                            "failed": {"what": "has changed", "where": "", "how": "open it again"}})"));
 }
 
 TEST(SceneJson, StateAndAnswers) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "link/told_error.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 
@@ -167,10 +168,7 @@ std::string debriefing_json(const ViewedDebriefing& told) {
   json["runs"] = told.runs;
   json["in_a_row"] = told.in_a_row;
   json["kept"] = or_null(told.kept);
-  json["not_kept"] = told.not_kept ? Json{{"what", printable_name(told.not_kept->what)},
-                                          {"where", ""},
-                                          {"how", printable(told.not_kept->remedy)}}
-                                   : Json();
+  json["not_kept"] = told.not_kept ? told_error(*told.not_kept) : Json();
   return line_of(json);
 }
 

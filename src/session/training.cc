@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "palpate/base/learner.h"
+#include "palpate/base/reason.h"
 
 namespace palpate {
 namespace {
@@ -242,7 +243,7 @@ void Training::keep() {
       }
     } catch (const std::exception& why) {
       finished.history.not_kept =
-          Error{ErrorKind::kUnavailable, std::string("the run could not be kept: ") + why.what(), "", ""};
+          Error{ErrorKind::kUnavailable, std::string("the run could not be kept: ") + reason_of(why), "", ""};
     }
     try {
       finished.history.best.resize(task.metrics.size(), kNotKnown);

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "palpate/base/reading.h"
+#include "palpate/base/reason.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/told_loop.h"
@@ -80,7 +81,7 @@ Error made_for_others() {
 }
 Error not_made(const std::exception& why) {
   return {ErrorKind::kUnavailable,
-          std::string("the fields of the direct methods could not be made: ") + why.what(), "",
+          std::string("the fields of the direct methods could not be made: ") + reason_of(why), "",
           "go on by the proxy, or end other programs for their memory"};
 }
 
@@ -262,7 +263,7 @@ void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress&
       return parts_.other_law(*of, law, parts_.devices.size(), progress);
     } catch (const std::exception& why) {
       return Error{ErrorKind::kUnavailable,
-                   std::string("soft tissue's surfaces could not be made: ") + why.what(), "",
+                   std::string("soft tissue's surfaces could not be made: ") + reason_of(why), "",
                    "go on by this law, or end other programs for their memory"};
     }
   }();

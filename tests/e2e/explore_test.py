@@ -117,7 +117,7 @@ class Viewer:
     """A viewer that is a program: the WebSocket of docs/reference/viewer-protocol.md, and what is served beside it."""
 
     def __init__(self, address, token=None):
-        self.address = address
+        self.address, self.wire = address, bytearray()
         host, port = re.fullmatch(r"http://([\d.]+):(\d+)/", address).groups()
         self.socket = socket.create_connection((host, int(port)), timeout=300)
         key = base64.b64encode(os.urandom(16)).decode()
@@ -138,6 +138,7 @@ class Viewer:
             if not piece:
                 raise AssertionError("the server has hung up")
             data += piece
+        self.wire += data
         return data
 
     def send(self, message):
@@ -198,6 +199,17 @@ class Viewer:
 
     def close(self):
         self.socket.close()
+
+
+def http_get(address, path, token):
+    """The head and the body of an answer, whatever its status; the body as it was before it was compressed."""
+    host, port = re.fullmatch(r"http://([\d.]+):(\d+)/", address).groups()
+    with socket.create_connection((host, int(port)), timeout=300) as connection:
+        connection.sendall(f"GET /{path} HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: close\r\nAccept-Encoding: gzip\r\n"
+                           f"Authorization: Bearer {token}\r\n\r\n".encode())
+        data = b"".join(iter(lambda: connection.recv(1 << 16), b""))
+    head, body = data.split(b"\r\n\r\n", 1)
+    return head, gzip.decompress(body) if b"Content-Encoding: gzip" in head else body
 
 
 CONTACT, STALE, INSIDE = 16, 512, 1 << 17
@@ -481,7 +493,7 @@ class Explore(cli.PalpateTest):
         self.assertEqual((code, SLOW_MACHINE.sub("", terminal.shown)), (cli.OK, ""))
         self.assertIn("lateness us", out)
 
-    def viewed(self, *arguments):
+    def viewed(self, *arguments, token=None):
         """A session in the background with a viewer: its process, the viewer, and what was told until then."""
         process = subprocess.Popen([cli.PALPATE, *map(str, arguments)], stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -492,7 +504,7 @@ class Explore(cli.PalpateTest):
             line = process.stderr.readline()
             self.assertTrue(line, f"ended without an address: {told}")
             told += line
-        viewer = Viewer(address.group(1))
+        viewer = Viewer(address.group(1), token)
         self.addCleanup(viewer.close)
         return process, viewer, told
 
@@ -588,6 +600,84 @@ class Explore(cli.PalpateTest):
                 self.assertRegex(plan.read_text(), r'(?s)^# for Monday\ntitle = "p"\n.*name = "other"')
             else:
                 self.assertEqual(plan.read_text(), text)
+
+    @cli.long
+    def test_viewers_are_told_the_name_of_no_file(self):
+        # every name carries a word of its own; where which of them may stand, the manual says
+        folder = self.folder / "CANARYFOLDER"
+        plans = folder / "CANARYPLANS"
+        plans.mkdir(parents=True)
+        labels, scan = folder / "CANARYLABELS.seg.nrrd", folder / "CANARYSCAN.nii.gz"
+        scene, task, plan = folder / "CANARYSCENE.toml", folder / "CANARYTASK.toml", plans / "CANARYPLAN.toml"
+        tokens, records, recording = folder / "CANARYTOKENS", folder / "CANARYRECORDS.db", folder / "CANARYRECORDING.h5"
+        n = 40
+        ball = bytes(1 if (i - 20) ** 2 + (j - 20) ** 2 + (k - 20) ** 2 < 100 else 0
+                     for k in range(n) for j in range(n) for i in range(n))
+        privacy_test.nrrd_with_canary(labels, (n, n, n), ball)
+        privacy_test.nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", 100 * v + 7) for v in ball))
+        self.succeed("scene", "new", scan, labels, "-o", scene)
+        scene.write_text(scene.read_text().replace("felt = false", "felt = true"))
+        task.write_text('title = "Hold"\nbriefing = "Press."\nend = "recording"\n[[region]]\nname = "all"\nstructures = ["ball"]\n'
+                        '[[step]]\nname = "hold"\nregion = "all"\nforce = [0.2, 20]\nseconds = 1\n[[metric]]\nname = "time"\n')
+        roles = {role: self.succeed("token", "--role", role, *more).stdout for role, more in
+                 {"view": (), "control": (), "teacher": (), "learner": ("--learner", "CANARYLEARNER")}.items()}
+        tokens.write_text("".join(roles.values()))
+        tokens.chmod(0o600)
+        before = {path for path in self.folder.rglob("*") if path.is_file()}
+        process, control, _ = self.viewed("explore", scene, "--device", "pointer", "--port", "0", "--token-file", tokens, "--records", records,
+                                          "--task", task, "--plan", plan, "-o", recording, token=roles["control"].split()[1])
+        viewers = {"control": control}
+        for role in ("view", "learner", "teacher"):
+            viewers[role] = Viewer(control.address, roles[role].split()[1])
+            self.addCleanup(viewers[role].close)
+        self.assertEqual(control.ask(type="plan", version=1, trajectory=0, name="way", entry_mm=[0, 0, 0], target_mm=[0, 0, 9])["type"], "done")
+        # the plan's folder is gone, and a file has its name
+        plans.rename(folder / "CANARYGONE")
+        plans.write_text("in the way")
+        refused = control.ask(type="plan", version=2, save=True)
+        self.assertEqual((refused["type"], refused["where"]), ("refused", ""), refused)
+        self.assertIn("a file and not a folder", refused["what"])
+        offered = json.loads(http_get(control.address, "api/scene", roles["control"].split()[1])[1])["tasks"]
+        self.assertEqual([one["name"] for one in offered], ["task"])
+        answers = []
+        for role, viewer in viewers.items():
+            for request in ({"type": "set", "method": "b-spline"}, {"type": "set", "method": "none"}, {"type": "set", "law": "none"}, {"type": "set", "max_force_N": 99},
+                            {"type": "set", "motor": True}, {"type": "set", "paused": False}, {"type": "tissue", "tissue": 9, "static_friction": 0.1},
+                            {"type": "tissue", "tissue": 0, "stiffness_N_per_mm": 1e9}, {"type": "undo"}, {"type": "redo"}, {"type": "stop"},
+                            {"type": "rearm", "stop": 99}, {"type": "rearm", "stop": 1, "code": "000000"}, {"type": "pointer", "take": True}, {"type": "task", "begin": "CANARYLESS"},
+                            {"type": "task", "begin": "task"}, {"type": "task", "end": True}, {"type": "task", "end": True}, {"type": "play", "at_s": 1},
+                            {"type": "lesson", "task": "none"}, {"type": "lesson", "learner": "CANARYLEARNER"}, {"type": "lesson", "names": True},
+                            {"type": "plan", "version": 2, "save": True}, {"type": "plan", "version": 1, "save": True}, {"type": "plan", "version": 2, "trajectory": 7, "remove": True},
+                            {"type": "plan", "version": 2, "back_to": 77}, {"type": "nothing"}, {"type": "set", "no_such_key": 1}, {"type": "pointer", "take": False}):
+                answers.append(viewer.ask(**request))
+        # the ball's fields are made, and the run is kept, in their own time
+        viewers["teacher"].ask(type="task", begin="task")
+        viewers["teacher"].ask(type="task", end=True)
+        until = time.monotonic() + 2
+        while time.monotonic() < until:
+            for viewer in viewers.values():
+                viewer.next()
+        self.assertGreater(sum(answer["type"] == "refused" for answer in answers), 40)
+        wire = [bytes(viewer.wire) for viewer in viewers.values()]
+        hash_of = json.loads(http_get(control.address, "api/scene", roles["view"].split()[1])[1])["volume"]["hash"]
+        for line in [*roles.values(), "x no-token-at-all-of-ours"]:
+            for path in ("", "api/scene", "api/curves", f"api/labels/{hash_of}", f"api/scan/{hash_of}", "api/scan/none", "api/nothing", "../CANARYLESS"):
+                wire += http_get(control.address, path, line.split()[1])
+        viewers["teacher"].ask(type="lesson", end=True)
+        out, error = process.communicate(timeout=300)
+        wire.append(bytes(viewers["teacher"].wire))
+        self.assertTrue(any(b"CANARYLEARNER" in data for data in wire), "the teacher is told whose the runs are")
+        for data in wire:
+            # what viewers sent is said by no answer but a learner's pseudonym
+            self.assertNotIn(b"CANARY", data.replace(b"CANARYLEARNER", b""))
+        # of what the session wrote, the records alone hold a name: the learner's pseudonym
+        made = {path for path in self.folder.rglob("*") if path.is_file()} - before
+        self.assertLessEqual({records, recording}, made)
+        for path in made - {folder / "CANARYPLANS"}:
+            for content in privacy_test.everything_in(path):
+                # h5dump says which file it dumps
+                content = content.replace(str(path).encode(), b"")
+                self.assertNotIn(b"CANARY", content.replace(b"CANARYLEARNER", b"") if path.name.startswith(records.name) else content, path.name)
 
     @cli.long
     def test_a_teacher_ends_the_session_and_a_learner_s_run_is_his_own(self):

@@ -22,7 +22,7 @@
 /// a run does not pass.
 namespace palpate {
 
-/// A task that may be begun, by the name by which viewers ask for it.
+/// A task that may be begun, by the name by which viewers ask for it: never that of a user's file.
 struct OfferedTask {
   std::string name;
   TaskFile file;
