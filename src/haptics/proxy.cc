@@ -1382,6 +1382,8 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
     if (!covered) {
       uncover(surfaces, spheres, hand, tip_before, layer, state.release);
+      // it is put there, and has gone no way
+      if (n == 0 && way != nullptr) way->add(layer.position, layer.attitude);
       continue;
     }
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;

@@ -95,7 +95,10 @@ struct ProxyRun {
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,
         {.dt_s = dt_s, .yields = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
-    if (before.coupled && way.count > 0)
+    // one that is let go is put at the tip
+    const bool let_go =
+        before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();
+    if (before.coupled && way.count > 0 && !let_go)
       look_along({before.position, before.attitude}, {way.corner[0], way.attitude[0]});
     for (std::size_t n = 1; n < way.count; ++n)
       look_along({way.corner[n - 1], way.attitude[n - 1]}, {way.corner[n], way.attitude[n]});
