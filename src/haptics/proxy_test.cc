@@ -603,6 +603,26 @@ TEST(ProxyLayers, TellHowMuchOfTheWayLiesInEachAndWhatItGives) {
   EXPECT_NEAR(run.result.felt[1].share, 7.5 / 7.86, 1e-3);
 }
 
+// A fast hand takes the tool out within one tick, all the more where a device has few of them.
+TEST(ProxyLayers, AToolThatIsLiftedOffWithinATickFeelsNothing) {
+  const auto flat_mm = [](const Eigen::Vector3d& p) { return p.z() + 2; };
+  const auto slope_mm = [](const Eigen::Vector3d& p) { return 0.8 * (p.z() + 2) - 0.6 * p.x(); };
+  const auto groove_mm = [](const Eigen::Vector3d& p) { return 0.6 * (p.z() + 2) - 0.8 * std::abs(p.x()); };
+  for (const Distance& hard_mm : std::initializer_list<Distance>{flat_mm, slope_mm, groove_mm})
+    for (const double above_mm : {0.1, 0.6, 3.0}) {
+      SCOPED_TRACE(above_mm);
+      ProxyRun run = layered(0.1, 1.5, hard_mm);
+      run.spheres = {{{}, 0.5}, {{0, 0, 4}, 1}};
+      run.at({0, 0, 5});
+      run.lead({0, 0, 5}, {0, 0, -4}, 0.02);
+      EXPECT_GT(run.result.of_layer[0].force_N.norm(), 0.1);
+      EXPECT_GT(run.result.of_layer[1].force_N.norm(), 1);
+      run.at({0, 0, 0.5 + above_mm});
+      EXPECT_EQ(run.result.force_N, Vector<Patient>());
+      EXPECT_EQ(run.result.stored_mJ, 0);
+    }
+}
+
 TEST(ProxyLayers, OnASlopeUnderFatTheForceIsTheGradientOfWhatIsStored) {
   const double tilt = 0.5235987755982988;  // 30 degrees
   const auto slope_mm = [&](const Eigen::Vector3d& p) {
