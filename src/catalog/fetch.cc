@@ -1,6 +1,10 @@
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <ctime>
 #include <utility>
 
 #include "catalog/fetch_files.h"
@@ -30,26 +34,62 @@ Result<void> check_options(const FetchOptions& options) {
   return {};
 }
 
-// a folder for what is not whole yet, inside the target so that renaming stays on one disk
+constexpr std::string_view kWorkFolder = ".palpate-XXXXXX";
+
+// A folder for what is not whole yet, inside the target so that renaming stays on one disk. Locked while its
+// process lives (flock), so that the next one knows what a killed process left.
 class WorkFolder {
  public:
   static Result<WorkFolder> create(const fs::path& parent) {
-    std::string pattern = (parent / ".palpate-XXXXXX").string();
+    sweep(parent);
+    std::string pattern = (parent / kWorkFolder).string();
     if (::mkdtemp(pattern.data()) == nullptr) return output_error(parent, errno);
     return WorkFolder(pattern);
   }
   WorkFolder(WorkFolder&& other) noexcept
-      : path_(std::exchange(other.path_, {})), unfinished_(std::move(other.unfinished_)) {}
+      : path_(std::exchange(other.path_, {})),
+        lock_(std::exchange(other.lock_, -1)),
+        unfinished_(std::move(other.unfinished_)) {}
   WorkFolder& operator=(WorkFolder&&) = delete;
   ~WorkFolder() {
     std::error_code ignored;
     if (!path_.empty()) fs::remove_all(path_, ignored);
+    if (lock_ >= 0) ::close(lock_);
   }
   const fs::path& path() const { return path_; }
 
  private:
-  explicit WorkFolder(fs::path path) : path_(std::move(path)), unfinished_(path_) {}
+  explicit WorkFolder(fs::path path) : path_(std::move(path)), lock_(locked(path_)), unfinished_(path_) {}
+
+  // -1: another process has it, it is no folder, or the disk knows no locks
+  static int locked(const fs::path& folder) {
+    const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+    if (descriptor < 0 || ::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return descriptor;
+    ::close(descriptor);
+    return -1;
+  }
+  static void sweep(const fs::path& parent) {
+    // one that is younger may not be locked yet
+    constexpr std::time_t kLeast_s = 60;
+    constexpr std::size_t kPrefix = kWorkFolder.find('X');
+    std::error_code failed;
+    fs::directory_iterator entry(parent, failed);
+    for (; !failed && entry != fs::directory_iterator(); entry.increment(failed)) {
+      const std::string name = entry->path().filename().string();
+      if (name.size() != kWorkFolder.size() || !name.starts_with(kWorkFolder.substr(0, kPrefix))) continue;
+      struct stat status {};
+      const int lock = locked(entry->path());
+      if (lock < 0) continue;
+      std::error_code ignored;
+      if (::fstat(lock, &status) == 0 && status.st_uid == ::geteuid() &&
+          status.st_mtime + kLeast_s < std::time(nullptr))
+        fs::remove_all(entry->path(), ignored);
+      ::close(lock);
+    }
+  }
+
   fs::path path_;
+  int lock_;
   UnfinishedFolder unfinished_;
 };
 

@@ -1,6 +1,10 @@
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 
 #include "base/test_files.h"
 #include "catalog/test_server.h"
@@ -194,6 +198,30 @@ TEST_F(FetchTest, InterruptedPhantomLeavesNothing) {
   ASSERT_FALSE(data);
   EXPECT_EQ(data.error().kind, ErrorKind::kInterrupted);
   EXPECT_TRUE(fs::is_empty(into.path()));
+}
+
+TEST_F(FetchTest, WhatAKilledRunLeftIsSwept) {
+  const TemporaryFolder into;
+  const auto left = [&](const char* name, std::time_t age_s) {
+    const fs::path made = into.path() / name;
+    fs::create_directories(made);
+    write_text(made / "labels.seg.nrrd", "half");
+    fs::last_write_time(made, fs::file_time_type::clock::now() - std::chrono::seconds(age_s));
+    return made;
+  };
+  const fs::path killed = left(".palpate-a1B2c3", 3600), begun_now = left(".palpate-d4E5f6", 0),
+                 lives = left(".palpate-g7H8i9", 3600), somebodys = left(".palpate-of-somebody", 3600);
+  const int lock = ::open(lives.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  ASSERT_EQ(::flock(lock, LOCK_EX | LOCK_NB), 0);
+  FetchOptions options;
+  options.into = into.path();
+  options.voxel_mm = 3;
+  ASSERT_TRUE(fetch("knee-phantom", options));
+  EXPECT_FALSE(fs::exists(killed));
+  EXPECT_TRUE(fs::exists(begun_now)) << "it may not have locked its folder yet";
+  EXPECT_TRUE(fs::exists(lives));
+  EXPECT_TRUE(fs::exists(somebodys)) << "no folder of ours is called so";
+  ::close(lock);
 }
 
 TEST_F(FetchTest, PackageIsPointedTo) {

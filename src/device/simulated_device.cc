@@ -51,6 +51,17 @@ const std::vector<PlantHand>& known_plant_hands() {
   return hands;
 }
 
+const std::vector<PlantHand>& plant_hands_with_skin() {
+  // mass kg, damping N.s/m, stiffness N/m, and between them and the device N/m and N.s/m: a pad of a finger
+  // has about 1000 and 1 (Wiertlewski & Hayward 2012), and a pen is held by two or three
+  static const std::vector<PlantHand> hands{
+      {"pen-grip", 0.15, 2, 80, 2000, 0.5},
+      {"firm-pen-grip", 0.15, 6, 500, 2000, 0.5},
+      {"fingertip", 0.02, 1, 200, 1000, 1},
+  };
+  return hands;
+}
+
 Result<PlantDevice> find_plant_device(const std::string& name) {
   return find_named(known_plant_devices(), name, "device");
 }
@@ -84,7 +95,9 @@ void SimulatedDevice::reset(const Point<Device>& tip) {
   target_mm_ = previous_target_mm_ = tip;
   position_m_ = tip.eigen() * kMetresPerMm;
   velocity_m_s_.setZero();
-  time_s_ = 0;
+  hand_m_ = position_m_;
+  hand_m_s_.setZero();
+  time_s_ = work_mJ_ = 0;
   first_ = count_ = 0;
   push({0, Eigen::Vector3d::Zero()});
 }
@@ -125,27 +138,39 @@ Vector<Device> SimulatedDevice::true_velocity_mm_s() const {
 void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
   push({time_s_ + delay_s_, saturated(command.force_N.eigen(), device_.peak_force_N)});
 
-  const double mass_kg = device_.mass_kg + hand_.mass_kg;
+  const bool has_skin = hand_.has_skin();
+  const double mass_kg = has_skin ? device_.mass_kg : device_.mass_kg + hand_.mass_kg;
   const Eigen::Vector3d from_m = previous_target_mm_.eigen() * kMetresPerMm;
   const Eigen::Vector3d intended_velocity_m_s =
       (target_mm_ - previous_target_mm_).eigen() * kMetresPerMm / dt_s;
   const int steps = std::max(1, static_cast<int>(std::lround(dt_s / kStep_s)));
   const double h = dt_s / steps;
+  work_mJ_ = 0;
   for (int i = 0; i < steps; ++i) {
     // zero-order hold
     const Eigen::Vector3d& held_N = acting_at(time_s_ + (i + 0.5) * h).force_N;
 
-    // the hand's spring and damper to the intended motion, the device's damping, then Coulomb friction
-    // as an impulse that can at most stop the motion: stick
+    // the hand's spring and damper to the intended motion, the skin's to the hand's where it has some, the
+    // device's damping, then Coulomb friction as an impulse that can at most stop the motion: stick
     const Eigen::Vector3d intended_m = from_m + intended_velocity_m_s * ((i + 1) * h);
-    const Eigen::Vector3d force_N = held_N + hand_.stiffness_N_per_m * (intended_m - position_m_) +
-                                    hand_.damping_N_s_per_m * (intended_velocity_m_s - velocity_m_s_) -
-                                    device_.damping_N_s_per_m * velocity_m_s_;
+    const Eigen::Vector3d& led_m = has_skin ? hand_m_ : position_m_;
+    const Eigen::Vector3d& led_m_s = has_skin ? hand_m_s_ : velocity_m_s_;
+    const Eigen::Vector3d hand_N = hand_.stiffness_N_per_m * (intended_m - led_m) +
+                                   hand_.damping_N_s_per_m * (intended_velocity_m_s - led_m_s);
+    Eigen::Vector3d held_by_N = hand_N;
+    if (has_skin) {
+      held_by_N =
+          hand_.skin_N_per_m * (hand_m_ - position_m_) + hand_.skin_N_s_per_m * (hand_m_s_ - velocity_m_s_);
+      hand_m_s_ += (hand_N - held_by_N) * (h / hand_.mass_kg);
+      hand_m_ += hand_m_s_ * h;
+    }
+    const Eigen::Vector3d force_N = held_N + held_by_N - device_.damping_N_s_per_m * velocity_m_s_;
     velocity_m_s_ += force_N * (h / mass_kg);
     const double speed = velocity_m_s_.norm();
     const double friction_step = device_.coulomb_N * h / mass_kg;
     velocity_m_s_ *= speed > friction_step ? 1 - friction_step / speed : 0;
     position_m_ += velocity_m_s_ * h;
+    work_mJ_ += held_N.dot(velocity_m_s_) * h * 1e3;
   }
   time_s_ += dt_s;
   previous_target_mm_ = target_mm_;

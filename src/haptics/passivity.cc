@@ -35,6 +35,13 @@ double softened(const PassivityInput& input, double step_mm, const PassivityStat
   return std::max(kPassivityFeel.owing_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
 }
 
+// A damper whose force comes later makes a light tip swing by itself. Held for a tick, it is half a tick late
+// in the mean.
+double most_damping_N_s_per_m(const PassivityInput& input) {
+  return std::min(kPassivityFeel.most_damping_N_s_per_m,
+                  kPassivityFeel.most_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
+}
+
 // The part of the force that is left to a damper that takes off what is not covered within the tick, as far
 // as it may.
 double damped(const PassivityInput& input, double force_N, double step_mm, const PassivityState& state,
@@ -45,7 +52,7 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
   const double missing_mJ = force_N * (way_mm + kPassivityFeel.reserve_steps * step_mm) +
                             std::max(0.0, input.pending_N_s) * state.speed_mm_s - state.energy_mJ;
   if (missing_mJ <= 0) return 1;
-  damping_N_s_per_m = std::min(kPassivityFeel.most_damping_N_s_per_m,
+  damping_N_s_per_m = std::min(most_damping_N_s_per_m(input),
                                missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }

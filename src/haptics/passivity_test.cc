@@ -197,5 +197,24 @@ TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
   EXPECT_EQ(keep_passive(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
 }
 
+// A tip that is let out fast, with a debt that no damping would be too much for.
+TEST(Passivity, DampsTheLessTheLaterItsForceActs) {
+  for (const double rate_hz : {1000.0, 250.0})
+    for (const double delay_s : {0.0, 1e-3, 4e-3}) {
+      SCOPED_TRACE(std::to_string(rate_hz) + " Hz, " + std::to_string(delay_s) + " s");
+      const double dt_s = 1 / rate_hz;
+      const Vector<World> push(1, 0, 0);
+      PassivityState state;
+      PassivityInput input{push, push.norm(), push, {0.1, 0, 0}, kUnknown_mJ, 0.5, kStep_mm, dt_s};
+      input.delay_s = delay_s;
+      double damping_N_s_per_m = 0;
+      for (int n = 0; n < 10; ++n) damping_N_s_per_m = keep_passive(input, true, state).damping_N_s_per_m;
+      EXPECT_NEAR(damping_N_s_per_m,
+                  std::min(kPassivityFeel.most_damping_N_s_per_m,
+                           kPassivityFeel.most_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),
+                  1e-12);
+    }
+}
+
 }  // namespace
 }  // namespace palpate

@@ -117,7 +117,7 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   look_for_swing(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
   // a force that is held for long comes late, too
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
-  const double delay_s = own.delay_s + hand.swing.later_s + held_s;
+  const double told_s = own.delay_s + hand.swing.later_s, delay_s = told_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
   // a force that fades out gets nothing back that was held back
   const bool faded_out = request.off && hand.output.gain == 0;
@@ -128,11 +128,11 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double asked_N = request.asked.force_N.norm();
   const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
-  const PassivityOutput kept =
-      keep_passive({request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N,
-                    way_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-                    still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), velocity_mm_s},
-                   parameters.passivity, hand.passivity);
+  const PassivityOutput kept = keep_passive(
+      {request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N, way_mm,
+       tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
+       still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), told_s, velocity_mm_s},
+      parameters.passivity, hand.passivity);
   const double factor = std::min(kept.factor, most);
   if (factor == 1) return;
   if (within < 1) out.flags |= kFlagClamped;

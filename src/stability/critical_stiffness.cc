@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <vector>
 
 #include "stability/critical_stiffness_hold.h"
 
@@ -87,9 +89,11 @@ double recommended_damping_N_s_per_mm(const PlantDevice& device, double rate_hz,
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress) {
   double least = kStiffestWall_N_per_mm;
-  for (const char* grip : {"light-grip", "firm-grip"}) {
-    const auto critical =
-        critical_stiffness_N_per_mm({device, *find_plant_hand(grip), rate_hz, delay_s}, progress);
+  std::vector<PlantHand> grips{*find_plant_hand("light-grip"), *find_plant_hand("firm-grip")};
+  std::ranges::copy_if(plant_hands_with_skin(), std::back_inserter(grips),
+                       [](const PlantHand& hand) { return hand.name != "fingertip"; });
+  for (const PlantHand& grip : grips) {
+    const auto critical = critical_stiffness_N_per_mm({device, grip, rate_hz, delay_s}, progress);
     if (!critical) return critical;
     least = std::min(least, *critical);
   }

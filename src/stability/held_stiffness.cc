@@ -11,11 +11,13 @@
 namespace palpate {
 namespace {
 
-// The light grip has the least damping. Theory knows neither friction, which holds more, nor encoder steps,
-// which the margin covers (critical_stiffness_test).
+// A device behind skin has the least damping: its own and the skin's. Theory knows neither friction, which
+// holds more, nor encoder steps, which the margin covers (critical_stiffness_test).
 double held_by_theory(const PlantDevice& device, double rate_hz, double delay_s) {
-  const double damping_N_s_per_m =
-      device.damping_N_s_per_m + find_plant_hand("light-grip")->damping_N_s_per_m;
+  double damping_N_s_per_m = find_plant_hand("light-grip")->damping_N_s_per_m;
+  for (const PlantHand& hand : plant_hands_with_skin())
+    damping_N_s_per_m = std::min(damping_N_s_per_m, hand.skin_N_s_per_m);
+  damping_N_s_per_m += device.damping_N_s_per_m;
   return kStiffnessMargin * theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s);
 }
 

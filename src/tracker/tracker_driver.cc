@@ -1,5 +1,7 @@
 #include "palpate/tracker/tracker_driver.h"
 
+#include <atomic>
+
 #include "palpate/base/clock.h"
 #include "palpate/device/led_pose.h"
 
@@ -24,6 +26,9 @@ class TrackerDriver::Core {
   explicit Core(const TrackedToolSettings& settings)
       : is_known_(!settings.stream.address.host.empty() && !settings.stream.transform.empty()),
         patient_(settings.navigation.patient.patient_from_tracker),
+        registered_(settings.navigation.patient.error
+                        ? std::optional(settings.navigation.patient.error->about)
+                        : std::nullopt),
         tip_(settings.navigation.tip.at),
         shaft_(shaft_of(tip_)),
         stream_(settings.stream, [this](const MarkersPose& pose) { tell(pose); }) {
@@ -41,7 +46,13 @@ class TrackerDriver::Core {
         ErrorKind::kUsage, "nobody said which tracked tool", kTracker,
         "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
   }
-  std::optional<Error> trouble() const { return stream_.trouble(); }
+  std::optional<Error> trouble() const {
+    if (const auto of_the_stream = stream_.trouble()) return of_the_stream;
+    if (!is_far_) return std::nullopt;
+    return Error{ErrorKind::kUnavailable,
+                 "the tool's tip is more than a metre from the points by which the patient was registered",
+                 kTracker, "bring it to the patient, or register the patient anew"};
+  }
 
   void run(ServoFunction& servo, ServoClock& clock) {
     DeviceSample sample;
@@ -55,16 +66,22 @@ class TrackerDriver::Core {
  private:
   void tell(const MarkersPose& pose) {
     const Transform<Patient, TrackedTool> in_patient = patient_ * pose.tracker_from_tool;
+    const Point<Patient> tip = in_patient * tip_;
+    // written so that NaN is far
+    is_far_ = registered_ && !((tip - *registered_).norm() <= TrackerDriver::kMostFromPatient_mm);
+    if (is_far_) return;
     const Eigen::Quaterniond turn(in_patient.linear());
-    told_.tell(Point<Device>((in_patient * tip_).eigen()), (turn * shaft_.quaternion()).normalized(),
-               pose.at_ns);
+    told_.tell(Point<Device>(tip.eigen()), (turn * shaft_.quaternion()).normalized(), pose.at_ns);
   }
 
   const bool is_known_;
   const Transform<Patient, Tracker> patient_;
+  const std::optional<Point<Patient>>
+      registered_;  // middle of the points; none where nothing is known of them
   const Point<TrackedTool> tip_;
   const Rotation<TrackedTool, Device> shaft_;  // the tool as it is drawn in that of the markers
   DeviceInfo info_;
+  std::atomic<bool> is_far_{false};
   LedPose told_{Point<Device>()};
   TrackerStream stream_;  // last: its thread calls tell()
 };

@@ -151,6 +151,23 @@ TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
   EXPECT_TRUE(is_well());
 }
 
+TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
+  Eigen::Isometry3d far = kToolPose, near = kToolPose;
+  settings_.navigation.patient.error.emplace().about = Point<Patient>(tip_of(kToolPose));
+  near.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMostFromPatient_mm - 1);
+  far.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMostFromPatient_mm + 1);
+  server_.move(kTool, {near});
+  begin();
+  ASSERT_TRUE(comes_to(tip_of(near)));
+  EXPECT_TRUE(is_well());
+  server_.move(kTool, {far});
+  EXPECT_TRUE(says("more than a metre"));
+  EXPECT_TRUE(soon([&] { return seen_.age_s() > LedPose::kHeld_s; }));
+  EXPECT_LT((seen_.last().tip.eigen() - tip_of(near)).norm(), 0.001) << "where it was seen last";
+  server_.move(kTool, {kToolPose});
+  EXPECT_TRUE(is_well());
+}
+
 TEST_F(TrackedTip, AConnectionThatIsLostComesBack) {
   begin();
   server_.drop();

@@ -241,7 +241,6 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   bool touched = false;
   // the tip's way in a tick is relative to the object, which turns at the tick's end
   Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
-  Point<Patient> tip = X_PatientWorld * Point<World>(plant.true_tip().eigen());
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
   const long ticks_to_stop = std::lround(exploration.motor_stops_s * exploration.rate_hz);
@@ -264,11 +263,11 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*felt, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
-    // the force of the last tick has acted up to now
+    // the object turns at the end of the tick, under the force that acts then
+    const Point<World> tip_in_world(plant.true_tip().eigen());
+    const Point<Patient> now = pose_of(ball, state.rotation_felt) * tip_in_world;
+    energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
     X_PatientWorld = pose_of(ball, state.rotation_felt);
-    const Point<Patient> now = X_PatientWorld * Point<World>(plant.true_tip().eigen());
-    energy_mJ -= (X_PatientWorld * acted).dot(now - tip);
-    tip = now;
     if (exploration.presses) places_mm.push_back(now.x());
     result.least_mJ = std::min(result.least_mJ, energy_mJ);
     const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();
@@ -281,6 +280,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
       dt_s = (1 + between(unpunctual, -exploration.jitter, exploration.jitter)) / exploration.rate_hz;
     plant.intend(on_device(exploration.presses ? pressing_hand.next(dt_s) : random_hand.next(dt_s)));
     plant.advance(mapping.to_device(sent), dt_s);
+    energy_mJ -= plant.work_mJ();
 
     const bool touches = acted.norm() > 0;
     const bool controlled = (record.device[0].flags & kFlagPassivity) != 0;

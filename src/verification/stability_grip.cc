@@ -10,6 +10,7 @@
 #include "palpate/device/device_parameters.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
+#include "verification/stability_energy.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 
@@ -176,14 +177,64 @@ GripCase free_tap(const PlantDevice& device, double stiffness_N_per_mm) {
   return tap;
 }
 
+// Whoever holds a device so that skin lies between, at what is recommended and told of the delay: of each
+// device and rate the worst of all delays.
+Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const PlantDevice& device,
+                                 const Progress& progress, std::vector<Figure>& lengths,
+                                 std::vector<Figure>& energies) {
+  constexpr double kExplored_s = 15;
+  for (const double rate_hz : {1000.0, 500.0, 250.0}) {
+    const std::size_t grips = plant_hands_with_skin().size();
+    std::vector<double> swing_mm(grips), out_mJ(grips);
+    for (const double delay_s : {0.0, 1e-3, 2e-3, 4e-3}) {
+      progress.report("hands with skin: " + device.name, 0);
+      const auto stiffness = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+      if (!stiffness) return stiffness.error();
+      for (std::size_t n = 0; n < grips; ++n) {
+        if (progress.stopped()) return Progress::interrupted();
+        const PlantHand& hand = plant_hands_with_skin()[n];
+        for (const double impact_m_s : {0.05, 0.1, 0.5}) {
+          const GripCase held{.device = device,
+                              .grip = grip_of(hand),
+                              .stiffness_N_per_mm = *stiffness,
+                              .rate_hz = rate_hz,
+                              .delay_s = delay_s,
+                              .impact_m_s = impact_m_s};
+          swing_mm[n] = std::max(swing_mm[n], hold_wall(wall, held).swing_mm);
+        }
+        Exploration exploration{device, hand};
+        exploration.stiffness_N_per_mm = *stiffness;
+        exploration.rate_hz = rate_hz;
+        exploration.delay_s = delay_s;
+        exploration.time_s = kExplored_s;
+        out_mJ[n] = std::max(out_mJ[n], -explore_energy(ball, exploration).least_mJ);
+      }
+    }
+    for (std::size_t n = 0; n < grips; ++n) {
+      const std::string path = "stability/grip/" + device.name + "/" + short_number(rate_hz / 1000) +
+                               "kHz/with-skin/" + plant_hands_with_skin()[n].name;
+      lengths.push_back({path + "/swing", swing_mm[n], "mm", 1, 2e3 * device.encoder_step_m});
+      energies.push_back({path + "/out/largest", out_mJ[n], "mJ", 1, {}});
+    }
+  }
+  return {};
+}
+
 }  // namespace
+
+Grip grip_of(const PlantHand& hand) {
+  return {hand.mass_kg, hand.damping_N_s_per_m, hand.stiffness_N_per_m, hand.skin_N_per_m,
+          hand.skin_N_s_per_m};
+}
 
 Result<std::vector<Figure>> grip_figures(const Progress& progress) {
   constexpr double kSkin_N_per_m = 2000, kMostRebound = 1;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
+  const auto ball = exploration_ball(progress);
+  if (!ball) return ball.error();
   // one unit after the other, as tables want them
-  std::vector<Figure> lengths, times, ratios;
+  std::vector<Figure> lengths, times, ratios, energies;
   for (const char* name : {"premium-1.5", "touch"}) {
     const PlantDevice device = *find_plant_device(name);
     progress.report(std::string("loose grips: ") + name, 0);
@@ -218,9 +269,12 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
                             "/unknown/free-tap/rebound",
                         hold_wall(**wall, tap).rebound, "1", 1, kMostRebound});
     }
+    const auto added = add_hands_with_skin(**wall, **ball, device, progress, lengths, energies);
+    if (!added) return added.error();
   }
   lengths.insert(lengths.end(), times.begin(), times.end());
   lengths.insert(lengths.end(), ratios.begin(), ratios.end());
+  lengths.insert(lengths.end(), energies.begin(), energies.end());
   return lengths;
 }
 

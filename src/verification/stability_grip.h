@@ -17,6 +17,9 @@ struct Grip {
   double skin_N_s_per_m = 0.5;  ///< likewise
 };
 
+/// Of the plant's hands, with or without skin.
+Grip grip_of(const PlantHand& hand);
+
 /// A wall that is met and held through the real tick.
 struct GripCase {
   PlantDevice device;
@@ -48,7 +51,8 @@ GripResult hold_wall(const Model& wall, const GripCase& grip_case);
 
 /// Hands with less damping than the documented ones, of one mass and of two; and a free tap. At 1 kHz with 1
 /// ms of delay, told and not told, and what is recommended for the device; the tap with 3 ms, too, as a
-/// physical device is felt that states nothing but its rate. Errors: kInterrupted.
+/// physical device is felt that states nothing but its rate. Hands with skin, at 1 kHz, 500 and 250 Hz with
+/// up to 4 ms of delay, and what is given out to them in 15 s of exploration. Errors: kInterrupted.
 Result<std::vector<Figure>> grip_figures(const Progress& progress);
 
 }  // namespace palpate

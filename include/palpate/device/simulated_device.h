@@ -23,16 +23,24 @@ struct PlantDevice {
       kNotKnown;  ///< radius of the ball that the tip can be led through; the plant does not end there
   double stiffness_N_per_mm = kNotKnown;  ///< the most that the maker vouches for
 };
-/// The hand between the intended and the actual position. SI.
+/// The hand between the intended and the actual position: of one mass with the device, or of a mass of its
+/// own behind the skin of the fingers. SI.
 struct PlantHand {
   std::string name;
   double mass_kg, damping_N_s_per_m, stiffness_N_per_m;
+  double skin_N_per_m = 0;  ///< between the device and the hand's mass; 0: they are one
+  double skin_N_s_per_m = 0;
+
+  bool has_skin() const { return skin_N_per_m > 0; }
 };
 
 /// "premium-1.5", "touch"
 const std::vector<PlantDevice>& known_plant_devices();
 /// "light-grip", "firm-grip", "whole-arm"
 const std::vector<PlantHand>& known_plant_hands();
+/// Hands that have skin: "pen-grip", "firm-pen-grip" as the light and the firm grip hold a pen, and
+/// "fingertip" which only rests on the device.
+const std::vector<PlantHand>& plant_hands_with_skin();
 Result<PlantDevice> find_plant_device(const std::string& name);
 Result<PlantHand> find_plant_hand(const std::string& name);
 
@@ -57,6 +65,8 @@ class SimulatedDevice {
   /// The true tip, unquantised, for tests and figures.
   Point<Device> true_tip() const;
   Vector<Device> true_velocity_mm_s() const;
+  /// Work of the force that acted, over the true way of the tip, in the last advance().
+  double work_mJ() const { return work_mJ_; }
   /// Holds the commanded force (saturated, delayed) and integrates the mechanics for dt.
   void advance(const DeviceCommand& command, double dt_s);
 
@@ -75,7 +85,9 @@ class SimulatedDevice {
   Point<Device> target_mm_, previous_target_mm_;
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
-  double time_s_ = 0;
+  // of a hand that has skin
+  Eigen::Vector3d hand_m_ = Eigen::Vector3d::Zero(), hand_m_s_ = Eigen::Vector3d::Zero();
+  double time_s_ = 0, work_mJ_ = 0;
   std::array<Command, 512> line_;  // a ring: kMostDelay_s at more than 20 kHz
   std::size_t first_ = 0, count_ = 0;
 };

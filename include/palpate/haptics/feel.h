@@ -184,6 +184,9 @@ struct PassivityFeel {
   double covered_tick_s = 1e-3;
   /// More damping than this makes a firmly held tip swing by itself.
   double most_damping_N_s_per_m = 20;
+  /// Nor is it more than this over the time by which its force is late, T/2 + t_d: at pi/2 m over that time
+  /// a mass m swings by itself, and a Touch, the lightest known device, has 0.045 kg.
+  double most_damping_times_delay_kg = 0.045;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -196,6 +199,7 @@ struct PassivityFeel {
     of("coarse_step_mm", coarse_step_mm);
     of("covered_tick_s", covered_tick_s);
     of("most_damping_N_s_per_m", most_damping_N_s_per_m);
+    of("most_damping_times_delay_kg", most_damping_times_delay_kg);
   }
 };
 

@@ -28,6 +28,7 @@ struct PassivityInput {
   double step_mm = 0;             ///< of the encoders; not known: that of a coarse one
   double dt_s = 0;
   double pending_N_s = 0;            ///< along the force: sent and not acted yet
+  double delay_s = 0;                ///< from a command to its force, as late as it is taken to be
   Vector<World> velocity_mm_s = {};  ///< of the tip relative to the object, mean of 10 ms, mm of the device
 };
 

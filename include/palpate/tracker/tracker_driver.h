@@ -28,7 +28,8 @@ struct TrackedToolSettings {
 ///     tip        ___/‾‾‾‾‾‾‾‾\______         led on evenly by the servo's thread (LedPose)
 ///
 /// Its pose is stale, and no contact is answered, from LedPose::kHeld_s after the last one that was seen,
-/// whether the markers are hidden or the connection is lost: trouble() says which.
+/// whether the markers are hidden, the connection is lost or the tip is farther than kMostFromPatient_mm from
+/// the points by which the patient was registered: trouble() says which.
 ///
 /// The tool's z axis goes from the tip to the origin of its markers: the shaft, of a straight stylus whose
 /// markers are on it. How it is turned about that is not calibrated.
@@ -36,6 +37,9 @@ struct TrackedToolSettings {
 /// Not tried on hardware.
 class TrackerDriver final : public DeviceDriver {
  public:
+  /// A pose farther from the middle of the registered points is of a wrong patient, tool or registration.
+  static constexpr double kMostFromPatient_mm = 1000;
+
   explicit TrackerDriver(const TrackedToolSettings& settings);
   ~TrackerDriver() override;
 
