@@ -316,6 +316,18 @@ const Veil* Hub::veil_of(const Viewer& viewer) const {
   return site_.veil_of(viewer.who());
 }
 
+const Veil* Hub::laid_veil() const {
+  return site_.veil_of({Role::kLearner, ""});
+}
+
+const std::string& Hub::told_training(const Viewer& viewer) const {
+  return veil_of(viewer) != nullptr ? veiled_training_ : training_;
+}
+
+std::shared_ptr<const std::string> Hub::told_plan(const Viewer& viewer) const {
+  return veil_of(viewer) != nullptr ? nullptr : told_plan_;
+}
+
 std::shared_ptr<const std::string> Hub::told_debriefing(const Viewer& viewer) const {
   const bool is_own =
       debriefed_ && (viewer.who().role != Role::kLearner || debriefed_->learner == viewer.who().learner);
@@ -365,10 +377,16 @@ void Hub::look_at_state() {
   whoever.holder = holder();
   whoever.viewers = welcomed_;
   whoever.names = names_;
-  std::string text = state_json(state_, whoever);
-  if (text == last_state_) return;
+  std::string text = state_json(state_, whoever), veiled_text;
+  const Veil* const veil = laid_veil();
+  whoever.veiled = veil != nullptr;
+  if (veil != nullptr) veiled_text = state_json(veil->of(state_), whoever);
+  const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
   last_state_ = std::move(text);
-  for (const auto& viewer : viewers_) viewer->show_state();
+  last_veiled_state_ = std::move(veiled_text);
+  // when a message comes tells something, too: through a veil none comes of what it hides
+  for (const auto& viewer : viewers_)
+    if (is_new_veiled || (is_new && veil_of(*viewer) == nullptr)) viewer->show_state();
 }
 
 void Hub::look_at_plan() {
@@ -414,16 +432,21 @@ void Hub::look_at_yields(Clock::time_point now) {
 void Hub::look_at_training(Clock::time_point now) {
   next_training_ = now + kTrainingPeriod;
   if (host_.scene().tasks.empty()) return;
-  std::string text = training_json(host_.training());
+  const ViewedTraining training = host_.training();
+  std::string text = training_json(training), veiled_text;
+  if (const Veil* const veil = laid_veil()) veiled_text = training_json(veil->of(training, veiled_tick_));
   auto debriefed = host_.debriefing();
   const bool is_over = debriefed != debriefed_;
   if (is_over) {
     debriefed_ = std::move(debriefed);
     debriefing_ = debriefed_ ? std::make_shared<const std::string>(debriefing_json(*debriefed_)) : nullptr;
   }
-  if (text == training_ && !is_over) return;
+  const bool is_new = text != training_ || is_over,
+             is_new_veiled = veiled_text != veiled_training_ || is_over;
   training_ = std::move(text);
-  for (const auto& viewer : viewers_) viewer->show_training();
+  veiled_training_ = std::move(veiled_text);
+  for (const auto& viewer : viewers_)
+    if (veil_of(*viewer) != nullptr ? is_new_veiled : is_new) viewer->show_training();
 }
 
 void Hub::look_at_navigation(Clock::time_point now) {
@@ -454,22 +477,23 @@ void Hub::show_pose() {
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
   const NearMessage near(tick);
-  // the stiffness of what is touched would tell what that is
   struct Veiled {
     PoseMessage pose;
     NearMessage near;
+    bool tells_near;
   };
   std::optional<Veiled> veiled;
   for (const auto& viewer : viewers_) {
     if (!viewer->is_due(now)) continue;
     const Veil* veil = veil_of(*viewer);
     if (veil != nullptr && !veiled) {
-      const TickRecord seen = veil->of(tick);
-      veiled.emplace(Veiled{PoseMessage(seen, {}, health_, clock_ns), NearMessage(seen)});
+      veiled_tick_ = veil->of(tick);
+      veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
+                            NearMessage(veiled_tick_), veil->scene().tells_near()});
     }
     const NearMessage& its_near = veil != nullptr ? veiled->near : near;
-    viewer->show(veil != nullptr ? veiled->pose : pose, host_.scene().tells_near() ? &its_near : nullptr,
-                 now);
+    const bool tells_near = veil != nullptr ? veiled->tells_near : host_.scene().tells_near();
+    viewer->show(veil != nullptr ? veiled->pose : pose, tells_near ? &its_near : nullptr, now);
   }
 }
 

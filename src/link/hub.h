@@ -96,16 +96,19 @@ class Hub {
   std::string welcome_for(const Who& who) const;
   /// Through which a viewer sees the session; null: as it is.
   const Veil* veil_of(const Viewer& viewer) const;
+  /// Through which learners see it now; null: as it is.
+  const Veil* laid_veil() const;
   /// The next sweeps for a viewer, which has had them then; empty: there are no more.
   std::string sweeps_after(SweepsHad& had) const;
   /// How tissue has yielded around a device, as it was looked at last.
   const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
-  /// The plan as it was looked at last, null where there is none.
-  const std::shared_ptr<const std::string>& told_plan() const { return told_plan_; }
+  /// The plan as it was looked at last; null where there is none, and through a veil: whoever made it may
+  /// have known what is hidden.
+  std::shared_ptr<const std::string> told_plan(const Viewer& viewer) const;
   /// Tells viewers how far a run of a task is, where they do not know.
   void look_at_training(Clock::time_point now);
-  /// What was told of it last; empty: the session has no tasks.
-  const std::string& told_training() const { return training_; }
+  /// What a viewer was told of it last; empty: the session has no tasks.
+  const std::string& told_training(const Viewer& viewer) const;
   /// How wrong a tracked tip's place may be, as it was looked at last; null: the session has none.
   const std::shared_ptr<const std::string>& told_navigation() const { return told_navigation_; }
   /// Of the last run, null while there is none, and to a learner where it was another's.
@@ -152,8 +155,9 @@ class Hub {
 
   const Viewer* pointer_ = nullptr;  ///< who moves the tip
   ViewedState state_;
-  std::string last_state_;
-  bool names_ = false;  ///< learners are shown what a quiz hides
+  std::string last_state_, last_veiled_state_;  ///< as who leads the lesson is told, and through the veil
+  TickRecord veiled_tick_;                      ///< the last one that was shown through the veil
+  bool names_ = false;                          ///< learners are shown what a quiz hides
   ViewedHealth health_;
   struct LookedAt {
     std::shared_ptr<const ViewedYield> yield;
@@ -166,7 +170,7 @@ class Hub {
   std::shared_ptr<const std::string> told_plan_;
   std::shared_ptr<const std::string> told_navigation_;
   Clock::time_point next_navigation_{};
-  std::string training_;
+  std::string training_, veiled_training_;
   std::shared_ptr<const ViewedDebriefing> debriefed_;
   std::shared_ptr<const std::string> debriefing_;
   Clock::time_point next_training_{};

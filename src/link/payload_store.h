@@ -62,8 +62,10 @@ class PayloadStore {
 /// Makes the volumes of a scene.
 /// @param scan    may be null, and is then never wanted
 /// @param veiled  labels as learners see them; null: they are never wanted
+/// @param wide_labels, wide_veiled  needs_wide_labels() of each
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
                                  std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
-                                 std::shared_ptr<const Bricks<LabelId>> veiled = nullptr);
+                                 std::shared_ptr<const Bricks<LabelId>> veiled = nullptr,
+                                 bool wide_veiled = false);
 
 }  // namespace palpate::link

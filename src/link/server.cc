@@ -56,7 +56,8 @@ class Server : public ViewerServer {
     Access access(address.text(), port(), is_tls_, options.host_names, std::move(tokens));
     if (access.has_learners() && has_quiz(scene)) veil_.emplace(scene);
     volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
-                                  veil_ ? veil_->scene().labels : nullptr));
+                                  veil_ ? veil_->scene().labels : nullptr,
+                                  veil_ && veil_->has_wide_labels()));
     pictures_.emplace(host);
     site_.emplace(host, std::move(access), facts, veil_ ? &*veil_ : nullptr);
     // what a page loads: the scan and the labels

@@ -158,6 +158,7 @@ HttpAnswer Site::scene(const Who& who) const {
   const Veil* veil = veil_of(who);
   VolumeFacts facts = facts_;
   facts.hash = hash_for(who);
+  if (veil != nullptr) facts.wide_labels = veil->has_wide_labels();
   answer.body = std::make_shared<std::string>(
       scene_json(veil != nullptr ? veil->scene() : host_.scene(),
                  veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, host_.keeps_runs()));
@@ -211,9 +212,10 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
   const ViewedScene& scene = host_.scene();
   if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMostVoxels)
     return refusal(404);
-  auto key = parse_picture_query(query, scene.structures.size());
+  const Veil* veil = veil_of(who);
+  auto key = parse_picture_query(query, (veil != nullptr ? veil->scene() : scene).structures.size());
   if (!key) return refusal(400);
-  key->veil = veil_of(who);
+  key->veil = veil;
   key->gzip = takes_gzip(request.accept_encoding);
   PictureWanted wanted;
   wanted.head.fields = field("Content-Type", "application/octet-stream") + field("Cache-Control", "no-store");

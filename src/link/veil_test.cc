@@ -3,10 +3,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
+#include <random>
+#include <type_traits>
+
 #include "base/test_folder.h"
+#include "base/test_seed.h"
+#include "link/near_message.h"
+#include "link/pose_message.h"
 #include "link/scene_json.h"
 #include "link/test_client.h"
 #include "link/test_host.h"
+#include "link/veiled_region.h"
 
 namespace palpate::link {
 namespace {
@@ -25,8 +33,11 @@ using palpate::testing::TestViewer;
 constexpr const char *kLearnerToken = "learner-token-k7wq2mzr9xbt4",
                      *kTeacherToken = "teacher-token-k7wq2mzr9xbt4";
 
+using Place = std::array<int, 3>;
+constexpr Place kHere{9, 12, 12}, kElsewhere{14, 11, 15};
+
 /// A block of label 1 with a ball of label 2 in it, which is to be found; label 3 lies at its edge.
-void hide_a_ball(FakeHost& host) {
+void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
   GridGeometry grid;
   grid.dims = {24, 24, 24};
   grid.spacing_mm = {1, 1, 1};
@@ -34,17 +45,24 @@ void hide_a_ball(FakeHost& host) {
   for (int k = 0; k < 24; ++k)
     for (int j = 0; j < 24; ++j)
       for (int i = 0; i < 24; ++i) {
-        const bool in_ball = (i - 9) * (i - 9) + (j - 12) * (j - 12) + (k - 12) * (k - 12) <= 25;
+        const Place off{i - at[0], j - at[1], k - at[2]};
+        const bool in_ball = off[0] * off[0] + off[1] * off[1] + off[2] * off[2] <= radius * radius;
         labels.at(i, j, k) = in_ball ? 2 : i < 4 ? 3 : j > 3 ? 1 : 0;
       }
   ViewedScene& scene = host.edit_scene();
   scene.labels = label_bricks(labels);
+  // other voxels, another hash
+  scene.content_hash = scene.labels->content_hash();
   auto scan = std::make_shared<Volume<float>>(grid);
   scene.scan = scan;
   scene.structures = {
       {1, "soft_tissue", {240, 220, 190}, 0}, {2, "nodule", {10, 20, 30}, 1}, {3, "rib", {9, 9, 9}, -1}};
   scene.tissues = {{"skin", true, {240, 220, 190}, 1, {}}, {"nodule", true, {1, 2, 3}, 0.25, {0}}};
+  scene.tools = {{"point", 0, false, "", {{0, 0, 0}}, {}}};
   scene.tasks = {test_task()};
+  scene.tasks[0].regions = {{"block", {}, 0, {}, ViewedTask::Region::Extent{{1, 2}, {}, {}, {}, 0, {}}},
+                            {"ball", {}, 0, {}, ViewedTask::Region::Extent{{2}, {}, {}, {}, 0, {}}}};
+  for (ViewedTask::Region& region : scene.tasks[0].regions) region = region_in(scene, region);
   scene.no_go = {{"nodule", 1, LabelId{2}}};
   scene.told_reach_mm = 20;
 }
@@ -72,8 +90,8 @@ TEST(Veil, WhatIsToBeFoundIsVoxelsOfWhatLiesAroundIt) {
   for (std::size_t v = 0; v < before.voxels().size(); ++v)
     ASSERT_EQ(after.voxels()[v], before.voxels()[v] == 2 ? 1 : before.voxels()[v]);
   EXPECT_NE(veil.scene().content_hash, host.scene().content_hash);
-  EXPECT_EQ(veil.shown(2), 1);
-  EXPECT_EQ(veil.shown(3), 3);
+  EXPECT_TRUE(veil.is_hidden(2));
+  EXPECT_FALSE(veil.is_hidden(3));
 }
 
 TEST(Veil, NothingThatIsToldNamesIt) {
@@ -89,41 +107,189 @@ TEST(Veil, NothingThatIsToldNamesIt) {
   const std::string text = json.dump();
   for (const char* name : {"nodule", "soft_tissue", "rib", "skin"})
     EXPECT_EQ(text.find(name), std::string::npos) << name;
-  EXPECT_EQ(json["structures"][1]["colour"], json["structures"][0]["colour"]);
-  EXPECT_EQ(json["structures"][1]["tissue"], 0);
-  EXPECT_EQ(json["tissues"][1]["stiffness_N_per_mm"], json["tissues"][0]["stiffness_N_per_mm"]);
-  EXPECT_EQ(json["tissues"][1]["opacity"], json["tissues"][0]["opacity"]);
+  // it is not among structures and tissues, nor in anything that lists them
+  ASSERT_EQ(json["structures"].size(), 2u);
+  EXPECT_EQ(json["structures"][1]["label"], 3);
+  ASSERT_EQ(json["tissues"].size(), 1u);
   EXPECT_EQ(json["tasks"][0]["to_find"], Json::array());
-  EXPECT_EQ(json["tasks"][0]["forces"][0]["labels"], Json({1, 1}));
-  EXPECT_EQ(json["recording"]["contacts"][0][2], 1);
-  EXPECT_EQ(json["no_go"][0]["label"], 1);
-  EXPECT_EQ(veil.of(state).removed_mm3.size(), 1u);
+  EXPECT_EQ(json["tasks"][0]["forces"][0]["labels"], Json({1}));
+  EXPECT_EQ(json["tasks"][0]["protected"][0]["labels"], Json::array());
+  EXPECT_EQ(json["recording"]["contacts"], Json::array());
+  EXPECT_EQ(json["no_go"], Json::array());
+  EXPECT_TRUE(json["distances"].is_null());
+  EXPECT_TRUE(veil.of(state).removed_mm3.empty());
   EXPECT_TRUE(veil.of(state).nearest_mm.empty());
+  EXPECT_EQ(veil.of(state).tissues.size(), 1u);
+}
 
+/// The bytes of every message that is made of a tick.
+std::string messages_of(const TickRecord& tick, const ViewedHealth& health = {}) {
+  const PoseMessage pose(tick, {}, health, 0);
+  const NearMessage near(tick);
+  return std::string(pose.bytes()) + std::string(near.bytes());
+}
+
+/// A tick of which every byte is random but what may be told: pose, total force, and what somebody asked for.
+TickRecord random_tick(std::mt19937& random, const DeviceTick& told) {
   TickRecord tick;
-  tick.device[0] = on_the_ball();
+  static_assert(std::is_trivially_copyable_v<DeviceTick>);
+  std::array<unsigned char, sizeof(DeviceTick)> bytes{};
+  for (unsigned char& byte : bytes) byte = static_cast<unsigned char>(random());
+  std::memcpy(&tick.device[0], bytes.data(), bytes.size());
+  DeviceTick& device = tick.device[0];
+  device.tip_patient_mm = told.tip_patient_mm;
+  device.orientation_wxyz = told.orientation_wxyz;
+  device.velocity_patient_mm_s = told.velocity_patient_mm_s;
+  device.buttons = told.buttons;
+  device.force_N = told.force_N;
+  device.limit_N = told.limit_N;
+  device.heat = told.heat;
+  constexpr std::uint32_t kOfThePose = kFlagNotFinite | kFlagOutside | kFlagPaused | kFlagRotationIgnored |
+                                       kFlagThermal | kFlagRamp | kFlagStale | kFlagJump | kFlagDeviceFault |
+                                       kFlagHalted | kFlagEmergencyStop | kFlagClutched | kFlagBlend;
+  device.flags = (device.flags & ~kOfThePose) | (told.flags & kOfThePose);
+  tick.state_hash = random();
+  tick.compute_s = tick.lateness_s = 1e-6 * static_cast<double>(random() % 1000);
+  tick.yield_frame = static_cast<std::uint32_t>(random());
+  return tick;
+}
+
+DeviceTick random_pose(std::mt19937& random) {
+  std::uniform_real_distribution<double> place(-2, 26), force(-2, 2);
+  DeviceTick told;
+  for (double& mm : told.tip_patient_mm) mm = place(random);
+  for (double& N : told.force_N) N = random() % 4 == 0 ? 0 : force(random);
+  told.limit_N = 1.5;
+  told.flags = static_cast<std::uint32_t>(random());
+  return told;
+}
+
+TEST(Veil, MessagesFollowFromThePoseAndTheTotalForce) {
+  const unsigned seed = test::test_seed();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937 random(seed);
+  FakeHost here, elsewhere;
+  hide_a_ball(here, kHere);
+  hide_a_ball(elsewhere, kElsewhere, 4);
+  const Veil veil(here.scene()), other_veil(elsewhere.scene());
+  int touches = 0;
+  for (int n = 0; n < 2000; ++n) {
+    const DeviceTick told = random_pose(random);
+    const TickRecord one = veil.of(random_tick(random, told)),
+                     other = other_veil.of(random_tick(random, told));
+    ASSERT_EQ(messages_of(one), messages_of(other)) << n;
+    touches += one.device[0].label != 0;
+  }
+  EXPECT_GT(touches, 200) << "or nothing was looked at";
+}
+
+TEST(Veil, WhereATipIsPressedInItIsShownOnWhatIsThere) {
+  FakeHost host;
+  hide_a_ball(host);
+  const Veil veil(host.scene());
+  TickRecord tick;
+  // World's axes are those of FakeHost's scene: y of the patient is -z of World
+  tick.device[0].tip_patient_mm = {15, 5, 12};
+  tick.device[0].force_N = {0, 0, 1.25};
+  tick.device[0].limit_N = 3;
+  tick.device[0].label = 2;
   const DeviceTick seen = veil.of(tick).device[0];
   EXPECT_EQ(seen.label, 1);
-  EXPECT_EQ(seen.felt_label, DeviceTick().felt_label);
-  EXPECT_EQ(seen.felt_depth_mm, DeviceTick().felt_depth_mm);
-  EXPECT_EQ((std::array{seen.contact_label[0], seen.contact_label[1], seen.contact_label[2]}),
-            (std::array<std::uint16_t, 3>{1, 3, 0}));
-  EXPECT_EQ(seen.contact_N[1], 0.25);
-  EXPECT_EQ(seen.contact_N[2], 0);
-  EXPECT_EQ(seen.contact_patient_mm[3], 7);
-  EXPECT_EQ(seen.contact_patient_mm[6], 0);
-  EXPECT_EQ((std::array{seen.near_label[0], seen.near_label[1], seen.near_label[2]}),
-            (std::array<std::uint16_t, 3>{1, 3, 0}));
-  EXPECT_EQ(seen.near_mm[1], 7);
-  // what is touched first is there to be seen
-  tick.device[0].contact_label = {2};
-  EXPECT_EQ(veil.of(tick).device[0].contact_label[0], 1);
+  EXPECT_NEAR(seen.proxy_patient_mm[1], 3.5, 1e-9) << "half a voxel before the first of the block";
+  EXPECT_NEAR(seen.depth_mm, 1.5, 1e-9);
+  EXPECT_NEAR(seen.normal_patient[1], -1, 1e-9);
+  EXPECT_EQ(seen.unclamped_force_N, 1.25);
+  EXPECT_EQ(seen.flags, kFlagContact);
+  tick.device[0].limit_N = 1.25;
+  EXPECT_EQ(veil.of(tick).device[0].flags, kFlagContact | kFlagClamped);
+  // a tool with a radius is held out by it
+  host.edit_scene().tools = {{"ball", 2, false, "", {{0, 0, 0}}, {}}};
+  EXPECT_NEAR(Veil(host.scene()).of(tick).device[0].depth_mm, 3.5, 1e-9);
+  // what is felt is told where nothing is shown
+  tick.device[0].tip_patient_mm = {15, -5, 12};
+  EXPECT_EQ(veil.of(tick).device[0].label, 0);
+  EXPECT_EQ(veil.of(tick).device[0].unclamped_force_N, 1.25);
+}
+
+TEST(Veil, ARegionOfPlanesAloneIsToldAsItPushes) {
+  FakeHost host;
+  hide_a_ball(host);
+  host.edit_scene().no_go = {{"wall", 1, ViewedNoGo::Plane{{0, 0, 0}, {0, 0, 1}}}};
+  TickRecord tick;
+  tick.device[0].no_go = 1;
+  tick.device[0].no_go_depth_mm = 0.5;
+  tick.device[0].flags = kFlagNoGo;
+  const Veil of_planes(host.scene());
+  EXPECT_EQ(of_planes.of(tick).device[0].no_go_depth_mm, 0.5);
+  EXPECT_EQ(of_planes.of(tick).device[0].flags, kFlagNoGo);
+  // beside one that is a structure, that one says where the structure is not deeper
+  host.edit_scene().no_go.push_back({"rib", 1, LabelId{3}});
+  const Veil of_structures(host.scene());
+  EXPECT_EQ(of_structures.scene().no_go.size(), 2u);
+  EXPECT_EQ(of_structures.of(tick).device[0].no_go, 0);
+  EXPECT_EQ(of_structures.of(tick).device[0].flags, 0u);
+}
+
+TEST(Veil, ARunTellsTotalForcesAndNoStep) {
+  FakeHost host;
+  hide_a_ball(host);
+  const Veil veil(host.scene());
+  ViewedTraining run = palpate::testing::test_training();
+  run.done = {true, false};
+  run.share = {1, 0.5};
+  run.protected_N = {0.7};
+  run.events.push_back({"ended", 0, 2, 0.3});
+  TickRecord tick;
+  tick.device[0].label = 1;
+  tick.device[0].force_N = {0, 3, 4};
+  const ViewedTraining told = veil.of(run, tick);
+  EXPECT_EQ(told.done, std::vector<bool>({false, false}));
+  EXPECT_EQ(told.share, std::vector<double>({0, 0}));
+  EXPECT_EQ(told.forces_N, std::vector<double>({5}));
+  EXPECT_EQ(told.protected_N, std::vector<double>({0})) << "it is hidden";
+  EXPECT_EQ(told.touch_N, 5);
+  EXPECT_FALSE(told.unseen);
+  ASSERT_EQ(told.events.size(), 1u);
+  EXPECT_STREQ(told.events[0].kind, "ended");
+  EXPECT_EQ(told.events_before, 0u);
+  EXPECT_EQ(told.time_s, run.time_s);
+  EXPECT_EQ(told.phase, run.phase);
+}
+
+TEST(Veil, HowLongATickComputesIsNotTold) {
+  FakeHost host;
+  hide_a_ball(host);
+  const ViewedHealth told = Veil(host.scene()).of(ViewedHealth{999, 1, 2, 3, 4, 5, 6, 7});
+  EXPECT_EQ(told.rate_hz, 999);
+  EXPECT_EQ(told.compute_p50_us, 0);
+  EXPECT_EQ(told.lateness_max_us, 0);
+  EXPECT_EQ(told.stalls, 7u);
+}
+
+TEST(Veil, WhatABurrTookIsGoneFromWhatIsShown) {
+  FakeHost host;
+  hide_a_ball(host);
+  const Veil veil(host.scene());
+  VeiledCuts cuts(host.scene().labels, veil.scene().labels);
+  EXPECT_EQ(cuts.of(host.scene().labels), veil.scene().labels);
+  const auto cut = [&](const Bricks<LabelId>& labels, const std::array<int, 3>& at) {
+    return std::make_shared<const Bricks<LabelId>>(labels.with({{at, {1, 1, 1}}, {0}}));
+  };
+  const auto once = cut(*host.scene().labels, {9, 12, 12}), twice = cut(*once, {20, 12, 12});
+  cuts.of(once);
+  const auto both = cuts.of(twice);
+  EXPECT_EQ(both->at(9, 12, 12), 0);
+  EXPECT_EQ(both->at(20, 12, 12), 0);
+  EXPECT_EQ(both->at(9, 12, 13), 1);
+  // a stroke that is undone comes back as what is shown
+  EXPECT_EQ(cuts.of(cut(*host.scene().labels, {20, 12, 12}))->at(9, 12, 12), 1);
+  EXPECT_EQ(cuts.of(host.scene().labels)->content_hash(), veil.scene().labels->content_hash());
 }
 
 /// A server with a quiz, a learner and a teacher.
 struct Quiz {
-  Quiz() {
-    hide_a_ball(host);
+  explicit Quiz(const Place& at = kHere) {
+    hide_a_ball(host, at);
     host.bring_near(on_the_ball());
     ViewerServerOptions options;
     options.port = 0;
@@ -161,16 +327,93 @@ TEST(Veil, ALearnerIsToldNothingOfItByAnyWay) {
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   learner.greet({{"token", kLearnerToken}, {"near", true}});
   teacher.greet({{"token", kTeacherToken}});
-  // what is near comes once, before the first pose
-  const std::string near = learner.pose(), told = learner.pose(), open = teacher.pose();
+  // nothing of what is near comes before the first pose
+  const std::string told = learner.pose(), open = teacher.pose();
+  ASSERT_EQ(told.substr(0, 4), "PLPT");
   constexpr std::size_t kDevice = 96;
   EXPECT_EQ(number_at<std::uint16_t>(open, kDevice + 96), 2);
-  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 96), 1);
+  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 96), 0);
   EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 104), 0);
+  EXPECT_EQ(number_at<std::uint16_t>(told, kDevice + 176), 0);
   EXPECT_EQ(number_at<float>(told, kDevice + 84), 0);
   EXPECT_EQ(number_at<float>(open, kDevice + 84), 0.75f);
-  ASSERT_EQ(near.substr(0, 4), "PLPN");
-  EXPECT_EQ(number_at<std::uint16_t>(near, 24 + 12), 1);
+}
+
+/// Everything that a server says by HTTP to a learner: heads, hashes, sizes and bodies.
+std::vector<std::string> answers_to_a_learner(const Quiz& quiz) {
+  std::vector<std::string> answers;
+  const auto ask = [&](const std::string& path, const std::string& fields = "") {
+    const TestAnswer answer =
+        request(quiz.server->port(), "GET", path,
+                std::string("Authorization: Bearer ") + kLearnerToken + "\r\n" + fields);
+    std::string head = answer.head;
+    // the one thing that differs from server to server
+    const std::string port = ":" + std::to_string(quiz.server->port());
+    if (const std::size_t at = head.find(port); at != std::string::npos) head.erase(at, port.size());
+    answers.push_back(head + answer.body);
+    return answer;
+  };
+  const std::string hash = Json::parse(ask("/api/scene").body)["volume"]["hash"];
+  for (const std::string query : {"", "?shrink=1", "?shrink=2", "?shrink=4"})
+    for (const std::string fields : {"", "Accept-Encoding: gzip\r\n"}) {
+      ask("/api/volume/labels/" + hash + query, fields);
+      ask("/api/volume/scan/" + hash + query, fields);
+    }
+  for (const std::string look : {"", "&looks=f0dcbe6009090900", "&looks=f0dcbe00000000ff09090900"})
+    ask("/api/picture/" + hash + "?view=40,40,0,0,-20,0.6,0,0,0,0.6,0" + look);
+  ask("/api/curves");
+  ask("/api/volume/labels/0000000000000000");
+  return answers;
+}
+
+TEST(Veil, WhereItIsChangesNoByteOfWhatALearnerIsTold) {
+  const Quiz here(kHere), elsewhere(kElsewhere);
+  EXPECT_NE(here.host.scene().content_hash, elsewhere.host.scene().content_hash);
+  const auto one = answers_to_a_learner(here), other = answers_to_a_learner(elsewhere);
+  ASSERT_EQ(one.size(), other.size());
+  for (std::size_t n = 0; n < one.size(); ++n) EXPECT_EQ(one[n], other[n]) << n;
+
+  TestViewer learner(here.server->port()), other_learner(elsewhere.server->port());
+  const Json hello = {
+      {"token", kLearnerToken}, {"near", true}, {"task", true}, {"plan", true}, {"yielded", true}};
+  EXPECT_EQ(learner.greet(hello), other_learner.greet(hello));
+  EXPECT_EQ(learner.text("state"), other_learner.text("state"));
+  EXPECT_EQ(learner.text("task"), other_learner.text("task"));
+}
+
+TEST(Veil, WhatItHidesSendsNoMessage) {
+  Quiz quiz;
+  TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
+  teacher.greet({{"token", kTeacherToken}});
+  learner.greet({{"token", kLearnerToken}});
+  const auto removed_of_it = [](double mm3) {
+    return [mm3](ViewedState& state) { state.removed_mm3 = {{2, mm3}}; };
+  };
+  while (teacher.text("state")["viewers"] != 2) {
+  }
+  for (const double mm3 : {1.0, 2.0, 3.0}) {
+    quiz.host.change(removed_of_it(mm3));
+    Json told = teacher.text("state");
+    while (told["removed"].empty() || told["removed"][0]["mm3"] != mm3) told = teacher.text("state");
+  }
+  quiz.host.change([](ViewedState& state) { state.viscosity = !state.viscosity; });
+  int states = 0;
+  for (Json told = learner.text("state"); told["viscosity"] == true; told = learner.text("state")) ++states;
+  EXPECT_LE(states, 2) << "those of the beginning";
+}
+
+TEST(Veil, APlanIsNotTold) {
+  Quiz quiz;
+  ViewedPlan plan;
+  plan.trajectories = {{"to the nodule", {1, 2, 3}, {9, 12, 12}, {}, {}, {}, {}}};
+  quiz.host.rehearse(plan);
+  TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
+  learner.greet({{"token", kLearnerToken}, {"plan", true}});
+  teacher.greet({{"token", kTeacherToken}, {"plan", true}});
+  EXPECT_EQ(teacher.text("plan")["trajectories"].size(), 1u);
+  for (int n = 0; n < 20; ++n) ASSERT_EQ(learner.frame().payload.find("nodule"), std::string::npos);
+  teacher.send({{"type", "lesson"}, {"id", 1}, {"names", true}});
+  EXPECT_EQ(learner.text("plan")["trajectories"].size(), 1u) << "until names are shown";
 }
 
 TEST(Veil, APictureShowsNothingOfIt) {
@@ -181,15 +424,15 @@ TEST(Veil, APictureShowsNothingOfIt) {
   const auto places = [](const TestAnswer& answer) { return answer.body.substr(24 + 5 * 1600); };
   const auto picture = [](const TestAnswer& answer) { return answer.body.substr(24, 3 * 1600); };
   // soft tissue clear and what is hidden solid: it would stand there alone
-  const std::string looks = "&looks=f0dcbe000a141eff09090900";
+  const std::string looks = "&looks=f0dcbe000a141eff09090900", veiled_looks = "&looks=f0dcbe0009090900";
   const TestAnswer open = quiz.get(kTeacherToken, "/api/picture/" + hash + view + looks);
-  const TestAnswer told = quiz.get(kLearnerToken, "/api/picture/" + veiled + view + looks);
+  const TestAnswer told = quiz.get(kLearnerToken, "/api/picture/" + veiled + view + veiled_looks);
   ASSERT_EQ(told.status, 200);
   EXPECT_NE(places(open).find('\2'), std::string::npos);
   EXPECT_EQ(places(told), std::string(1600, '\0')) << "nothing is seen";
   // soft tissue half clear: no border is seen between what looks the same
   const TestAnswer half =
-      quiz.get(kLearnerToken, "/api/picture/" + veiled + view + "&looks=f0dcbe600a141eff09090900");
+      quiz.get(kLearnerToken, "/api/picture/" + veiled + view + "&looks=f0dcbe6009090900");
   FakeHost without;
   hide_a_ball(without);
   Veil veil(without.scene());
@@ -199,7 +442,7 @@ TEST(Veil, APictureShowsNothingOfIt) {
   const auto server = *ViewerServer::start(without, options);
   const std::string its_hash = hash_text(without.scene().content_hash);
   const TestAnswer alike =
-      request(server->port(), "GET", "/api/picture/" + its_hash + view + "&looks=f0dcbe600a141eff09090900");
+      request(server->port(), "GET", "/api/picture/" + its_hash + view + "&looks=f0dcbe6009090900");
   ASSERT_EQ(alike.status, 200);
   EXPECT_EQ(picture(half), picture(alike));
   EXPECT_EQ(places(half), places(alike));

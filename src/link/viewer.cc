@@ -222,8 +222,10 @@ bool Viewer::next_sweeps() {
 
 // it changes by hand, seldom
 bool Viewer::next_plan() {
-  if (!welcomed_ || !wants_plan_ || plan_had_ == hub_.told_plan()) return false;
-  plan_had_ = hub_.told_plan();
+  if (!welcomed_ || !wants_plan_) return false;
+  const auto told = hub_.told_plan(*this);
+  if (plan_had_ == told) return false;
+  plan_had_ = told;
   if (!plan_had_) return false;
   text_out_ = *plan_had_;
   return true;
@@ -247,8 +249,8 @@ bool Viewer::next_training() {
       return true;
     }
   }
-  if (!std::exchange(training_due_, false) || hub_.told_training().empty()) return false;
-  text_out_ = hub_.told_training();
+  if (!std::exchange(training_due_, false) || hub_.told_training(*this).empty()) return false;
+  text_out_ = hub_.told_training(*this);
   return true;
 }
 

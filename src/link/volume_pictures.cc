@@ -143,21 +143,25 @@ std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_
   return has_view ? std::optional(std::move(key)) : std::nullopt;
 }
 
-PictureStore::PictureStore(const ViewerHost& host) : host_(host), labels_(host.scene().labels) {
-  for (const ViewedStructure& structure : host.scene().structures) {
-    const auto& tissues = host.scene().tissues;
+PictureStore::Looks::Looks(const ViewedScene& scene) {
+  for (const ViewedStructure& structure : scene.structures) {
+    const auto& tissues = scene.tissues;
     const bool is_known =
         structure.tissue >= 0 && static_cast<std::size_t>(structure.tissue) < tissues.size();
     const std::size_t end = std::size_t{structure.label} + 1;
-    looks_.resize(std::max(looks_.size(), end));
-    place_of_.resize(looks_.size());
-    looks_[structure.label] = {structure.colour,
-                               is_known ? tissues[static_cast<std::size_t>(structure.tissue)].opacity : 1};
-    label_of_.push_back(structure.label);
+    of_label.resize(std::max(of_label.size(), end));
+    place_of.resize(of_label.size());
+    of_label[structure.label] = {structure.colour,
+                                 is_known ? tissues[static_cast<std::size_t>(structure.tissue)].opacity : 1};
+    label_of.push_back(structure.label);
     // a viewer knows no more of them apart
-    if (label_of_.size() <= std::numeric_limits<std::uint8_t>::max())
-      place_of_[structure.label] = static_cast<std::uint8_t>(label_of_.size());
+    if (label_of.size() <= std::numeric_limits<std::uint8_t>::max())
+      place_of[structure.label] = static_cast<std::uint8_t>(label_of.size());
   }
+}
+
+PictureStore::PictureStore(const ViewerHost& host)
+    : host_(host), looks_(host.scene()), labels_(host.scene().labels) {
   thread_ = std::thread([this] {
     be_ordinary_thread("viewer-pictures");
     // and whoever helps it
@@ -225,18 +229,17 @@ PictureStore::Payload PictureStore::made(const PictureKey& key) try {
 
 bool PictureStore::prepare(const PictureKey& key) {
   if (labels_->geometry().voxel_count() > kMostVoxels) return false;
-  std::vector<StructureLook> looks = looks_;
+  if (key.veil != nullptr && !veiled_) veiled_.emplace(*key.veil, host_.scene());
+  const Looks& of = key.veil != nullptr ? veiled_->looks : looks_;
+  std::vector<StructureLook> looks = of.of_label;
   for (std::size_t n = 0; n < key.colours.size(); ++n)
-    looks[label_of_[n]] = {key.colours[n], key.opacities[n]};
+    looks[of.label_of[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
-  // what is hidden looks as what is around it, whatever is asked for
-  for (std::size_t label = 0; key.veil != nullptr && label < looks.size(); ++label) {
-    const LabelId as = key.veil->shown(static_cast<LabelId>(label));
-    looks[label] = as < looks.size() ? looks[as] : StructureLook{{}, 0};
-  }
   // how tissue yields shows what is in it
-  const auto labels = key.veil != nullptr ? host_.labels() : host_.seen_labels();
-  if (renderer_ && are_equal(looks, prepared_)) {
+  const auto labels = key.veil != nullptr ? veiled_->cuts.of(host_.labels()) : host_.seen_labels();
+  // nothing is carried over from the whole labels to the veiled ones: how long that takes would tell how much
+  // differs
+  if (renderer_ && prepared_for_ == key.veil && are_equal(looks, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
     if (changed.voxel_count() > 0) renderer_->change(*labels, changed);
     labels_ = labels;
@@ -249,6 +252,7 @@ bool PictureStore::prepare(const PictureKey& key) {
   if (!made) return false;
   renderer_ = std::move(*made);
   prepared_ = std::move(looks);
+  prepared_for_ = key.veil;
   return true;
 }
 
@@ -267,6 +271,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   if (!(most >= least)) least = most = 0;
   constexpr double kDepthSteps = 65535;
 
+  const std::vector<std::uint8_t>& places = key.veil != nullptr ? veiled_->looks.place_of : looks_.place_of;
   // the structure is looked up behind the surface, which lies where half is covered
   const GridGeometry& grid = labels_->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
@@ -293,8 +298,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
             labels_->at(static_cast<int>(n[0]), static_cast<int>(n[1]), static_cast<int>(n[2]));
         if (label >= prepared_.size() || prepared_[label].opacity == 0) continue;
         nearest = apart;
-        const LabelId as = key.veil != nullptr ? key.veil->shown(label) : label;
-        place = as < place_of_.size() ? place_of_[as] : 0;
+        place = label < places.size() ? places[label] : 0;
       }
       if (place != 0) return place;
     }
@@ -313,7 +317,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   head.whole(std::uint32_t{0});
   std::copy(rgb_.begin(), rgb_.end(), payload->begin() + kHead_bytes);
   WireWriter depths(payload->data() + kHead_bytes + 3 * pixels);
-  char* places = payload->data() + kHead_bytes + 5 * pixels;
+  char* structures = payload->data() + kHead_bytes + 5 * pixels;
   std::size_t n = 0;
   for (int row = 0; row < camera.height_px; ++row)
     for (int column = 0; column < camera.width_px; ++column, ++n) {
@@ -321,7 +325,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
       const bool is_met = std::isfinite(depth);
       const double share = is_met && most > least ? (depth - least) / (most - least) : 0;
       depths.whole(static_cast<std::uint16_t>(std::lround(kDepthSteps * share)));
-      places[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
+      structures[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
     }
   return payload;
 }

@@ -26,7 +26,7 @@ struct PictureKey {
   std::vector<double> opacities;  ///< likewise, 0 ... 1
   std::optional<ClipPlane> clip;  ///< what lies on that side of it is taken away
   bool gzip = false;
-  const Veil* veil = nullptr;  ///< through which it is seen; outlives the store
+  const Veil* veil = nullptr;  ///< through which it is seen, the same one always; outlives the store
 };
 /// From a query as docs/reference/viewer-http.md has it, `view=...&looks=...&cut=...`; nothing where it
 /// is none.
@@ -62,16 +62,30 @@ class PictureStore {
     std::weak_ptr<const void> asker;
     std::function<void(Payload)> then;
   };
+  /// How a scene's structures look, by label, and their places in it.
+  struct Looks {
+    explicit Looks(const ViewedScene& scene);
+    std::vector<StructureLook> of_label;
+    std::vector<LabelId> label_of;       ///< of the scene's structures
+    std::vector<std::uint8_t> place_of;  ///< of a label among these, + 1; 0: in none
+  };
+  /// What is drawn for those who see the session through a veil.
+  struct Veiled {
+    explicit Veiled(const Veil& veil, const ViewedScene& whole)
+        : looks(veil.scene()), cuts(whole.labels, veil.scene().labels) {}
+    Looks looks;
+    VeiledCuts cuts;
+  };
   void work();
   Payload made(const PictureKey& key);
   Payload drawn(const PictureKey& key);
   bool prepare(const PictureKey& key);
 
   const ViewerHost& host_;
-  std::vector<StructureLook> looks_;    ///< by label, as the scene says
-  std::vector<LabelId> label_of_;       ///< of the scene's structures
-  std::vector<std::uint8_t> place_of_;  ///< of a label among these, + 1; 0: in none
+  const Looks looks_;
   // of the store's thread alone
+  std::optional<Veiled> veiled_;
+  const Veil* prepared_for_ = nullptr;
   std::shared_ptr<const Bricks<LabelId>> labels_;
   std::optional<VolumeRenderer> renderer_;  ///< of these labels
   std::vector<StructureLook> prepared_;     ///< with these looks

@@ -46,6 +46,24 @@ const char* end_text(RunEnd end) {
   return "";
 }
 
+template <class Triple>
+std::optional<std::array<double, 3>> numbers_of(const std::optional<Triple>& v) {
+  return v ? std::optional(numbers_of(v->eigen())) : std::nullopt;
+}
+
+ViewedTask::Region::Extent extent_of(const TaskRegion& region, const RegionInScene& in_scene) {
+  ViewedTask::Region::Extent extent;
+  extent.labels = labels_in(in_scene.has_label);
+  extent.centre_mm = numbers_of(region.point);
+  extent.landmark = numbers_of(region.landmark);
+  extent.half = numbers_of(region.half);
+  extent.radius_mm = region.radius_mm.value_or(0);
+  if (region.plane_point)
+    extent.planes.push_back(
+        {numbers_of(region.plane_point->eigen()), numbers_of(region.plane_normal->eigen())});
+  return extent;
+}
+
 }  // namespace
 
 ViewedTaskEvent viewed_event(const TaskEvent& event) {
@@ -66,8 +84,10 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
   const auto add_region = [&](const std::string& name, const RegionView& view) {
     task.regions.push_back({name, numbers_of(view.middle_mm), view.radius_mm, numbers_of(view.outward)});
   };
-  for (std::size_t n = 0; n < file.regions.size(); ++n)
+  for (std::size_t n = 0; n < file.regions.size(); ++n) {
     add_region(file.regions[n].name, view_of(in_scene.regions[n], model));
+    task.regions.back().extent = extent_of(file.regions[n], in_scene.regions[n]);
+  }
   // then those of the plan
   for (std::size_t n = 0; file.plan && n < file.plan->regions.size(); ++n)
     add_region(file.plan->regions[n].name, view_of(in_scene.plan->plan.regions[n], model));

@@ -21,6 +21,17 @@ struct ViewedTask {
     std::array<double, 3> middle_mm{};  ///< patient
     double radius_mm = 0;               ///< all of it lies so near to its middle
     std::array<double, 3> outward{};    ///< unit, patient: from where it is seen; zero: from anywhere
+    /// What the region is made of, by which the above is computed again on other labels. Told to nobody.
+    struct Extent {
+      std::vector<LabelId> labels;                                     ///< none: a ball
+      std::optional<std::array<double, 3>> centre_mm, landmark, half;  ///< as TaskRegion has them
+      double radius_mm = 0;
+      struct Plane {
+        std::array<double, 3> point_mm{}, normal{};
+      };
+      std::vector<Plane> planes;  ///< the region lies on the side of each normal
+    };
+    std::optional<Extent> extent = {};  ///< empty: not known
   };
   struct Step {
     std::string name, kind;  ///< "touch", "visit", "cover", "remove"
