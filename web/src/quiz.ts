@@ -3,8 +3,11 @@
 import type { Vec3 } from "./geometry.js";
 import { MOST_STRUCTURES, type Scene, type Volumes } from "./scene.js";
 
-/** Voxels that are shown as something else. `values` of voxels look like `as`, also where palpate draws the volume, which knows them all. */
+/** Voxels that are shown as something else. `values` of voxels look like `as`, what most of them became, where palpate draws the volume, which knows them all. */
 export interface Concealed { lo: Vec3; size: Vec3; before: Uint8Array; now: Uint8Array; values: number[]; as: number }
+
+/** A component becomes one structure where at least this share of its votes names it, as in src/link/veiled_labels.cc. */
+const UNIFORM_SHARE = 0.75;
 
 /** The box around all voxels of some structures, by their places in the scene's list; null: they have none. */
 function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } | null {
@@ -20,26 +23,112 @@ function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } 
   return hi[0] < 0 ? null : { lo, size: [0, 1, 2].map((axis) => hi[axis]! - lo[axis]! + 1) as Vec3 };
 }
 
-/** What structures would be shown as: as the one that touches them at most faces of voxels. */
+/** Weights of values. */
+class Votes {
+  private readonly weights = new Map<number, number>();
+  add(value: number, weight: number): void { this.weights.set(value, (this.weights.get(value) ?? 0) + weight); }
+  get empty(): boolean { return this.weights.size === 0; }
+  /** The value with the greatest weight, the lower one of equals; 0 without votes. */
+  winner(): number {
+    let [best, most] = [0, 0];
+    for (const [value, weight] of this.weights) if (weight > most || (weight === most && value < best)) [best, most] = [value, weight];
+    return best;
+  }
+  shareOf(value: number): number {
+    const all = [...this.weights.values()].reduce((sum, weight) => sum + weight, 0);
+    return all > 0 ? (this.weights.get(value) ?? 0) / all : 0;
+  }
+}
+
+/** One of each pair of opposite directions to the 26 neighbours. */
+const DIRECTIONS: Vec3[] = [];
+for (const k of [-1, 0, 1]) for (const j of [-1, 0, 1]) for (const i of [-1, 0, 1]) if (k > 0 || (k === 0 && (j > 0 || (j === 0 && i > 0)))) DIRECTIONS.push([i, j, k]);
+
+/**
+ * Replaces wanted voxels of a box, which has at least one other voxel around them, as src/link/veiled_labels.h says: a straight line of them
+ * that ends in one structure at both ends is evidence that this structure goes through; air (0) never counts.
+ */
+function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
+  const strides: Vec3 = [1, size[0], size[0] * size[1]];
+  const stride = (d: Vec3) => d[0] * strides[0] + d[1] * strides[1] + d[2] * strides[2];
+  const faces = strides.flatMap((by) => [by, -by]);
+  const hidden = new Map<number, Votes>();
+  for (let at = 0; at < box.length; at++) if (isWanted[box[at]!]) hidden.set(at, new Votes());
+
+  // each line once, from its first voxel
+  for (const by of DIRECTIONS.map(stride)) for (const first of hidden.keys()) {
+    const before = box[first - by]!;
+    if (hidden.has(first - by) || before === 0) continue;
+    let after = first, length = 0;
+    for (; hidden.has(after); after += by) length++;
+    if (box[after] === before) for (let at = first; at !== after; at += by) hidden.get(at)!.add(before, 1 / length);
+  }
+
+  const now = new Map<number, number>();
+  const shown = (at: number) => now.get(at) ?? (hidden.has(at) ? 0 : box[at]!);
+  const seen = new Set<number>();
+  for (const start of hidden.keys()) {
+    if (seen.has(start)) continue;
+    const component = [start];
+    seen.add(start);
+    for (const at of component) for (const by of DIRECTIONS.map(stride)) for (const next of [at + by, at - by]) {
+      if (!hidden.has(next) || seen.has(next)) continue;
+      seen.add(next);
+      component.push(next);
+    }
+    const all = new Votes(), touched = new Votes();
+    for (const at of component) {
+      if (!hidden.get(at)!.empty) all.add(hidden.get(at)!.winner(), 1);
+      for (const by of faces) if (!hidden.has(at + by) && box[at + by] !== 0) touched.add(box[at + by]!, 1);
+    }
+    const most = all.empty ? touched.winner() : all.winner();
+    if (all.empty || all.shareOf(most) >= UNIFORM_SHARE) {
+      for (const at of component) now.set(at, most);
+      continue;
+    }
+    let open: number[] = [];
+    for (const at of component) if (hidden.get(at)!.empty) open.push(at); else now.set(at, hidden.get(at)!.winner());
+    // voxels without votes become what their neighbours are, layer by layer
+    while (open.length > 0) {
+      const layer: [number, number][] = [], left: number[] = [];
+      for (const at of open) {
+        const around = new Votes();
+        for (const by of faces) if (shown(at + by) !== 0) around.add(shown(at + by), 1);
+        if (around.empty) left.push(at); else layer.push([at, around.winner()]);
+      }
+      if (layer.length === 0) break;
+      for (const [at, value] of layer) now.set(at, value);
+      open = left;
+    }
+  }
+  for (const at of hidden.keys()) box[at] = now.get(at) ?? 0;
+}
+
+/** What structures would be shown as: as what lies around them. */
 export function conceal(scene: Scene, volumes: Volumes, labels: number[]): Concealed | null {
   const isWanted = Array.from({ length: MOST_STRUCTURES + 1 }, (_, value) => value > 0 && labels.includes(scene.structures[value - 1]?.label ?? -1));
   const box = boxOf(volumes, isWanted);
   if (!box) return null;
   const { lo, size } = box;
   const { dims: [nx, ny, nz], structure } = volumes;
-  const before = new Uint8Array(size[0] * size[1] * size[2]);
-  const faces = new Uint32Array(MOST_STRUCTURES + 1);
-  for (let k = 0, n = 0; k < size[2]; k++) for (let j = 0; j < size[1]; j++) for (let i = 0; i < size[0]; i++, n++) {
-    const [x, y, z] = [lo[0] + i, lo[1] + j, lo[2] + k];
-    const at = x + nx * (y + ny * z);
-    before[n] = structure[at]!;
-    if (!isWanted[before[n]!]) continue;
-    const around = [x > 0 && at - 1, x + 1 < nx && at + 1, y > 0 && at - nx, y + 1 < ny && at + nx, z > 0 && at - nx * ny, z + 1 < nz && at + nx * ny];
-    for (const other of around) if (other !== false && !isWanted[structure[other]!]) faces[structure[other]!]! += 1;
+  // with one voxel more on every side; beyond the volume there is air
+  const wide = size.map((n) => n + 2) as Vec3;
+  const around = new Uint8Array(wide[0] * wide[1] * wide[2]);
+  for (let k = 0, n = 0; k < wide[2]; k++) for (let j = 0; j < wide[1]; j++) for (let i = 0; i < wide[0]; i++, n++) {
+    const [x, y, z] = [lo[0] + i - 1, lo[1] + j - 1, lo[2] + k - 1];
+    if (x >= 0 && y >= 0 && z >= 0 && x < nx && y < ny && z < nz) around[n] = structure[x + nx * (y + ny * z)]!;
   }
-  const around = faces.indexOf(Math.max(...faces));
+  const inner = (from: Uint8Array) => Uint8Array.from({ length: size[0] * size[1] * size[2] }, (_, n) => {
+    const [i, j, k] = [n % size[0], Math.floor(n / size[0]) % size[1], Math.floor(n / (size[0] * size[1]))];
+    return from[i + 1 + wide[0] * (j + 1 + wide[1] * (k + 1))]!;
+  });
+  const before = inner(around);
+  fill(around, wide, isWanted);
+  const now = inner(around);
+  const became = new Votes();
+  before.forEach((value, n) => { if (isWanted[value]) became.add(now[n]!, 1); });
   const values = isWanted.flatMap((is, value) => (is ? [value] : []));
-  return { lo, size, before, now: before.map((value) => (isWanted[value] ? around : value)), values, as: around };
+  return { lo, size, before, now, values, as: became.winner() };
 }
 
 /** What of them is to be shown again: not what has changed meanwhile. */

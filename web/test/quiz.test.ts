@@ -19,7 +19,7 @@ function block(): Volumes {
   return new Volumes("0", 1, dims, UNIT, null, structure, 1, 0);
 }
 
-test("what is to be found is drawn as what touches it most, and comes back", () => {
+test("what is to be found is drawn as what lies around it, and comes back", () => {
   const volumes = block();
   const whole = volumes.structure.slice();
   const concealed = conceal(scene, volumes, [9])!;
@@ -33,6 +33,35 @@ test("what is to be found is drawn as what touches it most, and comes back", () 
   volumes.write(concealed.lo, concealed.size, revealed(volumes, concealed));
   whole[4 + 9 * (4 + 8 * 3)] = 0;
   assert.deepEqual(volumes.structure, whole);
+});
+
+/** Voxels of a block by a rule, and what is shown of it when the nodule's are hidden. */
+function shownOf(dims: Vec3, value: (i: number, j: number, k: number) => number): { whole: Uint8Array; shown: Uint8Array } {
+  const whole = Uint8Array.from({ length: dims[0] * dims[1] * dims[2] }, (_, n) => value(n % dims[0], Math.floor(n / dims[0]) % dims[1], Math.floor(n / (dims[0] * dims[1]))));
+  const volumes = new Volumes("0", 1, dims, UNIT, null, whole.slice(), 1, 0);
+  const concealed = conceal(scene, volumes, [9])!;
+  volumes.write(concealed.lo, concealed.size, concealed.now);
+  return { whole, shown: volumes.structure };
+}
+
+test("what borders on air most is not drawn as air", () => {
+  const { whole, shown } = shownOf([15, 15, 15], (i, j, k) => (k < 7 ? 1 : (i - 7) ** 2 + (j - 7) ** 2 + (k - 7) ** 2 <= 9 ? 2 : 0));
+  assert.deepEqual(shown, whole.map((value) => (value === 2 ? 1 : value)));
+});
+
+test("a thin layer goes on over the plate beneath", () => {
+  const { whole, shown } = shownOf([24, 24, 24], (i, j, k) => (k < 10 ? 3 : k >= 13 ? 0 : (i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 25 ? 2 : 1));
+  assert.deepEqual(shown, whole.map((value) => (value === 2 ? 1 : value)));
+});
+
+test("a border goes on through what hid it", () => {
+  const { shown } = shownOf([24, 24, 24], (i, j, k) => ((i - 12) ** 2 + (j - 12) ** 2 + (k - 12) ** 2 <= 27 ? 2 : k < 12 ? 3 : 1));
+  assert.ok(shown.every((value, n) => value === (Math.floor(n / 576) < 12 ? 3 : 1)));
+});
+
+test("what touches air alone is air", () => {
+  const { shown } = shownOf([9, 9, 9], (i, j, k) => (i === 7 && j === 4 && k === 4 ? 2 : i < 4 ? 1 : 0));
+  assert.equal(shown[7 + 9 * (4 + 9 * 4)], 0);
 });
 
 test("a quiz without an answer, or whose answer has no voxel, conceals none", () => {
