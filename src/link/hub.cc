@@ -56,7 +56,9 @@ Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, P
       count_viewers_(std::move(count_viewers)),
       loop_(loop),
       pose_timer_(loop.timer()),
-      sweep_timer_(loop.timer()) {}
+      sweep_timer_(loop.timer()) {
+  if (site.veil() != nullptr) veiled_steps_.emplace(site.veil()->scene());
+}
 
 Hub::~Hub() = default;
 
@@ -434,7 +436,10 @@ void Hub::look_at_training(Clock::time_point now) {
   if (host_.scene().tasks.empty()) return;
   const ViewedTraining training = host_.training();
   std::string text = training_json(training), veiled_text;
-  if (const Veil* const veil = laid_veil()) veiled_text = training_json(veil->of(training, veiled_tick_));
+  if (const Veil* const veil = laid_veil()) {
+    veiled_steps_->follow(training);
+    veiled_text = training_json(veil->of(training, *veiled_steps_, veiled_tick_));
+  }
   auto debriefed = host_.debriefing();
   const bool is_over = debriefed != debriefed_;
   if (is_over) {
@@ -488,6 +493,7 @@ void Hub::show_pose() {
     const Veil* veil = veil_of(*viewer);
     if (veil != nullptr && !veiled) {
       veiled_tick_ = veil->of(tick);
+      veiled_steps_->see(veiled_tick_);
       veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
                             NearMessage(veiled_tick_), veil->scene().tells_near()});
     }

@@ -156,8 +156,9 @@ class Hub {
   const Viewer* pointer_ = nullptr;  ///< who moves the tip
   ViewedState state_;
   std::string last_state_, last_veiled_state_;  ///< as who leads the lesson is told, and through the veil
-  TickRecord veiled_tick_;                      ///< the last one that was shown through the veil
-  bool names_ = false;                          ///< learners are shown what a quiz hides
+  std::optional<VeiledSteps> veiled_steps_;
+  TickRecord veiled_tick_;  ///< the last one that was shown through the veil
+  bool names_ = false;      ///< learners are shown what a quiz hides
   ViewedHealth health_;
   struct LookedAt {
     std::shared_ptr<const ViewedYield> yield;

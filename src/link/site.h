@@ -60,6 +60,8 @@ class Site {
   Access& access() { return access_; }
   /// A quiz is at hand, and nobody has shown what it hides. So it is at first.
   void lay_veil(bool is_laid) { is_veiled_ = is_laid; }
+  /// Through which learners see the scene while it is laid; null: there is none.
+  const Veil* veil() const { return veil_; }
   /// Through which somebody sees the scene; null: as it is.
   const Veil* veil_of(const Who& who) const {
     return is_veiled_ && !may(who.role, Right::kUnseen, true) ? veil_ : nullptr;

@@ -237,8 +237,9 @@ const ViewedTask* Veil::task_of(const std::string& name) const {
   return found == scene_.tasks.end() ? nullptr : &*found;
 }
 
-// which step is done, and how much of it, says which structure is touched
-ViewedTraining Veil::of(const ViewedTraining& training, const TickRecord& tick) const {
+// which step is done, and how much of it, says which structure is touched: it is followed in what is shown
+ViewedTraining Veil::of(const ViewedTraining& training, const VeiledSteps& steps,
+                        const TickRecord& tick) const {
   ViewedTraining veiled;
   veiled.phase = training.phase;
   veiled.run = training.run;
@@ -246,8 +247,8 @@ ViewedTraining Veil::of(const ViewedTraining& training, const TickRecord& tick) 
   veiled.time_s = training.time_s;
   veiled.missing_s = training.missing_s;
   veiled.keeps = training.keeps;
-  veiled.done.assign(training.done.size(), false);
-  veiled.share.assign(training.share.size(), 0);
+  veiled.done = steps.done();
+  veiled.share = steps.share();
   for (const ViewedTaskEvent& event : training.events)
     if (std::string_view(event.kind) == "ended") veiled.events.push_back({event.kind, 0, event.time_s, 0});
   const ViewedTask* task = task_of(training.task);

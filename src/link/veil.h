@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "link/veiled_contact.h"
+#include "link/veiled_steps.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/link/viewer_server.h"
 
@@ -29,8 +30,9 @@ class Veil {
 
   TickRecord of(const TickRecord& tick) const;
   ViewedState of(const ViewedState& state) const;
-  /// @param tick  a veiled one: forces on structures are the total force on what it says is touched
-  ViewedTraining of(const ViewedTraining& training, const TickRecord& tick) const;
+  /// @param steps  of the veiled scene
+  /// @param tick   a veiled one: forces on structures are the total force on what it says is touched
+  ViewedTraining of(const ViewedTraining& training, const VeiledSteps& steps, const TickRecord& tick) const;
   ViewedHealth of(const ViewedHealth& health) const;
 
  private:

@@ -230,21 +230,33 @@ TEST(Veil, ARegionOfPlanesAloneIsToldAsItPushes) {
   EXPECT_EQ(of_structures.of(tick).device[0].flags, 0u);
 }
 
-TEST(Veil, ARunTellsTotalForcesAndNoStep) {
+TEST(Veil, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   FakeHost host;
   hide_a_ball(host);
+  ViewedTask& task = host.edit_scene().tasks[0];
+  task.steps = {{"push", "touch", 0, {1, kNotKnown}, 0.2, 0, false},
+                {"find", "touch", 1, {1, kNotKnown}, 0.2, 0, false}};
   const Veil veil(host.scene());
   ViewedTraining run = palpate::testing::test_training();
-  run.done = {true, false};
-  run.share = {1, 0.5};
+  // what the evaluator has: the ball is touched, and that is not the block
+  run.done = {false, true};
+  run.share = {0, 1};
   run.protected_N = {0.7};
-  run.events.push_back({"ended", 0, 2, 0.3});
+  run.events = {{"over_limit", 0, 1, 2.6}, {"step_done", 1, 1, 1}, {"ended", 0, 2, 0.3}};
+  VeiledSteps steps(veil.scene());
+  steps.follow(run);
   TickRecord tick;
-  tick.device[0].label = 1;
-  tick.device[0].force_N = {0, 3, 4};
-  const ViewedTraining told = veil.of(run, tick);
+  for (int n = 0; n < 15; ++n) {
+    tick.time_s = 0.01 * n;
+    tick.device[0].label = 1;
+    tick.device[0].proxy_patient_mm = {9, 12, 12};
+    tick.device[0].force_N = {0, 3, 4};
+    steps.see(tick);
+  }
+  ViewedTraining told = veil.of(run, steps, tick);
   EXPECT_EQ(told.done, std::vector<bool>({false, false}));
-  EXPECT_EQ(told.share, std::vector<double>({0, 0}));
+  EXPECT_NEAR(told.share[0], 0.7, 1e-9);
+  EXPECT_EQ(told.share[1], 0) << "a region of hidden structures has no place";
   EXPECT_EQ(told.forces_N, std::vector<double>({5}));
   EXPECT_EQ(told.protected_N, std::vector<double>({0})) << "it is hidden";
   EXPECT_EQ(told.touch_N, 5);
@@ -254,6 +266,20 @@ TEST(Veil, ARunTellsTotalForcesAndNoStep) {
   EXPECT_EQ(told.events_before, 0u);
   EXPECT_EQ(told.time_s, run.time_s);
   EXPECT_EQ(told.phase, run.phase);
+  // without a break
+  tick.time_s += 0.01;
+  tick.device[0].force_N = {};
+  steps.see(tick);
+  EXPECT_EQ(steps.share()[0], 0);
+  tick.device[0].force_N = {0, 3, 4};
+  for (int n = 0; n < 30; ++n) {
+    tick.time_s += 0.01;
+    steps.see(tick);
+  }
+  EXPECT_EQ(steps.done(), std::vector<bool>({true, false}));
+  ++run.run;
+  steps.follow(run);
+  EXPECT_EQ(steps.done(), std::vector<bool>({false, false}));
 }
 
 TEST(Veil, HowLongATickComputesIsNotTold) {
