@@ -660,6 +660,8 @@ TEST(ViewedTask, SaysWhatIsToBeDoneAndWhere) {
   // all around the ball is free: no way to look at it is better than others
   EXPECT_EQ(task.regions[0].outward, (std::array<double, 3>{0, 0, 0}));
   EXPECT_GT(task.regions[0].radius_mm, 5);
+  ASSERT_TRUE(task.regions[0].extent.has_value());
+  EXPECT_THAT(task.regions[0].extent->labels, ElementsAre(testing::kBone));
   EXPECT_EQ(task.metrics[0].name, "peak_force");
   EXPECT_EQ(task.metrics[0].unit, "N");
   EXPECT_EQ(task.metrics[0].at_most, 20);
