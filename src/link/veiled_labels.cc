@@ -13,7 +13,7 @@ namespace {
 
 /// A component becomes one structure where at least this share of its votes names it. Where a structure's
 /// layer is curved, lines near its lower side end in what lies beneath; in cartilages of the knee phantom
-/// these are at most a tenth of all votes.
+/// these are at most a ninth of all votes.
 constexpr double kUniformShare = 0.75;
 
 using Offset = std::array<int, 3>;
