@@ -17,11 +17,11 @@ namespace {
 
 constexpr std::size_t kLabels = std::size_t{std::numeric_limits<LabelId>::max()} + 1;
 
-/// Flags that follow from poses, forces, the device or what somebody asked for. The others say something of
-/// the structures that the tool meets.
-constexpr std::uint32_t kToldFlags = kFlagNotFinite | kFlagOutside | kFlagPaused | kFlagRotationIgnored |
-                                     kFlagThermal | kFlagRamp | kFlagStale | kFlagJump | kFlagDeviceFault |
-                                     kFlagHalted | kFlagEmergencyStop | kFlagClutched | kFlagBlend;
+/// Flags that follow from poses, forces, the device or requests. The others depend on the structures in
+/// contact.
+constexpr std::uint32_t kVisibleFlags = kFlagNotFinite | kFlagOutside | kFlagPaused | kFlagRotationIgnored |
+                                        kFlagThermal | kFlagRamp | kFlagStale | kFlagJump | kFlagDeviceFault |
+                                        kFlagHalted | kFlagEmergencyStop | kFlagClutched | kFlagBlend;
 /// A force within this share of its limit counts as clamped.
 constexpr double kAtLimit = 1 - 1e-6;
 
@@ -108,8 +108,8 @@ void Veil::hide_structures(const ViewedScene& whole) {
 
 void Veil::hide_no_go() {
   const auto label_of = [](const ViewedNoGo& region) { return std::get_if<LabelId>(&region.place); };
-  // which region pushes, and how deep the tool is in it, follows from voxels as soon as one is a structure
-  tells_no_go_ = !scene_.no_go.empty() && std::ranges::none_of(scene_.no_go, [&](const ViewedNoGo& region) {
+  // as soon as one region is a structure, the deepest region and its depth depend on voxels
+  reports_no_go_ = !scene_.no_go.empty() && std::ranges::none_of(scene_.no_go, [&](const ViewedNoGo& region) {
     return label_of(region) != nullptr;
   });
   std::erase_if(scene_.no_go, [&](const ViewedNoGo& region) {
@@ -175,16 +175,16 @@ TickRecord Veil::of(const TickRecord& tick) const {
     shown.unclamped_force_N = norm(device.force_N);
     shown.limit_N = device.limit_N;
     shown.heat = device.heat;
-    shown.flags = device.flags & kToldFlags;
+    shown.flags = device.flags & kVisibleFlags;
     if (shown.unclamped_force_N > 0 && shown.unclamped_force_N >= kAtLimit * shown.limit_N)
       shown.flags |= kFlagClamped;
-    if (tells_no_go_) {
+    if (reports_no_go_) {
       shown.no_go = device.no_go;
       shown.no_go_depth_mm = device.no_go_depth_mm;
       shown.no_go_N = device.no_go_N;
       shown.flags |= device.flags & kFlagNoGo;
     }
-    // where that is on what is shown; of voxels that a burr has taken since nothing is known here
+    // contact with the veiled labels, which do not include later cuts
     shown.depth_mm = kNotKnown;
     if (is_cut_) continue;
     const VeiledContact::Touch touch = contact_->of(veiled, d);

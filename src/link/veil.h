@@ -48,8 +48,8 @@ class Veil {
   std::vector<int> tissue_place_;  ///< by tissue of the whole scene: its place here, -1: left out
   ViewedScene scene_;
   bool has_wide_labels_ = false;
-  bool tells_no_go_ = false;  ///< what keeps away depends on no voxel
-  bool is_cut_ = false;       ///< a tool takes voxels away
+  bool reports_no_go_ = false;  ///< no-go regions are planes and balls alone, independent of voxels
+  bool is_cut_ = false;         ///< a tool takes voxels away
   std::unique_ptr<const VeiledContact> contact_;
 };
 
