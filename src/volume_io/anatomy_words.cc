@@ -20,7 +20,8 @@ constexpr std::string_view kStructures =
     "metacarpal tarsal tarsus metatarsal phalanx phalange phalanges talus calcaneus navicular cuboid "
     "cuneiform acetabulum acetabular fabella sesamoid spine spinal hyoid jaw jawbone tooth teeth zygoma "
     "zygomatic zygomaticus vomer ethmoid sphenoid scaphoid lunate triquetrum pisiform trapezium trapezoid "
-    "capitate hamate hipbone collarbone kneecap shinbone heel knee ankle elbow shoulder wrist thorax "
+    "alveolar incisive styloid canal pulp capitate hamate hipbone collarbone kneecap shinbone heel knee "
+    "ankle elbow shoulder wrist thorax "
     "thoracic lumbar cervical atlas condyle trochlea trochlear plateau incisor canine premolar molar "
     "cartilage cartilago chondral labrum meniscus menisci meniscal disc disk discus intervertebral annulus "
     "anulus fibrosus nucleus pulposus ligament ligamentum tendon tendo aponeurosis retinaculum fascia "
@@ -33,21 +34,24 @@ constexpr std::string_view kStructures =
     "obturator iliacus quadratus lumborum erector spinae multifidus latissimus dorsi rhomboid serratus "
     "teres levator sternocleidomastoid scalene scalenus digastric mylohyoid geniohyoid pterygoid buccinator "
     "orbicularis platysma diaphragm hamstring tensor latae intercostal tongue sphincter constrictor thigh "
-    "calf coracobrachialis "
+    "calf coracobrachialis coracobrachial oblique prevertebral thyrohyoid sterno transversospinalis "
+    "palpebrae intermuscular "
     // fat, skin, vessels, nerves
     "fat fatty adipose omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
     "arteria arteriole vein veins vena venae venous arterial vessel vascular choroid plexus aorta aortic "
     "brachiocephalic celiac coeliac cava saphenous carotid jugular subclavian iliac iliaca portal coronary "
-    "pulmonary nerve nervus sciatic optic chiasm "
+    "pulmonary pul sinotubular cusp mesenteric nerve nervus sciatic optic chiasm "
     // organs and glands
     "liver hepatic hepar kidney renal spleen splenic lung pulmo heart cardiac atrium atrial ventricle "
     "ventricular appendage myocardium myocardial pericardium trachea bronchus bronchi bronchial "
-    "bronchie airway esophagus oesophagus stomach gastric duodenum bowel intestine colon rectum rectal "
+    "bronchie bronchia pleural pericardial mediastinum septum pellucidum airway esophagus oesophagus stomach "
+    "gastric duodenum bowel intestine colon rectum rectal "
     "caecum cecum appendix jejunum ileum mesentery gallbladder biliary bladder urinary urethra ureter "
     "uterus uterine ovary ovarian vagina penis bulb prostate testis scrotum thyroid parathyroid parotid "
     "submandibular sublingual salivary adrenal pituitary hypophysis pancreas pancreatic thymus breast "
     "mammary gland glandula glandular lymph node lymphnode lymphonodus tonsil pharynx larynx laryngeal "
-    "epiglottis glottis hypopharynx oropharynx nasopharynx arytenoid cricoid cricopharyngeus eye eyeball "
+    "pharyngeal auditory epiglottis glottis hypopharynx oropharynx nasopharynx arytenoid cricoid "
+    "cricopharyngeus eye eyeball "
     "lens cornea retina cochlea ear nose nasal sinus mouth cavity palate lips lip brachial thoracica "
     // brain, as FreeSurfer and others name it
     "brain cerebrum cerebral cerebellum cerebellar brainstem thalamus hypothalamus hippocampus hippocampal "
@@ -59,11 +63,13 @@ constexpr std::string_view kStructures =
     "isthmuscingulate lateraloccipital lateralorbitofrontal medialorbitofrontal middletemporal "
     "parsopercularis parsorbitalis parstriangularis posteriorcingulate rostralanteriorcingulate "
     "rostralmiddlefrontal superiorfrontal superiorparietal superiortemporal frontalpole temporalpole "
-    "transversetemporal substantia nigra fornix tectum vermis myelum "
+    "transversetemporal insular lentiform sulcus trigone subarachnoid sinuses intracerebral substantia nigra "
+    "fornix tectum vermis myelum "
     // what is ill, and what is hollow
     "tumour tumor lesion carcinoma cancer metastasis metastases neoplasm nodule adenoma fibroadenoma "
     "sarcoma glioma meningioma lymphoma gtv ctv ptv cyst effusion lumen aneurysm thrombus hematoma edema "
-    "oedema necrosis infarct plaque calcification";
+    "oedema necrosis infarct plaque calcification hemorrhage haemorrhage infiltrate "
+    "covid";
 
 // of place, shape and number: names of nothing by themselves
 constexpr std::string_view kQualities =
@@ -73,7 +79,8 @@ constexpr std::string_view kQualities =
     "intermedius "
     "longus brevis and of the tissue body head neck tail shaft trunk "
     "trunc tract muscles part pars isthmus quadrate inf sup lat vent ant proper soft fluid "
-    "air gas choroidplexus extremities capsule skeletal";
+    "air gas choroidplexus extremities capsule skeletal abdominal bifurcation brachii compartment junction "
+    "outflow process superioris first second third fourth fdi";
 
 // words that people are called, with those that must stand right before or after them
 struct WithCompany {
@@ -101,7 +108,20 @@ constexpr std::array kWithCompany{
     WithCompany{"pole", "", "temporal"},     WithCompany{"pole", "frontal", ""},
     WithCompany{"pole", "occipital", ""},    WithCompany{"pole", "temporal", ""},
     WithCompany{"tissue", "soft", ""},       WithCompany{"tissues", "soft", ""},
+    WithCompany{"wall", "airways", ""},      WithCompany{"segment", "liver", ""},
+    WithCompany{"true", "", "lumen"},        WithCompany{"false", "", "lumen"},
+    WithCompany{"hard", "", "palate"},       WithCompany{"non", "", "coronary"},
+    WithCompany{"hand", "phalanges", ""},    WithCompany{"feet", "phalanges", ""},
+    WithCompany{"horn", "frontal", ""},      WithCompany{"horn", "occipital", ""},
+    WithCompany{"horn", "temporal", ""},     WithCompany{"arch", "zygomatic", ""},
+    WithCompany{"arch", "aortic", ""},       WithCompany{"space", "subarachnoid", ""},
+    WithCompany{"start", "left", ""},        WithCompany{"start", "right", ""},
+    WithCompany{"implant", "hip", ""},
 };
+
+// names of structures whose words name none by themselves
+constexpr std::array<std::string_view, 8> kWholeNames{
+    "head", "face", "bridge", "crown", "implant", "body_trunc", "body_extremities", "internal_capsule"};
 
 // what a file of anybody's is called besides
 constexpr std::string_view kSayNothing =
@@ -182,8 +202,12 @@ bool is_level(const std::vector<Token>& tokens, std::size_t n) {
 
 AnatomyInName anatomy_in(std::string_view text) {
   static const std::set<std::string_view> qualities = set_of(kQualities), say_nothing = set_of(kSayNothing);
-  std::vector<Token> tokens = tokens_of(text);
   AnatomyInName found;
+  if (std::ranges::find(kWholeNames, lower_case(text)) != kWholeNames.end()) {
+    found.name = text;
+    return found;
+  }
+  std::vector<Token> tokens = tokens_of(text);
   bool any = false;
   for (std::size_t n = 0; n < tokens.size(); ++n) {
     Token& token = tokens[n];
@@ -191,7 +215,9 @@ AnatomyInName anatomy_in(std::string_view text) {
       // dates and numbers of patients have more digits, or more numbers
       const bool follows = n > 0 && tokens[n - 1].kept && !tokens[n - 1].number;
       const bool last = n + 1 == tokens.size() || !tokens[n + 1].number;
-      token.kept = follows && last && token.text.size() <= 2;
+      // teeth and their pulps have three in FDI's notation
+      const bool is_tooth = follows && tokens[n - 1].lower == "fdi";
+      token.kept = follows && last && token.text.size() <= (is_tooth ? 3 : 2);
       found.left_out = found.left_out || (!token.kept && token.text.size() > 2);
       continue;
     }
