@@ -86,13 +86,20 @@ double recommended_damping_N_s_per_mm(const PlantDevice& device, double rate_hz,
   return kStiffnessMargin * neutral_damping_N_s_per_mm(device.mass_kg, rate_hz, delay_s);
 }
 
+const std::vector<PlantHand>& recommending_grips() {
+  static const std::vector<PlantHand> grips = [] {
+    std::vector<PlantHand> all{*find_plant_hand("light-grip"), *find_plant_hand("firm-grip")};
+    std::ranges::copy_if(plant_hands_with_skin(), std::back_inserter(all),
+                         [](const PlantHand& hand) { return hand.name != "fingertip"; });
+    return all;
+  }();
+  return grips;
+}
+
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress) {
   double least = kStiffestWall_N_per_mm;
-  std::vector<PlantHand> grips{*find_plant_hand("light-grip"), *find_plant_hand("firm-grip")};
-  std::ranges::copy_if(plant_hands_with_skin(), std::back_inserter(grips),
-                       [](const PlantHand& hand) { return hand.name != "fingertip"; });
-  for (const PlantHand& grip : grips) {
+  for (const PlantHand& grip : recommending_grips()) {
     const auto critical = critical_stiffness_N_per_mm({device, grip, rate_hz, delay_s}, progress);
     if (!critical) return critical;
     least = std::min(least, *critical);

@@ -15,21 +15,22 @@ namespace palpate {
 namespace {
 
 constexpr const char* kDevices[] = {"premium-1.5", "touch"};
-constexpr const char* kGrips[] = {"light-grip", "firm-grip"};
 constexpr std::uint64_t kTouches = 3;  // speeds of impact
 
 StabilityCase case_of(const char* device, const char* grip, double rate_hz, double delay_s) {
   return {*find_plant_device(device), *find_plant_hand(grip), rate_hz, delay_s};
 }
 
-// at 1 kHz with each delay, then at each other rate with one sample of delay
+// of every grip for which a stiffness is recommended, at 1 kHz with each delay, then at each other rate with
+// one sample of delay
 std::vector<StabilityCase> all_cases() {
   std::vector<StabilityCase> cases;
   for (const char* device : kDevices)
-    for (const char* grip : kGrips) {
-      for (const double delay_s : {0.0, 1e-3, 3e-3}) cases.push_back(case_of(device, grip, 1000, delay_s));
+    for (const PlantHand& grip : recommending_grips()) {
+      const PlantDevice plant = *find_plant_device(device);
+      for (const double delay_s : {0.0, 1e-3, 3e-3}) cases.push_back({plant, grip, 1000, delay_s});
       for (const double rate_hz : {500.0, 2000.0, 4000.0, 10000.0})
-        cases.push_back(case_of(device, grip, rate_hz, 1 / rate_hz));
+        cases.push_back({plant, grip, rate_hz, 1 / rate_hz});
     }
   return cases;
 }

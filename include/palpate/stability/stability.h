@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "palpate/base/progress.h"
 #include "palpate/device/bounds.h"
 #include "palpate/device/simulated_device.h"
@@ -31,9 +33,12 @@ Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Prog
 /// @param rate_hz  > 0
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz);
 
-/// kStiffnessMargin of the least critical stiffness over the light and the firm grip, each of one mass with
-/// the device and as it holds a pen, with skin between. A fingertip that only rests on the device counts on
-/// the passivity controller: hardly any wall is stiff to it without. Errors as above.
+/// Those that the recommended stiffness counts: the light and the firm grip, each of one mass with the device
+/// and as it holds a pen, with skin between. A fingertip that only rests on the device counts on the
+/// passivity controller: hardly any wall is stiff to it without.
+const std::vector<PlantHand>& recommending_grips();
+
+/// kStiffnessMargin of the least critical stiffness over recommending_grips(). Errors as above.
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress = {});
 
