@@ -1199,33 +1199,20 @@ bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSp
   return is_clear_way(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
 }
 
-// Whether the hand has lifted the tool off everything that the layer leans on: no contact is penetrated at
-// the hand's pose, so that no spring would be stretched there.
-bool is_lifted_off(std::span<const ToolSphere> spheres, std::span<const ToolSphere> held,
-                   const ToolPose& hand, const ProxyLayer& layer) {
-  return std::ranges::all_of(std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts)),
-                             [&](const ProxyContact& contact) {
-                               const auto n = static_cast<std::size_t>(contact.sphere);
-                               const Vector<Patient> moved = hand.tip + arm_of(contact, spheres[n]) -
-                                                             (layer.position + arm_of(contact, held[n]));
-                               return moved.dot(contact.normal) >= 0;
-                             });
-}
-
 // What holds the layer has let go of the hand's pose, and so has all that lies within: the proxy takes it
-// without looking around. What its spring gave in the tick before is released, unless the hand itself has
-// relaxed the spring.
+// without looking around. What its spring gave in the tick before is released, but for what the hand's own
+// way since then explains: a tool that is lifted off within a tick leaves nothing.
 void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
              const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
-  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0) {
-    const HeldSpheres held(spheres, hand.attitude, layer.attitude);
-    if (!is_lifted_off(spheres, held.spheres(), hand, layer)) {
-      const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
-      const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
-      release.force_N += stretched_mm * stiffness;
-      release.torque_Nmm += torque_of(contacts, held.spheres(), stretched_mm * stiffness, stiffness);
-      release.stored_mJ += 0.5 * stiffness * stretched_mm.squared_norm();
-    }
+  const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
+  const double left_mm = stretched_mm.norm() - (hand.tip - tip_before).norm();
+  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
+    const Vector<Patient> left_N = stretched_mm * (stiffness * left_mm / stretched_mm.norm());
+    const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+    release.force_N += left_N;
+    release.torque_Nmm +=
+        torque_of(contacts, HeldSpheres(spheres, hand.attitude, layer.attitude).spheres(), left_N, stiffness);
+    release.stored_mJ += 0.5 * stiffness * left_mm * left_mm;
   }
   const Vector<Patient> way = hand.tip - layer.position;
   layer.attitude = hand.attitude;

@@ -95,7 +95,7 @@ TEST(StabilityGrip, AHandWithSkinIsQuietAtWhatIsRecommended) {
                                 .impact_m_s = impact_m_s};
             const GripResult result = hold_wall(grip_wall(), held);
             EXPECT_LE(result.swing_mm, 2e3 * device.encoder_step_m);
-            EXPECT_NEAR(result.force_N, 1, 0.3) << "the wall is there";
+            EXPECT_NEAR(result.force_N, 1, 0.35) << "the wall is there, and friction bears the rest";
           }
       }
 }

@@ -12,7 +12,7 @@ import { Part } from "./part.js";
 import type { Picture } from "./picture.js";
 import { PlanStore } from "./plan_store.js";
 import { PointerDevice } from "./pointer.js";
-import { conceal, revealed, type Concealed } from "./quiz.js";
+import type { Concealed } from "./quiz.js";
 import { Requests } from "./requests.js";
 import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor, type Scene, type State } from "./scene.js";
 import { SectionView, type Along, type PlaneKind } from "./section_view.js";
@@ -78,8 +78,8 @@ class Page {
     return new Timeline(this.session, this.connection, this.requests);
   });
   readonly training = new Part("training", async () => {
-    const { Training } = await import("./training.js");
-    const training = new Training(this.session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind),
+    const { Training, Quiz } = await import("./training.js");
+    const training = new Training(this.session, this.connection, this.requests, this.volume, (toFind) => this.quiz(toFind, Quiz),
       ({ optics_deg, back_mm }) => void this.scope.get().then((scope) => scope?.standAs(optics_deg, back_mm)));
     if (this.run) training.tell(this.run);
     if (this.debriefing) training.debrief(this.debriefing);
@@ -301,7 +301,7 @@ class Page {
   }
 
   /** Names of structures, and what is to be found, are hidden, or come back: null. */
-  private quiz(toFind: number[] | null): void {
+  private quiz(toFind: number[] | null, { conceal, revealed }: typeof import("./quiz.js")): void {
     const { session } = this;
     const hidden = JSON.stringify(toFind);
     if (hidden === this.hidden || !session.volumes || !session.scene) return;

@@ -1,5 +1,6 @@
 // Tasks: what is to be done, how far it is, what came of it. palpate measures; the page shows what it tells.
 
+export * as Quiz from "./quiz.js"; // of its chunk
 import { announce } from "./announce.js";
 import type { Connection, Refusal } from "./connection.js";
 import { byId, element, write } from "./dom.js";
