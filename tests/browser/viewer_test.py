@@ -1018,8 +1018,12 @@ class WithPointer(Viewer):
                      marked: document.querySelectorAll(".structure.touched").length, force: Math.hypot(...palpateViewer.pose.devices[0].force) };"""
 
         def assert_felt():
-            self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0")
-            now = self.page.run(shown)
+            # a page that a busy machine does not run for 100 ms is not believed to hold the tip any more
+            for _ in range(20):
+                self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0")
+                now = self.page.run(shown)
+                if now["force"] > 0:
+                    break
             self.assertEqual([now["touched"], now["footer"], now["marked"]], [name, name, 1], now)
             self.assertGreater(now["rows"], 0, now)
             self.assertNotEqual(now["stiffness"], "–")
