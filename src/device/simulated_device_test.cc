@@ -33,6 +33,37 @@ TEST(SimulatedDevice, SwingsAsADampedOscillator) {
   EXPECT_LT(largest, 0.01);
 }
 
+// Two springs in series: the hand's and the skin's.
+TEST(SimulatedDevice, SkinYieldsBeforeTheHandDoes) {
+  const double force_N = 1;
+  SimulatedDevice plant(kIdeal, PlantHand{"pen", 0.15, 6, 500, 2000, 20});
+  plant.reset(Point<Device>(0, 0, 0));
+  double work_mJ = 0;
+  for (int n = 0; n < 3000; ++n) {
+    plant.advance({Vector<Device>(force_N, 0, 0), {}}, kTick_s);
+    work_mJ += plant.work_mJ();
+  }
+  EXPECT_NEAR(plant.true_tip().x(), 1e3 * force_N * (1 / 500.0 + 1 / 2000.0), 1e-6);
+  EXPECT_NEAR(work_mJ, force_N * plant.true_tip().x(), 1e-9) << "N mm are mJ";
+}
+
+TEST(SimulatedDevice, BehindRigidSkinDeviceAndHandAreOneMass) {
+  SimulatedDevice one(kIdeal, PlantHand{"hand", 0.15, 2, 80});
+  SimulatedDevice two(kIdeal, PlantHand{"hand", 0.15, 2, 80, 1e6, 100});
+  for (SimulatedDevice* plant : {&one, &two}) plant->reset(Point<Device>(0, 0, 0));
+  double farthest_mm = 0, largest_mm = 0;
+  for (int n = 0; n < 1000; ++n) {
+    for (SimulatedDevice* plant : {&one, &two}) {
+      plant->intend(Point<Device>(10 * std::sin(0.02 * n), 0, 0));
+      plant->advance({}, kTick_s);
+    }
+    farthest_mm = std::max(farthest_mm, (one.true_tip() - two.true_tip()).norm());
+    largest_mm = std::max(largest_mm, one.true_tip().x());
+  }
+  EXPECT_GT(largest_mm, 5);
+  EXPECT_LT(farthest_mm, 0.02);
+}
+
 TEST(SimulatedDevice, NeverGainsEnergyWithoutAForce) {
   const PlantHand hand{"hand", 0.15, 0.5, 80};
   SimulatedDevice plant(kIdeal, hand);

@@ -21,8 +21,8 @@ StabilityCase case_of(const char* device, const char* grip, double rate_hz, doub
   return {*find_plant_device(device), *find_plant_hand(grip), rate_hz, delay_s};
 }
 
-// of every grip for which a stiffness is recommended, at 1 kHz with each delay, then at each other rate with
-// one sample of delay
+// Every grip that the recommended stiffness counts, at 1 kHz with each delay, then at each other rate with
+// one sample of delay.
 std::vector<StabilityCase> all_cases() {
   std::vector<StabilityCase> cases;
   for (const char* device : kDevices)

@@ -239,7 +239,6 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
-  // the tip's way in a tick is relative to the object, which turns at the tick's end
   Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_felt);
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
@@ -265,9 +264,10 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
 
     // the object turns at the end of the tick, under the force that acts then
     const Point<World> tip_in_world(plant.true_tip().eigen());
-    const Point<Patient> now = pose_of(ball, state.rotation_felt) * tip_in_world;
+    const Transform<Patient, World> X_PatientWorld_turned = pose_of(ball, state.rotation_felt);
+    const Point<Patient> now = X_PatientWorld_turned * tip_in_world;
     energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
-    X_PatientWorld = pose_of(ball, state.rotation_felt);
+    X_PatientWorld = X_PatientWorld_turned;
     if (exploration.presses) places_mm.push_back(now.x());
     result.least_mJ = std::min(result.least_mJ, energy_mJ);
     const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();

@@ -177,8 +177,8 @@ GripCase free_tap(const PlantDevice& device, double stiffness_N_per_mm) {
   return tap;
 }
 
-// Whoever holds a device so that skin lies between, at what is recommended and told of the delay: of each
-// device and rate the worst of all delays.
+// Swing and energy for each hand with skin, at the recommended stiffness and with the delay known to the
+// tick. Each figure is the worst over all delays at one rate.
 Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const PlantDevice& device,
                                  const Progress& progress, std::vector<Figure>& lengths,
                                  std::vector<Figure>& energies) {

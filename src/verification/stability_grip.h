@@ -17,7 +17,7 @@ struct Grip {
   double skin_N_s_per_m = 0.5;  ///< likewise
 };
 
-/// Of the plant's hands, with or without skin.
+/// A hand of the simulated device as a Grip.
 Grip grip_of(const PlantHand& hand);
 
 /// A wall that is met and held through the real tick.

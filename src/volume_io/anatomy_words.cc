@@ -34,7 +34,7 @@ constexpr std::string_view kStructures =
     "obturator iliacus quadratus lumborum erector spinae multifidus latissimus dorsi rhomboid serratus "
     "teres levator sternocleidomastoid scalene scalenus digastric mylohyoid geniohyoid pterygoid buccinator "
     "orbicularis platysma diaphragm hamstring tensor latae intercostal tongue sphincter constrictor thigh "
-    "calf coracobrachialis coracobrachial oblique prevertebral thyrohyoid sterno transversospinalis "
+    "calf coracobrachialis coracobrachial prevertebral thyrohyoid sterno transversospinalis "
     "palpebrae intermuscular "
     // fat, skin, vessels, nerves
     "fat fatty adipose omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
@@ -68,8 +68,7 @@ constexpr std::string_view kStructures =
     // what is ill, and what is hollow
     "tumour tumor lesion carcinoma cancer metastasis metastases neoplasm nodule adenoma fibroadenoma "
     "sarcoma glioma meningioma lymphoma gtv ctv ptv cyst effusion lumen aneurysm thrombus hematoma edema "
-    "oedema necrosis infarct plaque calcification hemorrhage haemorrhage infiltrate "
-    "covid";
+    "oedema necrosis infarct plaque calcification hemorrhage haemorrhage infiltrate";
 
 // of place, shape and number: names of nothing by themselves
 constexpr std::string_view kQualities =
@@ -80,7 +79,7 @@ constexpr std::string_view kQualities =
     "longus brevis and of the tissue body head neck tail shaft trunk "
     "trunc tract muscles part pars isthmus quadrate inf sup lat vent ant proper soft fluid "
     "air gas choroidplexus extremities capsule skeletal abdominal bifurcation brachii compartment junction "
-    "outflow process superioris first second third fourth fdi";
+    "outflow process superioris covid first second third fourth fdi";
 
 // words that people are called, with those that must stand right before or after them
 struct WithCompany {
@@ -116,10 +115,13 @@ constexpr std::array kWithCompany{
     WithCompany{"horn", "temporal", ""},     WithCompany{"arch", "zygomatic", ""},
     WithCompany{"arch", "aortic", ""},       WithCompany{"space", "subarachnoid", ""},
     WithCompany{"start", "left", ""},        WithCompany{"start", "right", ""},
-    WithCompany{"implant", "hip", ""},
+    WithCompany{"implant", "hip", ""},       WithCompany{"oblique", "external", ""},
+    WithCompany{"oblique", "internal", ""},  WithCompany{"oblique", "inferior", ""},
+    WithCompany{"oblique", "superior", ""},
 };
 
-// names of structures whose words name none by themselves
+// Names of structures whose words name none by themselves, as they are written: people are called Bridge,
+// too.
 constexpr std::array<std::string_view, 8> kWholeNames{
     "head", "face", "bridge", "crown", "implant", "body_trunc", "body_extremities", "internal_capsule"};
 
@@ -203,7 +205,7 @@ bool is_level(const std::vector<Token>& tokens, std::size_t n) {
 AnatomyInName anatomy_in(std::string_view text) {
   static const std::set<std::string_view> qualities = set_of(kQualities), say_nothing = set_of(kSayNothing);
   AnatomyInName found;
-  if (std::ranges::find(kWholeNames, lower_case(text)) != kWholeNames.end()) {
+  if (std::ranges::find(kWholeNames, text) != kWholeNames.end()) {
     found.name = text;
     return found;
   }

@@ -172,6 +172,8 @@ TEST(AnatomyWords, WhatMayBeAPersonsNameIsLeftOut) {
                                    {"hand_liver", "liver"},
                                    {"liver_103", "liver"},
                                    {"canal_fdi1033", "canal_fdi"},
+                                   {"Bridge", ""},
+                                   {"covid_oblique_scan", ""},
                                    {"Wall_Hard_aorta", "aorta"}}) {
     const AnatomyInName found = anatomy_in(name);
     EXPECT_EQ(found.name, kept) << name;

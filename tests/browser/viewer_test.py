@@ -1018,7 +1018,7 @@ class WithPointer(Viewer):
                      marked: document.querySelectorAll(".structure.touched").length, force: Math.hypot(...palpateViewer.pose.devices[0].force) };"""
 
         def assert_felt():
-            # a page that a busy machine does not run for 100 ms is not believed to hold the tip any more
+            # the session lets go of a tip whose page has sent nothing for 100 ms, as on a busy machine
             for _ in range(20):
                 self.page.wait("Math.hypot(...palpateViewer.pose.devices[0].force) > 0")
                 now = self.page.run(shown)

@@ -33,8 +33,8 @@ Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Prog
 /// @param rate_hz  > 0
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz);
 
-/// Those that the recommended stiffness counts: the light and the firm grip, each of one mass with the device
-/// and as it holds a pen, with skin between. A fingertip that only rests on the device counts on the
+/// The grips that the recommended stiffness counts: the light and the firm grip, each of one mass with the
+/// device and as it holds a pen, with skin between. A fingertip that only rests on the device counts on the
 /// passivity controller: hardly any wall is stiff to it without.
 const std::vector<PlantHand>& recommending_grips();
 
