@@ -189,6 +189,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   add_who(json, who, !scene.tasks.empty(), keeps_runs);
   json["side"] = scene.side;
   json["oriented"] = scene.oriented;
+  json["caveats"] = Json::array();
+  for (const std::string& caveat : scene.caveats) json["caveats"].push_back(shown(caveat));
   json["modality"] = scene.modality;
   json["volume"] = volume_json(scene, facts);
   json["world_from_patient"] = scene.world_from_patient;

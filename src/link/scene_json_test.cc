@@ -54,7 +54,8 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_EQ(json["device"]["input"], "script");
   EXPECT_EQ(json["limits"]["max_force_N"], 1.4);
   EXPECT_EQ(json["rate_hz"], 1000);
-  EXPECT_EQ(json.size(), 23u);
+  EXPECT_EQ(json.size(), 24u);
+  EXPECT_EQ(json["caveats"], Json::array());
   EXPECT_TRUE(json["distances"].is_null());
   EXPECT_TRUE(json["no_go"].empty());
   EXPECT_TRUE(json["tasks"].empty());
@@ -68,6 +69,13 @@ TEST(SceneJson, WhatIsNotKnownIsNull) {
   EXPECT_TRUE(json["volume"]["scan"].is_null());
   EXPECT_TRUE(json["device"]["peak_force_N"].is_null());
   EXPECT_EQ(json["role"], "view");
+}
+
+TEST(SceneJson, HasTheCaveatsOfTheModel) {
+  FakeHost host;
+  host.edit_scene().caveats = {"two tissues are felt as one\x1b[2J"};
+  const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, {Role::kView, {}}, false));
+  EXPECT_EQ(json["caveats"], Json::parse(R"(["two tissues are felt as one\\u001b[2J"])"));
 }
 
 TEST(SceneJson, TellsWhatKeepsAway) {

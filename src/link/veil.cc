@@ -44,6 +44,8 @@ bool has_quiz(const ViewedScene& scene) {
 Veil::Veil(const ViewedScene& scene) : hidden_(kLabels), scene_(scene) {
   for (const ViewedTask& task : scene.tasks)
     for (const LabelId label : task.quiz ? task.to_find : std::vector<LabelId>()) hidden_[label] = label != 0;
+  // they may describe hidden tissues
+  scene_.caveats.clear();
   scene_.labels = veiled_labels(scene.labels, hidden_);
   has_wide_labels_ = needs_wide_labels(*scene_.labels);
   hide_tissues(scene);

@@ -63,6 +63,7 @@ void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
   scene.tasks[0].regions = {{"block", {}, 0, {}, ViewedTask::Region::Extent{{1, 2}, {}, {}, {}, 0, {}}},
                             {"ball", {}, 0, {}, ViewedTask::Region::Extent{{2}, {}, {}, {}, 0, {}}}};
   for (ViewedTask::Region& region : scene.tasks[0].regions) region = region_in(scene, region);
+  scene.caveats = {"tissues of 0.1 to 0.2 N/mm are felt as one"};
   scene.no_go = {{"nodule", 1, LabelId{2}}};
   scene.told_reach_mm = 20;
 }
@@ -115,6 +116,7 @@ TEST(Veil, NothingThatIsToldNamesIt) {
   EXPECT_EQ(json["tasks"][0]["forces"][0]["labels"], Json({1}));
   EXPECT_EQ(json["tasks"][0]["protected"][0]["labels"], Json::array());
   EXPECT_EQ(json["recording"]["contacts"], Json::array());
+  EXPECT_EQ(json["caveats"], Json::array());
   EXPECT_EQ(json["no_go"], Json::array());
   EXPECT_TRUE(json["distances"].is_null());
   EXPECT_TRUE(veil.of(state).removed_mm3.empty());

@@ -200,12 +200,12 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
   warn(text + " of " + newtons(wanted_N) + " (direct methods)");
 }
 
-// tissues that contact does not tell apart where they touch, because there are more than it has layers
-void warn_of_merged(const Model& model, const Warn& warn) {
-  if (!warn) return;
+// one sentence for each contact layer that merges tissues of different stiffness
+std::vector<std::string> merged_layers(const Model& model) {
   std::vector<double> stiffnesses;
   for (const Tissue& tissue : model.tissues)
     if (tissue.felt && !model.yields(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
+  std::vector<std::string> sentences;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
     if (layer.most_N_per_mm <= kSameStiffness * layer.least_N_per_mm) continue;
     char text[160];
@@ -213,8 +213,9 @@ void warn_of_merged(const Model& model, const Warn& warn) {
                   "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
                   "contact has at most %d layers of stiffness",
                   layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMostLayers);
-    warn(text);
+    sentences.emplace_back(text);
   }
+  return sentences;
 }
 
 // Regions of the scene, a structure each where they are of structures.
@@ -472,18 +473,20 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   auto made = make_model(std::move(parts), preparing, progress);
   if (!made) return of_scene(made.error());
   warn_of_thin(*made, warn);
-  warn_of_merged(*made->model, warn);
   const std::shared_ptr<Model> model = made->model;
+  model->caveats = merged_layers(*model);
 
   model->scan = ready_made->scan;
   model->oriented = volumes.oriented;
   const Side anatomy = volumes.oriented ? side_from_anatomy(*model) : Side::kUnknown;
   model->side_from_anatomy = scene.side == Side::kUnknown && anatomy != Side::kUnknown;
   model->side = model->side_from_anatomy ? anatomy : scene.side;
-  if (warn && (scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
+  if ((scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
       anatomy != scene.side)
-    warn("the scene says the other side than the anatomy: by the fibula this is a " +
-         std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
+    model->caveats.push_back("the scene says the other side than the anatomy: by the fibula this is a " +
+                             std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
+  if (warn)
+    for (const std::string& caveat : model->caveats) warn(caveat);
   if (warn && !volumes.oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   // surfaces take seconds and memory: who feels by the proxy has them made

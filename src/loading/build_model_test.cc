@@ -557,6 +557,34 @@ TEST(BuildModel, WhatIsThinIsSaidInOneLine) {
   EXPECT_EQ(warnings[0], "thin: sheet gives at most 0.4 N, leaf 0.4 N of 0.5 N (direct methods)");
 }
 
+TEST(BuildModel, TissuesMergedIntoOneContactLayerAreACaveat) {
+  constexpr int kTissues = kMostLayers + 1;
+  LabelMap map;
+  map.layers.emplace_back(grid_of(1, 40));
+  std::string scene;
+  double stiffness_N_per_mm = 0.1;
+  for (int n = 1; n <= kTissues; ++n, stiffness_N_per_mm *= n == 4 ? 1.1 : 1.25) {
+    for (int k = 2; k < 38; ++k)
+      for (int j = 2; j < 38; ++j)
+        for (int i = 2 * n; i < 2 * n + 2; ++i) map.layers[0].at(i, j, k) = static_cast<LabelId>(n);
+    map.segments.push_back(
+        {static_cast<LabelId>(n), "slab " + std::to_string(n), {}, 0, static_cast<LabelId>(n)});
+    const std::string number = std::to_string(n);
+    scene += "[[tissue]]\nname = \"t" + number + "\"\nlabels = [" + number +
+             "]\nstiffness = " + std::to_string(stiffness_N_per_mm) + "\n";
+  }
+  std::vector<std::string> warnings;
+  const auto model = build_model(scene_of(scene), &map, nullptr, {},
+                                 [&](const std::string& warning) { warnings.push_back(warning); });
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  ASSERT_EQ((*model)->caveats.size(), 1u);
+  EXPECT_EQ(
+      (*model)->caveats[0],
+      "tissues of 0.156 to 0.172 N/mm are felt as one where they touch, up to 9 % too soft: contact has "
+      "at most 12 layers of stiffness");
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), (*model)->caveats[0]), 1);
+}
+
 TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto model = build_model(scene_of(with_ramps() + "[force]\nmethod = 'b-spline'\n"), &labels, nullptr);

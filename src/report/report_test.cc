@@ -204,6 +204,15 @@ TEST_F(Report, TouchesInPassingAreCountedApart) {
   EXPECT_THAT(tile(), HasSubstr("for 0.5 s or longer, 1 more in passing"));
 }
 
+TEST_F(Report, HasTheCaveatsOfTheModel) {
+  EXPECT_EQ(count(page(), "Limitation of the model"), 0u);
+  model.caveats = {"tissues of 0.5 to 0.6 N/mm are felt as one", "<b>"};
+  const std::string html = page();
+  EXPECT_EQ(count(html, "Limitation of the model"), 2u);
+  EXPECT_THAT(html, HasSubstr("tissues of 0.5 to 0.6 N/mm are felt as one."));
+  EXPECT_THAT(html, HasSubstr("&lt;b&gt;"));
+}
+
 TEST_F(Report, ForceAboveTheLimitOfItsTickIsFlagged) {
   EXPECT_EQ(count(page(), "<p class=\"callout alert\""), 0u);
   recording.ticks[1500].device[0].force_N = {0, 0, 1.6};

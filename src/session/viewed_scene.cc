@@ -81,6 +81,7 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   ViewedScene scene;
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
+  scene.caveats = model.caveats;
   scene.modality = name_of(modality_of(said, model.scan.get()), kModalities);
   scene.content_hash = hash_of_voxels(model);
   scene.scan = model.scan;

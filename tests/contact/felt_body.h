@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -56,6 +57,23 @@ struct Body {
     return nearest->surface->outward(at);
   }
 };
+
+/// Whether no centre of a felt voxel is nearer to `at` than `clear_mm` plus half a voxel diagonal.
+inline bool is_clear_of_voxels(const Body& body, const Point<Patient>& at, double clear_mm) {
+  const Bricks<LabelId>& labels = *body.model->labels;
+  const GridGeometry& grid = labels.geometry();
+  const double far_mm = clear_mm + 0.5 * grid.spacing_mm.norm();
+  const Eigen::Vector3d p = (grid.X_PatientVoxel().inverse() * at).eigen();
+  const Eigen::Vector3d reach = far_mm * grid.spacing_mm.cwiseInverse();
+  const auto low = [&](int a) { return static_cast<int>(std::ceil(p[a] - reach[a])); };
+  for (int k = low(2); k <= p.z() + reach.z(); ++k)
+    for (int j = low(1); j <= p.y() + reach.y(); ++j)
+      for (int i = low(0); i <= p.x() + reach.x(); ++i)
+        if (body.is_felt(labels.anywhere(i, j, k)) &&
+            (Eigen::Vector3d(i, j, k) - p).cwiseProduct(grid.spacing_mm).norm() < far_mm)
+          return false;
+  return true;
+}
 
 inline Model model_of(const LabelMap& map,
                       const std::function<std::optional<double>(const Segment&)>& stiffness_of) {

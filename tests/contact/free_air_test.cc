@@ -16,6 +16,7 @@
 #include "base/test_files.h"
 #include "felt_body.h"
 #include "palpate/phantoms/phantoms.h"
+#include "soft_and_bone.h"
 
 /// A tool that is free is left alone: presses to 8 N on layered bodies, from which the hand goes back the way
 /// it came or out on another side. PALPATE_TEST_PRESSES says how many on each body.
@@ -61,11 +62,7 @@ enum class WayOut { kBack, kAside };
 class FreeAirPress {
  public:
   FreeAirPress(const Body& body, double radius_mm, FreeAirFigures& figures)
-      : body_(body),
-        tool_{{}, radius_mm},
-        figures_(figures),
-        voxel_mm_(body.model->labels->geometry().spacing_mm.norm()),
-        X_VoxelPatient_(body.model->labels->geometry().X_PatientVoxel().inverse()) {}
+      : body_(body), tool_{{}, radius_mm}, figures_(figures) {}
 
   void go(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
           WayOut way_out) {
@@ -172,29 +169,14 @@ class FreeAirPress {
     return all_N;
   }
 
-  // of felt voxels, whatever the surfaces say
   bool is_far_from_all() const {
-    if (body_.clearance_mm(tip_, tool_.radius_mm) <= 0.5 * kFree_mm) return false;
-    const Bricks<LabelId>& labels = *body_.model->labels;
-    const GridGeometry& grid = labels.geometry();
-    const double far_mm = tool_.radius_mm + kFree_mm + 0.5 * voxel_mm_;
-    const Eigen::Vector3d p = (X_VoxelPatient_ * tip_).eigen();
-    const Eigen::Vector3d reach = far_mm * grid.spacing_mm.cwiseInverse();
-    const auto low = [&](int a) { return static_cast<int>(std::ceil(p[a] - reach[a])); };
-    for (int k = low(2); k <= p.z() + reach.z(); ++k)
-      for (int j = low(1); j <= p.y() + reach.y(); ++j)
-        for (int i = low(0); i <= p.x() + reach.x(); ++i)
-          if (body_.is_felt(labels.anywhere(i, j, k)) &&
-              (Eigen::Vector3d(i, j, k) - p).cwiseProduct(grid.spacing_mm).norm() < far_mm)
-            return false;
-    return true;
+    return body_.clearance_mm(tip_, tool_.radius_mm) > 0.5 * kFree_mm &&
+           is_clear_of_voxels(body_, tip_, tool_.radius_mm + kFree_mm);
   }
 
   const Body& body_;
   ToolSphere tool_;
   FreeAirFigures& figures_;
-  const double voxel_mm_;
-  const Transform<Voxel, Patient> X_VoxelPatient_;
   ProxyState state_;
   ProxyResult result_;
   Point<Patient> tip_, start_;
@@ -247,75 +229,6 @@ void expect_left_alone(const char* what, const Model& model) {
     EXPECT_LE(f.drawn, f.held_back / 80);
     EXPECT_EQ(f.grown, 0);
   }
-}
-
-/// A label map of 1 where it is soft and 2 where it is bone.
-LabelMap soft_and_bone(double half_mm, double spacing_mm,
-                       const std::function<int(const Eigen::Vector3d&)>& label_at) {
-  GridGeometry grid;
-  const int count = 2 * static_cast<int>(std::ceil(half_mm / spacing_mm)) + 1;
-  grid.dims = {count, count, count};
-  grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
-  grid.origin = Point<Patient>(Eigen::Vector3d::Constant(-0.5 * (count - 1) * spacing_mm));
-  LabelMap map;
-  map.layers.emplace_back(grid);
-  const auto X_PatientVoxel = grid.X_PatientVoxel();
-  for (int k = 0; k < count; ++k)
-    for (int j = 0; j < count; ++j)
-      for (int i = 0; i < count; ++i)
-        map.layers[0].at(i, j, k) =
-            static_cast<LabelId>(label_at((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen()));
-  map.segments = {{1, "soft", {}, 0, 1}, {2, "bone", {}, 0, 2}};
-  return map;
-}
-
-Model soft_and_bone_model(const LabelMap& map) {
-  return model_of(map, [](const Segment& segment) { return segment.id == 1 ? 0.1 : 1.5; });
-}
-
-// a cup of bone, open at the top, filled and covered by a ball that is soft
-LabelMap cup_in_a_ball(double wall_mm) {
-  return soft_and_bone(12, 0.3, [&](const Eigen::Vector3d& p) {
-    const double r = p.norm();
-    if (r > 8) return 0;
-    return r > 5 && r < 5 + wall_mm && p.z() < 2.5 ? 2 : 1;
-  });
-}
-
-// plates and hollow cells of thin bone in soft tissue, as in a temporal bone
-LabelMap cells_and_plates(unsigned seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(-8, 8), radius(1.5, 4), wall(0.5, 0.9), unit(-1, 1);
-  struct Cell {
-    Eigen::Vector3d middle;
-    double radius, wall;
-  };
-  struct Plate {
-    Eigen::Vector3d normal;
-    double offset, thick;
-  };
-  std::vector<Cell> cells;
-  std::vector<Plate> plates;
-  for (int n = 0; n < 24; ++n) {
-    const Eigen::Vector3d middle(place(random), place(random), place(random));
-    cells.push_back({middle, radius(random), wall(random)});
-  }
-  for (int n = 0; n < 3; ++n) {
-    const Eigen::Vector3d normal(unit(random), unit(random), unit(random));
-    plates.push_back({normal.normalized(), 0.6 * place(random), wall(random)});
-  }
-  return soft_and_bone(15, 0.3, [=](const Eigen::Vector3d& p) {
-    if (p.norm() > 11) return 0;
-    for (const Plate& plate : plates)
-      if (std::abs(plate.normal.dot(p) - plate.offset) < 0.5 * plate.thick) return 2;
-    bool bone = false;
-    for (const Cell& cell : cells) {
-      const double r = (p - cell.middle).norm();
-      if (r < cell.radius - cell.wall) return 1;
-      bone = bone || r < cell.radius;
-    }
-    return bone ? 2 : 1;
-  });
 }
 
 TEST(FreeAir, OfCellsAndPlatesInSoftTissueNothingPullsAToolThatIsOut) {

@@ -38,6 +38,7 @@ export interface Scene {
   may: Right[];
   side: "left" | "right" | "both" | "unknown";
   oriented: boolean;
+  caveats: string[]; // limitations of the model that loading found, a sentence each
   modality: "ct" | "mr" | "unknown";
   volume: {
     hash: string;

@@ -164,6 +164,7 @@ const scene = (role) => ({
   recording: null,
   tasks: [],
   distances: null,
+  caveats: ["tissues of 0.5 to 0.6 N/mm are felt as one where they touch"],
   no_go: [],
 });
 const state = {

@@ -17,6 +17,11 @@ const find = (wanted: string) => page.set("#find", wanted, "input");
 const sorted = (list: string[]) => [...list].sort();
 
 testsOf(page, "the page", () => {
+  test("limitations of the model are listed above the structures", () => {
+    assert.deepEqual(page.shown("#caveats li").map(({ textContent }) => textContent), scene.caveats);
+    assert.equal(scene.caveats.length, 1);
+  });
+
   test("structures are found by words of their names, and shown alone", () => {
     find("menis LAT");
     assert.deepEqual(listed(), ["lateral meniscus"]);

@@ -141,6 +141,8 @@ struct Model {
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
   bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
+  /// Limitations of the model that loading found: one sentence each, without file names, for report and page.
+  std::vector<std::string> caveats;
 
   std::shared_ptr<const Field> field;  ///< what the direct methods read: ramps, or smoothed labels
   /// Flattened, on the field's grid, background around it (label_bricks).

@@ -101,6 +101,7 @@ struct ViewedNoGo {
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
+  std::vector<std::string> caveats;               ///< Model::caveats
   std::string modality = "unknown";               ///< "ct", "mr", "unknown"
   std::uint64_t content_hash = 0;                 ///< of scan and labels: other voxels, another hash
   std::shared_ptr<const Volume<float>> scan;      ///< may be null
