@@ -48,7 +48,7 @@ Result<Work> labels_of_file(const std::string& file) {
   const auto& dims = read->header.geometry.dims;
   std::string title = "all labels of the file given, " + std::to_string(dims[0]) + "x" +
                       std::to_string(dims[1]) + "x" + std::to_string(dims[2]);
-  return Work{std::move(title), weigh_labels(read->labels, weights)};
+  return Work{std::move(title), weigh_labels(read->labels.flattened(), weights)};
 }
 
 /// The voxels further than the kernel reaches from the border: what lies outside a volume is 0 to us and

@@ -106,7 +106,10 @@ int export_labels(const ExportOptions& options, const RecordingSource& recording
   if (!loaded) return console.fail(loaded.error());
   const auto attached = attachment_of(*loaded, options.keep_identifiers);
   if (!attached) return console.fail(attached.error());
-  const auto left = labels_left(recording, *loaded->model, progress);
+  const std::string& target = options.target.empty() ? recording.head().header.data_set : options.target;
+  const auto layers = labels_of_scene(target, *loaded->model, progress, options.volume);
+  if (!layers) return console.fail(layers.error());
+  const auto left = labels_left(recording, *loaded->model, *layers ? &**layers : nullptr, progress);
   if (!left) {
     Error error = left.error();
     if (error.where.empty()) error.where = options.source.string();

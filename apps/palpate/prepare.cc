@@ -89,11 +89,12 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     const std::string& name = file->labels.find(id)->name;
     return name.empty() ? "label " + std::to_string(id) : name;
   };
-  if (auto warned = warn_of_leaks(*label_bricks(file->labels.flattened()), all, name_of, console); !warned)
+  const Volume<LabelId> labels = file->labels.flattened();
+  if (auto warned = warn_of_leaks(*label_bricks(labels), all, name_of, console); !warned)
     return warned.error();
   std::vector<std::uint8_t> weights(std::size_t{std::numeric_limits<LabelId>::max()} + 1, 255);
   weights[0] = 0;
-  return weigh_labels(file->labels, weights);
+  return weigh_labels(labels, weights);
 }
 
 Result<FieldVolume> smooth(const Volume<std::uint8_t>& weights, const PrepareOptions& options,

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "loading/kept_preparation.h"
 #include "palpate/base/reading.h"
@@ -11,6 +12,7 @@
 #include "palpate/model/ramp_structures.h"
 #include "palpate/model/stiffness_layers.h"
 #include "palpate/preparation/preparation.h"
+#include "palpate/volume/overlaps.h"
 
 namespace palpate {
 namespace {
@@ -91,32 +93,63 @@ Tissue tissue_of(const TissueSettings& settings, const std::vector<TissueSetting
   return tissue;
 }
 
+// -1: of no tissue
+int tissue_place(const ModelParts& parts, LabelId label) {
+  return label < parts.tissue_of_label.size() ? parts.tissue_of_label[label] : -1;
+}
+
 void set_label(ModelParts& parts, LabelId label, std::size_t tissue) {
   if (label >= parts.tissue_of_label.size()) parts.tissue_of_label.resize(label + 1, -1);
   parts.tissue_of_label[label] = static_cast<std::int16_t>(tissue);
 }
 
-// one label a voxel: of segments that overlap, the one that is felt most, which is the one whose weight the
-// field has; one that is not felt only where no other is
-Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_t>& weight_of_label) {
+constexpr std::uint16_t kAdopted = 1;  // below every weight of a felt tissue, and above what is not felt
+
+// What flatten prefers: the greatest weight. A segment that belongs to no tissue and is nested in felt ones
+// takes the tissue of the smallest of them, as a target volume does in an organ.
+std::vector<std::uint16_t> preferences(const LabelMap& labels, std::span<const SegmentOverlap> overlaps,
+                                       const std::vector<std::uint8_t>& weight_of_label, ModelParts& parts) {
+  std::vector<std::uint16_t> preference(weight_of_label.begin(), weight_of_label.end());
+  for (std::uint16_t& weight : preference)
+    if (weight > 0) weight += kAdopted;
+  std::map<LabelId, std::size_t> voxels;
+  for (const SegmentStatistics& of : segment_statistics(labels)) voxels[of.id] = of.voxels;
+  std::map<LabelId, LabelId> smallest_around;
+  for (const SegmentOverlap& overlap : overlaps) {
+    if (!overlap.is_nested() || weight_of_label[overlap.larger] == 0) continue;
+    if (tissue_place(parts, overlap.smaller) >= 0) continue;
+    const auto [around, is_first] = smallest_around.try_emplace(overlap.smaller, overlap.larger);
+    if (!is_first && voxels[overlap.larger] < voxels[around->second]) around->second = overlap.larger;
+  }
+  for (const auto& [label, around] : smallest_around) {
+    set_label(parts, label, static_cast<std::size_t>(tissue_place(parts, around)));
+    preference[label] = kAdopted;
+  }
+  return preference;
+}
+
+// one label for each voxel
+Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_t>& weight_of_label,
+                                  ModelParts& parts) {
   if (labels.layers.size() == 1) {
     const bool as_it_is = std::all_of(labels.segments.begin(), labels.segments.end(),
                                       [](const Segment& s) { return s.id == s.value; });
     return as_it_is ? std::move(labels.layers.front()) : labels.flattened();
   }
-  Volume<LabelId> flat(labels.geometry());
-  for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
-    std::vector<LabelId> id_of_value(65536, 0);
-    for (const Segment& segment : labels.segments)
-      if (segment.layer == static_cast<int>(layer)) id_of_value[segment.value] = segment.id;
-    const std::vector<LabelId>& voxels = labels.layers[layer].voxels();
-    for (std::size_t v = 0; v < voxels.size(); ++v) {
-      LabelId& current = flat.voxels()[v];
-      const LabelId id = id_of_value[voxels[v]];
-      if (id != 0 && (current == 0 || weight_of_label[id] >= weight_of_label[current])) current = id;
+  const std::vector<SegmentOverlap> overlaps = segment_overlaps(labels);
+  return flatten(labels, overlaps, preferences(labels, overlaps, weight_of_label, parts));
+}
+
+// by which labels are smoothed
+Volume<std::uint8_t> weights_of(const Volume<LabelId>& flat, const ModelParts& parts,
+                                double stiffest_N_per_mm) {
+  std::vector<std::uint8_t> weight_of_label(65536, 0);
+  for (std::size_t label = 0; label < parts.tissue_of_label.size(); ++label)
+    if (const int tissue = parts.tissue_of_label[label]; tissue >= 0) {
+      const Tissue& own = parts.tissues[static_cast<std::size_t>(tissue)];
+      if (own.felt) weight_of_label[label] = weight_of(own, stiffest_N_per_mm);
     }
-  }
-  return flat;
+  return weigh_labels(flat, weight_of_label);
 }
 
 // the patient's side from what only one side can show: the fibula lies lateral to the tibia
@@ -337,11 +370,11 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
         if (parts.tissues[t].felt) weight_of_label[id] = weight_of(parts.tissues[t], stiffest);
       }
     progress.report("weighing labels", 0);
-    // ramps read labels alone
-    if (!ramps) weights = weigh_labels(*volumes.labels, weight_of_label);
     parts.segments = volumes.labels->segments;
-    flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label);
+    flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label, parts);
     volumes.labels.reset();
+    // ramps read labels alone
+    if (!ramps) weights = weights_of(flat, parts, stiffest);
   } else {
     if (!ramps) weights = Volume<std::uint8_t>(grid);
     flat = Volume<LabelId>(grid);

@@ -368,8 +368,8 @@ TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
   EXPECT_EQ(site.label, bone->id);
 }
 
-TEST(BuildModel, OverlappingSegmentsAreFeltByTheNameOfTheStiffest) {
-  // the same block in two layers: bone below, and above it once a region that no tissue takes, once cartilage
+TEST(BuildModel, NestedSegmentsKeepTheirVoxelsAndWithoutATissueTakeTheOuterOnes) {
+  // a block of bone, one half of it a region that no tissue takes, the other cartilage
   const GridGeometry grid = grid_of(1, 30);
   LabelMap labels;
   labels.layers.assign(2, Volume<LabelId>(grid));
@@ -385,8 +385,33 @@ TEST(BuildModel, OverlappingSegmentsAreFeltByTheNameOfTheStiffest) {
                            "[[tissue]]\nname = \"cartilage\"\nlabels = [\"soft\"]\nstiffness = 0.5\n"),
                   &labels, nullptr);
   ASSERT_TRUE(model.ok()) << model.error().message();
-  EXPECT_EQ((*model)->labels->at(10, 15, 15), 1) << "a region that is not felt hides nothing";
-  EXPECT_EQ((*model)->labels->at(20, 15, 15), 1) << "the stiffer one is what the field has";
+  EXPECT_EQ((*model)->labels->at(10, 15, 15), 2);
+  EXPECT_EQ((*model)->tissue_of(2)->name, "bone")
+      << "a region that no tissue takes is felt as what it lies in";
+  EXPECT_EQ((*model)->labels->at(20, 15, 15), 3) << "the innermost is touched, and not the stiffest";
+}
+
+TEST(BuildModel, OfSegmentsThatCrossTheStiffestIsFeltAndOneThatIsNotFeltHidesNothing) {
+  const GridGeometry grid = grid_of(1, 30);
+  LabelMap labels;
+  labels.layers.assign(3, Volume<LabelId>(grid));
+  for (int k = 8; k < 22; ++k)
+    for (int j = 8; j < 22; ++j)
+      for (int i = 4; i < 26; ++i) {
+        labels.layers[0].at(i, j, k) = i < 16;
+        labels.layers[1].at(i, j, k) = i >= 14;
+        labels.layers[2].at(i, j, k) = i == 8;
+      }
+  labels.segments = {{1, "hard", {}, 0, 1}, {2, "soft", {}, 1, 1}, {3, "lumen", {}, 2, 1}};
+  const auto model =
+      build_model(scene_of("[[tissue]]\nname = \"bone\"\nlabels = [\"hard\"]\nstiffness = 1.5\n"
+                           "[[tissue]]\nname = \"cartilage\"\nlabels = [\"soft\"]\nstiffness = 0.5\n"
+                           "[[tissue]]\nname = \"air\"\nlabels = [\"lumen\"]\nfelt = false\n"),
+                  &labels, nullptr);
+  ASSERT_TRUE(model.ok()) << model.error().message();
+  EXPECT_EQ((*model)->labels->at(14, 15, 15), 1);
+  EXPECT_EQ((*model)->labels->at(16, 15, 15), 2);
+  EXPECT_EQ((*model)->labels->at(8, 15, 15), 1) << "it is said not to be felt, and lies in what is";
 }
 
 TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {

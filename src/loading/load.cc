@@ -219,6 +219,18 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
                      std::move(read->proposed)};
 }
 
+Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,
+                                                const Progress& progress, std::optional<int> volume) {
+  auto read = read_scene_or_data_set(what, {}, volume, progress, {}, {});
+  if (!read) return read.error();
+  std::optional<LabelMap>& labels = read->volumes.labels;
+  const GridGeometry& grid = model.labels->geometry();
+  if (!labels || labels->geometry().same_grid(grid)) return std::move(labels);
+  auto moved = kept_resampled(*labels, grid, progress);
+  if (!moved) return moved.error();
+  return std::optional(*std::move(moved));
+}
+
 Result<SceneMemory> memory_of_scene_or_data_set(const std::string& what, const Progress& progress) {
   auto read = read_scene_or_data_set(what, {}, {}, progress, {}, {});
   if (!read) return read.error();

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/recorded_model.h"
@@ -18,9 +20,35 @@ LabelMap map_of(const Model& model) {
   return map;
 }
 
+// The layers without what is gone: at a voxel that a burr has taken, all segments that are felt. Structures
+// by threshold, which no layer has, get one of their own.
+LabelMap with_layers(const LabelMap& layers, const Model& model, LabelMap left) {
+  LabelMap whole = layers;
+  const std::vector<LabelId> before = model.labels->dense().voxels();
+  const std::vector<LabelId>& after = left.layers.front().voxels();
+  for (std::size_t layer = 0; layer < whole.layers.size(); ++layer) {
+    std::vector<bool> is_felt(65536, false);
+    for (const Segment& segment : whole.segments)
+      if (segment.layer == static_cast<int>(layer)) is_felt[segment.value] = model.is_felt(segment.id);
+    std::vector<LabelId>& voxels = whole.layers[layer].voxels();
+    for (std::size_t v = 0; v < voxels.size(); ++v)
+      if (before[v] != after[v] && is_felt[voxels[v]]) voxels[v] = 0;
+  }
+  const auto is_elsewhere = [&](LabelId label) { return layers.find(label) != nullptr; };
+  std::erase_if(left.segments, [&](const Segment& segment) { return is_elsewhere(segment.id); });
+  if (left.segments.empty()) return whole;
+  for (Segment& segment : left.segments) segment.layer = static_cast<int>(whole.layers.size());
+  for (LabelId& voxel : left.layers.front().voxels())
+    if (is_elsewhere(voxel)) voxel = 0;
+  whole.layers.push_back(std::move(left.layers.front()));
+  whole.segments.insert(whole.segments.end(), left.segments.begin(), left.segments.end());
+  std::ranges::sort(whole.segments, {}, &Segment::id);
+  return whole;
+}
+
 }  // namespace
 
-Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
+Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model, const LabelMap* layers,
                                const Progress& progress) {
   const RecordingHead& head = recording.head();
   if (auto same = check_recorded_model(head.header, model); !same) return same.error();
@@ -53,7 +81,9 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
       },
       progress);
   if (!read) return read.error();
-  return LabelsLeft{map_of(*carving->taken_from(model)), removed_figures(model, removed)};
+  LabelMap left = map_of(*carving->taken_from(model));
+  if (layers != nullptr && layers->layers.size() > 1) left = with_layers(*layers, model, std::move(left));
+  return LabelsLeft{std::move(left), removed_figures(model, removed)};
 }
 
 }  // namespace palpate

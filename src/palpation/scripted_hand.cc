@@ -27,12 +27,14 @@ constexpr double kNormalFeeling_s = 0.15;
 // a press that has not settled by then is given up, and a hold that has not been whole so much later
 constexpr double kPatience_s = 6, kHoldPatience_s = 3;
 constexpr double kSettledWithin = 0.1;
-// a touch without a press, and how fast it is looked for
-constexpr double kTouch_N = 0.1, kTouching_mm_s = 8;
+// Force of a touch without a press, and approach speed. Before a gentle press the touch has at most this
+// fraction of the press's force.
+constexpr double kTouch_N = 0.1, kTouchOfPress = 0.5, kTouching_mm_s = 8;
 // a touch is one after this time, an encounter on the way after that; a contact is lost after this time
 constexpr double kTouched_s = 0.01, kOther_s = 0.03, kEncounter_s = 0.25, kLost_s = 0.1;
 // a tip so much deeper than the force explains is given up: a hand that stops then stays within a millimetre
-constexpr double kMostOver_mm = 0.7, kOver_s = 0.004;
+// or, in soft tissue, within this fraction of that depth: low-passed force overshoots there
+constexpr double kMostOver_mm = 0.7, kMostOvershoot = 0.4, kOver_s = 0.004;
 // the tip may be so much farther from where the hand would be than force and friction explain
 constexpr double kLeash_mm = 2.5, kPushedAway_mm = 4, kStuck_s = 1;
 // what is met at the careful speed is not entered farther than this; fast is for where there is room
@@ -353,8 +355,19 @@ bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, dou
   return false;
 }
 
+// force that ends this approach, lower where a gentle press follows
+double ScriptedHand::touch_of_approach() const {
+  for (std::size_t n = step_ + 1; n < steps_.size(); ++n) {
+    if (std::holds_alternative<ApproachStep>(steps_[n].action)) break;
+    if (const auto* press = std::get_if<PressStep>(&steps_[n].action))
+      return std::min(kTouch_N, kTouchOfPress * press->force_N);
+  }
+  return kTouch_N;
+}
+
 // the way to the next place; true when there is none and the step has failed
 bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
+  touch_N_ = touch_of_approach();
   if (touching_) {
     // a script that begins again without having left
     touching_ = false;
@@ -411,7 +424,7 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
 bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const Transform<World, Patient> X = X_WorldPatient(felt);
-  wanted_N_ = kTouch_N;
+  wanted_N_ = touch_N_;
   met_s_ = device.label != 0 ? met_s_ + dt_s : 0;
   const auto& n = device.normal_patient;
   const Vector<Patient> normal(n[0], n[1], n[2]);
@@ -644,7 +657,7 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
 // of a half space at the force that is wanted
 double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
   const YieldingTissue half_space{0, {}, contact_modulus_N_per_mm2(constants)};
-  const double force_N = std::max(wanted_N_, kTouch_N);
+  const double force_N = std::max(wanted_N_, touch_N_);
   const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
   // by Hertz the depth grows with the force to the two thirds
   return force_N / std::pow(force_N / unit.force_N, 2.0 / 3);
@@ -653,7 +666,7 @@ double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const 
 // A tip that is deeper than the force explains that it is to give, or, on its way, than a touch does.
 std::optional<std::string> ScriptedHand::overreach(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
-  const double force_N = limited(std::max(wanted_N_, kTouch_N), felt);
+  const double force_N = limited(std::max(wanted_N_, touch_N_), felt);
   const LabelId met = device.label != 0 ? device.label : steps_[step_].structure;
   // the proxy's own spring tells, whatever has been edited since; of a blend it does not
   const bool told = felt_by_proxy(felt) && (device.flags & kFlagBlend) == 0 && device.depth_mm > 0 &&
@@ -661,9 +674,10 @@ std::optional<std::string> ScriptedHand::overreach(const TickRecord& felt, doubl
   const double stiffness =
       told ? device.unclamped_force_N / device.depth_mm : stiffness_N_per_mm(met, felt) * device.force_gain;
   const double explained_mm = force_N / stiffness;
+  const double over_mm = std::max(kMostOver_mm, kMostOvershoot * explained_mm);
   // a place so deep that no surface is found counts, where something is touched
   const bool over =
-      std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + kMostOver_mm;
+      std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + over_mm;
   over_s_ = over ? over_s_ + dt_s : 0;
   if (over_s_ < kOver_s) return std::nullopt;
   if (force_N < wanted_N_) return text_of("the limit is %.2f N", force_N);
@@ -680,7 +694,7 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
 
   // where force and friction do not explain how far the tip is from where the hand would be
   const double lag_mm = (tip_of(felt) - intention_).norm();
-  const double force_mm = 1.5e3 * std::max(wanted_N_, kTouch_N) / hand_.stiffness_N_per_m * device.scale;
+  const double force_mm = 1.5e3 * std::max(wanted_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
   if (lag_mm > force_mm + leash_mm(felt) + kPushedAway_mm)
     return text_of("the tip was pushed %.0f mm from where the hand would be", lag_mm);
   // who feels the contact go stops pushing
@@ -804,7 +818,7 @@ void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
   const double wall = FeltStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, felt));
   const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
   const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
-  const double error_N = limited(std::max(wanted_N_, kTouch_N), felt) - felt_N_;
+  const double error_N = limited(std::max(wanted_N_, touch_N_), felt) - felt_N_;
   intention_ += inward_ * (std::clamp(gain * error_N, -kMostPressing_mm_s, kMostPressing_mm_s) * dt_s);
 }
 

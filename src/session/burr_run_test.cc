@@ -199,6 +199,40 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
   EXPECT_FALSE(labels_left(recording_, model).ok());
 }
 
+TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
+  // around the ball a region that is not felt, in it a part of the ball, and a threshold's structure besides
+  constexpr LabelId kRegion = 77, kPart = 78;
+  const Volume<LabelId> before = loaded_.model->labels->dense();
+  LabelMap layers;
+  layers.layers.assign(3, Volume<LabelId>(before.geometry()));
+  layers.segments = {
+      {testing::kBone, "ball", {}, 0, 1}, {kRegion, "region", {}, 1, 1}, {kPart, "part", {}, 2, 1}};
+  for (std::size_t v = 0; v < before.voxels().size(); ++v) {
+    layers.layers[0].voxels()[v] = before.voxels()[v] == testing::kBone;
+    layers.layers[1].voxels()[v] = 1;
+    layers.layers[2].voxels()[v] = before.voxels()[v] == testing::kBone && v % 2 == 0;
+  }
+  Model model = *loaded_.model;
+  if (model.tissue_of_label.size() <= kPart) model.tissue_of_label.resize(kPart + 1, -1);
+  model.segments = layers.segments;
+  model.tissue_of_label[kPart] = model.tissue_of_label[testing::kBone];
+  const auto flat = labels_left(recording_, model);
+  const auto left = labels_left(recording_, model, &layers);
+  ASSERT_TRUE(flat.ok());
+  ASSERT_TRUE(left.ok());
+  ASSERT_EQ(left->labels.layers.size(), 3u);
+  EXPECT_EQ(left->labels.segments.size(), layers.segments.size());
+  std::size_t gone = 0;
+  for (std::size_t v = 0; v < before.voxels().size(); ++v) {
+    const bool is_gone = before.voxels()[v] != flat->labels.layers[0].voxels()[v];
+    gone += is_gone;
+    ASSERT_EQ(left->labels.layers[0].voxels()[v], is_gone ? 0 : layers.layers[0].voxels()[v]);
+    ASSERT_EQ(left->labels.layers[1].voxels()[v], 1) << "what is not felt is not cut";
+    ASSERT_EQ(left->labels.layers[2].voxels()[v], is_gone ? 0 : layers.layers[2].voxels()[v]);
+  }
+  EXPECT_GT(gone, 100u);
+}
+
 TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   std::vector<SweepRecord> all;
   for (const RecordingEvent& event : recording_.events)

@@ -63,6 +63,12 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
                                            const Foretell& foretell = {}, std::optional<int> volume = {},
                                            const std::optional<std::filesystem::path>& labels = {});
 
+/// Labels of a scene, with all layers, resampled onto the model's grid where theirs is another one; nothing
+/// where the scene has none. Parameters and errors: those of load_scene_or_data_set.
+Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,
+                                                const Progress& progress = {},
+                                                std::optional<int> volume = {});
+
 /// The scene of a recording: `what` as above, or empty for the data set that the recording names. Error
 /// kUsage when it names none. Whether the model is the recorded one is for replay and report to say.
 Result<LoadedScene> load_scene_of_recording(const RecordingHeader& recording, const std::string& what,

@@ -107,12 +107,16 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
 
 /// What burrs have left at the end of a recording.
 struct LabelsLeft {
-  LabelMap labels;  ///< flattened, on the model's grid; felt voxels are gone where their centres were swept
+  LabelMap labels;  ///< on the model's grid; felt voxels are gone where their centres were swept
   std::vector<RemovedFigure> removed;
 };
-/// @param model  as the recording began with. Errors: those of replay.
+/// @param model   as the recording began with
+/// @param layers  the labels that the model was made from, on its grid, so that overlapping segments stay
+/// whole;
+///                null: the labels left have one layer, the model's
+/// Errors: those of replay.
 Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
-                               const Progress& progress = {});
+                               const LabelMap* layers = nullptr, const Progress& progress = {});
 
 struct ReplayResult {
   std::uint64_t ticks = 0;

@@ -75,6 +75,7 @@ class ScriptedHand {
   // ---- steps: one tick, true when done
   bool run_step(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool approach(const PlannedStep& step, const TickRecord& felt, double dt_s);
+  double touch_of_approach() const;
   bool plan(const PlannedStep& step, const TickRecord& felt);
   void go(const PlannedStep& step, const TickRecord& felt, double dt_s);
   bool touch(const PlannedStep& step, const TickRecord& felt, double dt_s);
@@ -144,6 +145,7 @@ class ScriptedHand {
   Vector<World> inward_;  // the direction of pressing
   double asked_N_ = 0;    // by the last press; 0: only a touch
   double wanted_N_ = 0;
+  double touch_N_ = 0;  ///< that ends the approach (touch_of_approach)
   double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
   double settled_s_ = 0, longest_s_ = 0, slid_mm_ = 0, sum_Ns_ = 0;
   Point<Patient> contact_;  // of a slide, in the tick before

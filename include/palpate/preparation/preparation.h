@@ -56,9 +56,8 @@ struct EngineDifference {
 Result<EngineDifference> compare_gaussian_engines(const Volume<std::uint8_t>& volume, double sigma_mm,
                                                   const Progress& progress = {});
 
-/// Each voxel's weight 0 ... 255 by its label: weights[id]; ids beyond the table weigh 0, and a value that
-/// no segment claims is its own id. With several layers the largest weight wins.
-Volume<std::uint8_t> weigh_labels(const LabelMap& labels, const std::vector<std::uint8_t>& weights);
+/// Each voxel's weight 0 ... 255 by its label: weights[id]; ids beyond the table weigh 0.
+Volume<std::uint8_t> weigh_labels(const Volume<LabelId>& labels, const std::vector<std::uint8_t>& weights);
 
 /// A ramp on a raw scan: 0 at or below `low`, 255 * weight at or above `high`, linear between
 /// (direct contact with a scan that has no segmentation). Values that are no numbers give 0.

@@ -1,0 +1,108 @@
+#include "palpate/volume/overlaps.h"
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kNoSegment = SIZE_MAX;
+
+/// Calls `visit(voxel, places)` for each voxel of at least one segment, with the segments' places in
+/// LabelMap::segments.
+template <class Visit>
+void for_each_labelled_voxel(const LabelMap& labels, const Visit& visit) {
+  std::vector<std::vector<std::size_t>> place_of_value(labels.layers.size());
+  for (std::size_t place = 0; place < labels.segments.size(); ++place) {
+    const Segment& segment = labels.segments[place];
+    std::vector<std::size_t>& of_layer = place_of_value[static_cast<std::size_t>(segment.layer)];
+    if (of_layer.size() <= segment.value) of_layer.resize(segment.value + 1u, kNoSegment);
+    of_layer[segment.value] = place;
+  }
+  std::vector<std::size_t> places;
+  for (std::size_t voxel = 0; voxel < labels.geometry().voxel_count(); ++voxel) {
+    places.clear();
+    for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
+      const LabelId value = labels.layers[layer].voxels()[voxel];
+      const std::vector<std::size_t>& of_layer = place_of_value[layer];
+      if (value != 0 && value < of_layer.size() && of_layer[value] != kNoSegment)
+        places.push_back(of_layer[value]);
+    }
+    if (!places.empty()) visit(voxel, std::span<const std::size_t>(places));
+  }
+}
+
+std::vector<std::size_t> voxel_counts(const LabelMap& labels) {
+  std::vector<std::size_t> counts(labels.segments.size());
+  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> places) {
+    for (const std::size_t place : places) ++counts[place];
+  });
+  return counts;
+}
+
+/// Order of segments by size, the same for any order of layers.
+class SmallerSegment {
+ public:
+  explicit SmallerSegment(const LabelMap& labels) : labels_(labels), counts_(voxel_counts(labels)) {}
+  bool operator()(std::size_t one, std::size_t other) const { return key(one) < key(other); }
+  std::size_t voxels(std::size_t place) const { return counts_[place]; }
+
+ private:
+  std::tuple<std::size_t, const std::string&, LabelId> key(std::size_t place) const {
+    const Segment& segment = labels_.segments[place];
+    return {counts_[place], segment.name, segment.id};
+  }
+  const LabelMap& labels_;
+  const std::vector<std::size_t> counts_;
+};
+
+}  // namespace
+
+std::vector<SegmentOverlap> segment_overlaps(const LabelMap& labels) {
+  if (labels.layers.size() < 2) return {};
+  const SmallerSegment is_smaller(labels);
+  std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;
+  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> places) {
+    for (std::size_t a = 0; a < places.size(); ++a)
+      for (std::size_t b = a + 1; b < places.size(); ++b)
+        ++shared[std::minmax(places[a], places[b], is_smaller)];
+  });
+  std::vector<SegmentOverlap> overlaps;
+  for (const auto& [pair, voxels] : shared)
+    overlaps.push_back({labels.segments[pair.first].id, labels.segments[pair.second].id, voxels,
+                        static_cast<double>(voxels) / static_cast<double>(is_smaller.voxels(pair.first))});
+  std::ranges::sort(overlaps, {}, [](const SegmentOverlap& o) { return std::pair(o.smaller, o.larger); });
+  return overlaps;
+}
+
+Volume<LabelId> flatten(const LabelMap& labels, std::span<const SegmentOverlap> overlaps,
+                        std::span<const std::uint16_t> preference) {
+  const std::vector<Segment>& segments = labels.segments;
+  const auto place_of = [&](LabelId id) {
+    return static_cast<std::size_t>(labels.find(id) - segments.data());
+  };
+  std::vector<std::vector<bool>> is_nested_in(segments.size(), std::vector<bool>(segments.size()));
+  for (const SegmentOverlap& overlap : overlaps)
+    if (overlap.is_nested() && preference[overlap.smaller] > 0)
+      is_nested_in[place_of(overlap.smaller)][place_of(overlap.larger)] = true;
+  const SmallerSegment is_smaller(labels);
+  const auto goes_before = [&](std::size_t one, std::size_t other) {
+    const auto preferred = preference[segments[one].id], others = preference[segments[other].id];
+    return preferred != others ? preferred > others : is_smaller(one, other);
+  };
+
+  Volume<LabelId> flat(labels.geometry());
+  for_each_labelled_voxel(labels, [&](std::size_t voxel, std::span<const std::size_t> places) {
+    std::size_t best = kNoSegment;
+    for (const std::size_t place : places) {
+      const bool has_nested =
+          std::ranges::any_of(places, [&](std::size_t other) { return is_nested_in[other][place]; });
+      if (!has_nested && (best == kNoSegment || goes_before(place, best))) best = place;
+    }
+    flat.voxels()[voxel] = segments[best].id;
+  });
+  return flat;
+}
+
+}  // namespace palpate
