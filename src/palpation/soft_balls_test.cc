@@ -49,9 +49,9 @@ TEST_P(SoftBalls, AreHeldByTheDefaultHand) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Presets, SoftBalls,
-                         ::testing::Values("bone", "cartilage", "meniscus", "disc", "ligament", "muscle", "fat",
-                                         "skin", "vessel", "nerve", "kidney", "spleen", "lung", "heart",
-                                         "gland", "lymph node", "tumour", "brain", "liver"),
+                         ::testing::Values("bone", "cartilage", "meniscus", "disc", "ligament", "muscle",
+                                           "fat", "skin", "vessel", "nerve", "kidney", "spleen", "lung",
+                                           "heart", "gland", "lymph node", "tumour", "brain", "liver"),
                          [](const auto& preset) {
                            std::string name = preset.param;
                            std::erase(name, ' ');
