@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -138,13 +139,35 @@ MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
 constexpr const char* kMemory = "--memory";
 constexpr const char* kMeshSpace = "--mesh-space";
 constexpr const char* kMeshUnit = "--mesh-unit";
+constexpr const char* kSpacing = "--spacing";
+constexpr const char* kForm = "--form";
+
+/// "0.05,0.05,0.1": mm between columns, rows and slices; one number is all three. Nothing where it is none.
+std::optional<Eigen::Vector3d> spacing_of(const std::string& text) {
+  std::vector<double> values;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    double value = 0;
+    const auto [last, failed] = std::from_chars(text.data() + at, text.data() + end, value);
+    constexpr double kLeast_mm = 1e-4, kMost_mm = 100;
+    if (failed != std::errc() || last != text.data() + end || !(value >= kLeast_mm && value <= kMost_mm))
+      return std::nullopt;
+    values.push_back(value);
+    at = end + 1;
+  }
+  if (values.size() == 1) return Eigen::Vector3d::Constant(values.front());
+  if (values.size() != 3) return std::nullopt;
+  return Eigen::Vector3d(values.data());
+}
 
 /// Place of the verb on a command line, after options of the program; their number where there is none.
 std::size_t place_of_verb(const std::vector<std::string>& arguments) {
   std::size_t n = 0;
   while (n < arguments.size() && arguments[n].starts_with("-")) {
     const std::string& option = arguments[n];
-    n += option == kMemory || option == kMeshSpace || option == kMeshUnit ? 2 : 1;
+    const bool has_value = option == kMemory || option == kMeshSpace || option == kMeshUnit ||
+                           option == kSpacing || option == kForm;
+    n += has_value ? 2 : 1;
   }
   return std::min(n, arguments.size());
 }
@@ -202,6 +225,27 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
       ->check(CLI::IsMember({"lps", "ras"}));
   app.add_option(kMeshUnit, mesh_unit, "What the numbers of surfaces are in")
       ->check(CLI::IsMember({"mm", "cm", "m"}));
+  Placing placing;
+  app.add_option_function<std::string>(
+         kSpacing, [&](const std::string& text) { placing.image_spacing_mm = spacing_of(text); },
+         "Of a stack of pictures (PNG, TIFF, JPEG): mm between its columns, rows and slices")
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            return spacing_of(text)
+                       ? std::string()
+                       : "no spacing: three numbers from 0.0001 to 100 mm, as 0.05,0.05,0.1, or one "
+                         "for all";
+          },
+          "X,Y,Z"));
+  app.add_option_function<std::string>(
+         kForm,
+         [&](const std::string& text) {
+           placing.nifti_form = text == "q" ? NiftiForm::kQform : NiftiForm::kSform;
+         },
+         "Which placement of a NIfTI counts that has a qform and an sform; default: the sform")
+      ->check(CLI::IsMember({"q", "s"}));
+  app.add_flag("--cropped-scan", placing.scan_is_cropped,
+               "The scan shows a part of what is labelled: more than half of the labels may lie outside it");
 
   bool no_cache = false;
   app.add_flag(
@@ -222,7 +266,8 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
     return asked ? app.exit(error) : console.fail(explain(program, app, error));
   }
   set_reading_limits(reading);
-  set_mesh_placing(mesh_placing_of(mesh_space, mesh_unit));
+  placing.mesh = mesh_placing_of(mesh_space, mesh_unit);
+  set_placing(placing);
   if (!no_cache) {
     auto cache = cache_settings_of_environment();
     if (!cache) return console.fail(cache.error());
@@ -236,7 +281,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
 struct DefaultSettings {
   ~DefaultSettings() {
     set_reading_limits({});
-    set_mesh_placing({});
+    set_placing({});
     set_cache({});
   }
 };

@@ -372,12 +372,13 @@ void add_cohort(CLI::App& app, Run& run) {
       "have changed. docs/guide/cohort.md.");
   verb->callback([&app, options, &run] {
     // they are options of the program that the cases' processes get as well
-    for (const char* name : {"--memory", "--mesh-space", "--mesh-unit"})
+    for (const char* name : {"--memory", "--mesh-space", "--mesh-unit", "--spacing", "--form"})
       if (const CLI::Option* option = app.get_option(name); option->count() > 0)
         options->passed.insert(options->passed.end(), {name, option->results().front()});
-    for (const char* name : {"--follow-links", "--no-cache"})
+    for (const char* name : {"--follow-links", "--no-cache", "--cropped-scan"})
       if (app.get_option(name)->count() > 0) options->passed.emplace_back(name);
-    for (const char* name : {"--mesh-space", "--mesh-unit", "--follow-links"})
+    for (const char* name :
+         {"--mesh-space", "--mesh-unit", "--spacing", "--form", "--follow-links", "--cropped-scan"})
       if (const CLI::Option* option = app.get_option(name); option->count() > 0)
         options->results_by += std::string(" ") + name + " " + option->results().front();
     run = [options](Console& console) { return run_cohort(*options, console); };

@@ -53,8 +53,12 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
   return study->volume;
 }
 
-Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan,
-                         const std::filesystem::path& file) {
+Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan, const std::filesystem::path& file,
+                         Console& console) {
+  const LabelPlacement placement = placement_of(labels, scan);
+  if (auto together = check_placement(placement, file, placing().scan_is_cropped); !together) return together;
+  const std::string doubt = doubt_of(placement);
+  doubt.empty() ? console.note(in_words(placement) + ".") : console.warn()(doubt);
   if (labels.geometry().same_grid(scan)) return {};
   const auto moved = resample_nearest(labels, scan);
   if (moved) return {};
@@ -89,7 +93,7 @@ int export_label_map(const ExportOptions& options, Console& console) {
                                   Unpacked::kAnew, read ? &read->scan.geometry() : nullptr);
   if (!labels) return console.fail(labels.error());
   if (read)
-    if (auto checked = check_grids(labels->labels, read->scan.geometry(), options.source); !checked)
+    if (auto checked = check_grids(labels->labels, read->scan.geometry(), options.source, console); !checked)
       return console.fail(checked.error());
   if (auto written = write_exported(options, labels->labels, attached, progress); !written)
     return console.fail(written.error());

@@ -105,25 +105,6 @@ std::string grouped(std::size_t count) {
   return text;
 }
 
-/// Where the axes point, as "LPS": the assignment of patient directions to axes that fits best.
-std::string axis_codes(const Eigen::Matrix3d& direction) {
-  std::array<int, 3> row{0, 1, 2}, best = row;
-  double best_fit = -1;
-  do {
-    const double fit =
-        std::abs(direction(row[0], 0)) + std::abs(direction(row[1], 1)) + std::abs(direction(row[2], 2));
-    if (fit <= best_fit + 1e-9) continue;
-    best_fit = fit;
-    best = row;
-  } while (std::next_permutation(row.begin(), row.end()));
-  std::string codes;
-  for (int a = 0; a < 3; ++a) {
-    const int r = best[static_cast<std::size_t>(a)];
-    codes += direction(r, a) >= 0 ? "LPS"[r] : "RAI"[r];
-  }
-  return codes;
-}
-
 bool is_oblique(const Eigen::Matrix3d& direction) {
   return (direction.cwiseAbs().colwise().maxCoeff().array() < 1 - 1e-6).any();
 }
@@ -335,6 +316,7 @@ Json json_of(const Info& info) {
             {"oblique", is_oblique(g.direction)},
             {"right_handed", g.right_handed()},
             {"has_geometry", info.header.has_geometry},
+            {"placement_doubt", info.header.placement_doubt},
             {"range", {info.lowest, info.highest}}};
   if (info.labels) {
     json["leaky"] = Json::array();
@@ -411,7 +393,8 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
   if (usable == 0) {
     options.json ? void(std::cout << volumes_json(*list).dump(2) << '\n') : print_volumes(std::cout, *list);
     return console.fail({ErrorKind::kBadInput, "holds no volume that can be used", options.file,
-                         "what is wrong with each is said above"});
+                         list->volumes.empty() ? "name a folder with a series of images"
+                                               : "volume 1: " + list->volumes.front().remedy});
   }
   std::optional<Info> info;
   if (usable == 1) {

@@ -13,6 +13,7 @@ Result<LoadedScene> load_target(const std::string& target, Console& console,
   auto loaded =
       load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume, labels);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
+  if (loaded && loaded->label_placement) console.note(in_words(*loaded->label_placement) + ".");
   return loaded;
 }
 

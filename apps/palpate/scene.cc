@@ -45,10 +45,10 @@ void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& c
 /// @param volume  of the scan, where it holds several
 Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> volume,
                        const std::optional<fs::path>& labels, const std::optional<fs::path>& names,
-                       const MeshPlacing& placing, Console& console) {
+                       const Placing& placing, Console& console) {
   Data data;
   if (scan) {
-    auto read = read_scan(*scan, console.progress(), console.warn(), Unpacked::kAnew, volume);
+    auto read = read_scan(*scan, console.progress(), console.warn(), Unpacked::kAnew, volume, placing);
     if (!read) return read.error();
     data.scan = std::move(*read);
     warn_if_silent(data.scan->header, *scan, console);
@@ -81,9 +81,17 @@ Result<Data> read_one(const fs::path& file, std::optional<int> number, const std
   return data;
 }
 
-/// A scan and labels on two grids are brought onto field_grid(): said, and an error when they do not overlap.
-Result<void> compare_grids(const Data& data, Console& console) {
-  if (!data.scan || !data.labels || data.scan_grid()->same_grid(*data.labels_grid())) return {};
+/// A scan and labels on two grids are brought onto field_grid(): said with the share of the labels that lie
+/// inside the scan, and an error when that is too little.
+Result<void> compare_grids(const Data& data, const fs::path& labels_file, bool scan_is_cropped,
+                           Console& console) {
+  if (!data.scan || !data.labels) return {};
+  const LabelPlacement placement = placement_of(data.labels->labels, *data.scan_grid());
+  if (auto together = check_placement(placement, labels_file, scan_is_cropped); !together)
+    return together.error();
+  const std::string doubt = doubt_of(placement);
+  doubt.empty() ? console.note(in_words(placement) + ".") : console.warn()(doubt);
+  if (data.scan_grid()->same_grid(*data.labels_grid())) return {};
   if (&field_grid(data.labels_grid(), data.scan_grid()) == data.labels_grid()) {
     if (const auto moved = resample_linear(data.scan->scan, *data.labels_grid(), 0); !moved)
       return moved.error();
@@ -218,15 +226,19 @@ Result<void> match_study(NewOptions& options, Console& console) {
   return {};
 }
 
-/// What was said of surfaces stands in the scene, so that it is read as it was the next time.
-void say_placing(const MeshPlacing& placing, NewSceneInput& input) {
+/// What was said of the files stands in the scene, so that they are read as they were the next time.
+void say_placing(const Placing& placing, NewSceneInput& input) {
+  input.image_spacing_mm = placing.image_spacing_mm;
+  if (placing.nifti_form)
+    input.nifti_form = *placing.nifti_form == NiftiForm::kQform ? HeaderForm::kQform : HeaderForm::kSform;
+  input.scan_is_cropped = placing.scan_is_cropped;
   if (!input.labels) return;
-  if (placing.space)
-    input.mesh_space = *placing.space == MeshSpace::kRas ? SurfaceAxes::kRas : SurfaceAxes::kLps;
-  if (placing.unit_mm)
-    input.mesh_unit = *placing.unit_mm == 1    ? SurfaceUnit::kMm
-                      : *placing.unit_mm == 10 ? SurfaceUnit::kCm
-                                               : SurfaceUnit::kM;
+  if (placing.mesh.space)
+    input.mesh_space = *placing.mesh.space == MeshSpace::kRas ? SurfaceAxes::kRas : SurfaceAxes::kLps;
+  if (placing.mesh.unit_mm)
+    input.mesh_unit = *placing.mesh.unit_mm == 1    ? SurfaceUnit::kMm
+                      : *placing.mesh.unit_mm == 10 ? SurfaceUnit::kCm
+                                                    : SurfaceUnit::kM;
 }
 
 int run_new(NewOptions options, Console& console) {
@@ -244,13 +256,13 @@ int run_new(NewOptions options, Console& console) {
   if (!options.labels.empty()) input.labels = options.labels;
   if (!options.names.empty()) input.names = options.names;
   input.volume_of_scan = options.volume;
-  say_placing(mesh_placing(), input);
+  say_placing(placing(), input);
   const auto data = options.one_file
                         ? read_one(*input.labels, options.volume, input.names, console)
                         : read_data(input.scan, options.volume, input.labels, input.names, {}, console);
   if (!data) return console.fail(data.error());
   if (options.one_file && data->scan) std::swap(input.scan, input.labels);
-  if (const auto grids = compare_grids(*data, console); !grids) {
+  if (const auto grids = compare_grids(*data, options.labels, placing().scan_is_cropped, console); !grids) {
     Error error = grids.error();
     error.where = options.labels;
     return console.fail(error);
@@ -527,7 +539,9 @@ int run_check(const std::string& file, Console& console) {
     if (const auto kept_away = resolve_no_go(*scene, data->labels->labels); !kept_away)
       return console.fail(kept_away.error());
   }
-  if (const auto grids = compare_grids(*data, console); !grids) {
+  if (const auto grids = compare_grids(*data, resolved(scene->labels).value_or(""),
+                                       scene->scan_is_cropped || placing().scan_is_cropped, console);
+      !grids) {
     Error error = grids.error();
     error.where = scene->where(scene->lines.labels);
     return console.fail(error);

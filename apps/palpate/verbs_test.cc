@@ -98,15 +98,19 @@ TEST(Verbs, LeaveTheProcessAsTheyFoundIt) {
   std::streambuf* const buffer = std::cout.rdbuf();
   const auto format = std::cout.flags();
 
-  const Ended done = run_here(
-      {"--memory", "800M", "--follow-links", "--mesh-space", "ras", "--mesh-unit", "cm", "cache", "show"});
+  const Ended done =
+      run_here({"--memory", "800M", "--follow-links", "--mesh-space", "ras", "--mesh-unit", "cm", "--spacing",
+                "0.1,0.1,0.2", "--form", "q", "--cropped-scan", "cache", "show"});
   EXPECT_EQ(done.code, 0) << done.err;
   EXPECT_THAT(done.out, HasSubstr(folder.string()));
 
   EXPECT_EQ(reading_limits().most_memory_bytes, ReadingLimits{}.most_memory_bytes);
   EXPECT_FALSE(reading_limits().follow_links);
-  EXPECT_FALSE(mesh_placing().space.has_value());
-  EXPECT_FALSE(mesh_placing().unit_mm.has_value());
+  EXPECT_FALSE(placing().mesh.space.has_value());
+  EXPECT_FALSE(placing().mesh.unit_mm.has_value());
+  EXPECT_FALSE(placing().image_spacing_mm.has_value());
+  EXPECT_FALSE(placing().nifti_form.has_value());
+  EXPECT_FALSE(placing().scan_is_cropped);
   EXPECT_TRUE(cache_settings().folder.empty());
   for (int n = 0; n < 4; ++n) {
     ::sigaction(signals[n], nullptr, &after[n]);

@@ -520,6 +520,8 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
                              std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
   if (warn)
     for (const std::string& caveat : model->caveats) warn(caveat);
+  // those have been told as the files were read
+  model->caveats.insert(model->caveats.begin(), volumes.caveats.begin(), volumes.caveats.end());
   if (warn && !volumes.oriented)
     warn("the files do not say how the volume lies in the patient: sides and directions are unknown");
   // surfaces take seconds and memory: who feels by the proxy has them made

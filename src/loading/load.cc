@@ -55,16 +55,27 @@ struct ReadScene {
   std::string data_set = {}, proposed = {};  // as in LoadedScene
 };
 
+// by what the file is, because a path may name a patient and a report is passed on
+std::string doubt_of_file(const char* what, const VolumeHeader& header) {
+  return header.placement_doubt.empty() ? "" : what + (" " + header.placement_doubt);
+}
+
+void put_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
+  if (doubt.empty()) return;
+  if (warn) warn(doubt);
+  volumes.caveats.push_back(std::move(doubt));
+}
+
 // reads what a scene names
 Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
                                       const std::optional<std::filesystem::path>& names_file,
                                       const std::optional<std::filesystem::path>& scan_file,
-                                      std::optional<int> scan_volume, const MeshPlacing& placing,
+                                      std::optional<int> scan_volume, const Placing& placing,
                                       const Progress& progress, const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept, scan_volume);
+    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept, scan_volume, placing);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -80,6 +91,15 @@ Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>
   if (progress.stopped()) return Progress::interrupted();
   const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
   SceneVolumes volumes{{}, {}, oriented};
+  if (labels && scan) {
+    volumes.label_placement = placement_of(labels->labels, scan->scan.geometry());
+    const bool cropped = placing.scan_is_cropped || palpate::placing().scan_is_cropped;
+    if (auto together = check_placement(*volumes.label_placement, *labels_file, cropped); !together)
+      return together.error();
+    put_doubt(doubt_of(*volumes.label_placement), warn, volumes);
+  }
+  if (scan) put_doubt(doubt_of_file("The scan", scan->header), {}, volumes);
+  if (labels) put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
   if (labels) volumes.labels = std::move(labels->labels);
   if (scan) volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
   return volumes;
@@ -136,11 +156,13 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
     if (!volume) return volume.error();
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {
       volumes.oriented = labels->header.has_geometry;
+      put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
       volumes.labels = std::move(labels->labels);
       input.labels = study.scan;
     } else {
       ScanFile& scan = std::get<ScanFile>(*volume);
       volumes.oriented = scan.header.has_geometry;
+      put_doubt(doubt_of_file("The scan", scan.header), {}, volumes);
       volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
       input.scan = study.scan;
     }
@@ -196,14 +218,18 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what,
 
 }  // namespace
 
-MeshPlacing placing_of(const Scene& scene) {
-  MeshPlacing placing;
+Placing placing_of(const Scene& scene) {
+  Placing placing;
   if (scene.mesh_space)
-    placing.space = *scene.mesh_space == SurfaceAxes::kLps ? MeshSpace::kLps : MeshSpace::kRas;
+    placing.mesh.space = *scene.mesh_space == SurfaceAxes::kLps ? MeshSpace::kLps : MeshSpace::kRas;
   if (scene.mesh_unit)
-    placing.unit_mm = *scene.mesh_unit == SurfaceUnit::kMm   ? 1.0
-                      : *scene.mesh_unit == SurfaceUnit::kCm ? 10.0
-                                                             : 1000.0;
+    placing.mesh.unit_mm = *scene.mesh_unit == SurfaceUnit::kMm   ? 1.0
+                           : *scene.mesh_unit == SurfaceUnit::kCm ? 10.0
+                                                                  : 1000.0;
+  placing.image_spacing_mm = scene.image_spacing_mm;
+  if (scene.nifti_form)
+    placing.nifti_form = *scene.nifti_form == HeaderForm::kQform ? NiftiForm::kQform : NiftiForm::kSform;
+  placing.scan_is_cropped = scene.scan_is_cropped;
   return placing;
 }
 
@@ -213,10 +239,11 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
                                            const std::optional<std::filesystem::path>& labels) {
   auto read = read_scene_or_data_set(what, labels, volume, progress, warn, preparation);
   if (!read) return read.error();
+  const auto placement = read->volumes.label_placement;
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
   return LoadedScene{std::move(read->scene), *std::move(model), std::move(read->data_set),
-                     std::move(read->proposed)};
+                     std::move(read->proposed), placement};
 }
 
 Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,

@@ -156,7 +156,9 @@ SceneKeys declared_keys() {
            "The files, relative to the scene file's folder or absolute. At least one of `scan` and `labels`.",
            {{.name = "scan",
              .type = kFile,
-             .meaning = "The image: NRRD, NIfTI or MetaImage, or a folder of DICOM or a file of it."},
+             .meaning =
+                 "The image: NRRD, NIfTI or MetaImage, or a folder of DICOM or a file of it, or a stack of "
+                 "pictures."},
             {.name = "scan_volume",
              .type = kWhole,
              .min = 1,
@@ -178,6 +180,25 @@ SceneKeys declared_keys() {
              .type = kChoice,
              .choices = names_of(kSurfaceUnits),
              .meaning = "What the numbers of surfaces are in. Without it what the scan proves, else mm."},
+            {.name = "image_spacing",
+             .type = kPoint,
+             .unit = "mm",
+             .min = 1e-4,
+             .max = 100,
+             .meaning =
+                 "Between the columns, the rows and the slices of a stack of pictures (PNG, TIFF, JPEG), "
+                 "which do not say it."},
+            {.name = "nifti_form",
+             .type = kChoice,
+             .choices = names_of(kHeaderForms),
+             .meaning =
+                 "Which placement of a NIfTI counts that has a qform and an sform. Without it the sform."},
+            {.name = "cropped_scan",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning =
+                 "`true`: the scan shows a part of what is labelled, so that more than half of the labels "
+                 "may lie outside it."},
             {.name = "names",
              .type = kFile,
              .meaning = "Names and colours of the labels: Slicer's `.ctbl`, `.tsv`, `.csv`, `.json`, "

@@ -252,6 +252,15 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     if (file == &input.labels && input.mesh_unit)
       text += "mesh_unit = \"" + std::string(name_of(*input.mesh_unit, kSurfaceUnits)) + "\"\n";
   }
+  if (input.image_spacing_mm) {
+    char spacing[120];
+    std::snprintf(spacing, sizeof spacing, "image_spacing = [%.9g, %.9g, %.9g]\n",
+                  input.image_spacing_mm->x(), input.image_spacing_mm->y(), input.image_spacing_mm->z());
+    text += spacing;
+  }
+  if (input.nifti_form)
+    text += "nifti_form = \"" + std::string(name_of(*input.nifti_form, kHeaderForms)) + "\"\n";
+  if (input.scan_is_cropped) text += "cropped_scan = true\n";
 
   // the tissues
   TissueLaw law = input.law.value_or(TissueLaw::kLayers);

@@ -24,6 +24,9 @@ void read_data(const TableReader& data, Scene& scene) {
   if (const auto labels = data.text("labels")) scene.labels = *labels;
   if (const auto space = data.choice("mesh_space")) scene.mesh_space = value_of(*space, kSurfaceAxes);
   if (const auto unit = data.choice("mesh_unit")) scene.mesh_unit = value_of(*unit, kSurfaceUnits);
+  scene.image_spacing_mm = data.point("image_spacing");
+  if (const auto form = data.choice("nifti_form")) scene.nifti_form = value_of(*form, kHeaderForms);
+  scene.scan_is_cropped = data.flag("cropped_scan").value_or(false);
   if (const auto names = data.text("names")) scene.names = *names;
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
 }

@@ -21,6 +21,7 @@
 #include "volume_io/formats.h"
 #include "volume_io/label_text.h"
 #include "volume_io/layered_labels.h"
+#include "volume_io/structure_files.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"
@@ -364,7 +365,8 @@ Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const F
     if (!pixels || opened != frame.file) {
       pixels.reset();
       auto input = InputFile::open(found.files[frame.file]);
-      if (!input) return here(bad_input("", "cannot be read any more"));
+      if (!input)
+        return here(bad_input("", "cannot be read any more", "leave the files alone while they are read"));
       file = *std::move(input);
       auto content = library.open_pixels(file->name_for_libraries());
       if (!content) return here(content.error());
@@ -390,45 +392,61 @@ Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, co
 
 // a segmentation that is understood
 struct Segments {
+  std::vector<fs::path> files;  // by DicomFrame::file
   DicomSegmentation said;
   SegmentGrid grid;
   std::vector<std::vector<std::size_t>> frames_at;  // by slice
-  std::vector<int> layer_of_number;                 // by segment's number; none: -1
+  std::vector<int> layer_of_number;                 // by segment's number
   VolumeFile file;
 };
 
-// the values of the frames of one slice, one after the other
-class SlicePixels {
+// the most files that one segmentation is spread over: each stays open
+constexpr std::size_t kMostSegmentationFiles = 200;
+
+// of an error the file that it is about, where a segmentation has several
+Error in_file(Error error, const std::vector<fs::path>& files, std::size_t n) {
+  if (files.size() > 1) error.where = files[n].string();
+  return error;
+}
+
+// the values of the frames of a segmentation, each file of which is opened once
+class SegmentPixels {
  public:
-  static Result<SlicePixels> open(DicomFiles& library, const fs::path& named) {
-    auto input = InputFile::open(named);
-    if (!input) return input.error();
-    auto pixels = library.open_pixels(input->name_for_libraries());
-    if (!pixels) return pixels.error();
-    return SlicePixels(*std::move(input), *std::move(pixels));
+  static Result<SegmentPixels> open(DicomFiles& library, const std::vector<fs::path>& files) {
+    SegmentPixels all;
+    all.files_ = &files;
+    for (std::size_t n = 0; n < files.size(); ++n) {
+      auto input = InputFile::open(files[n]);
+      if (!input) return in_file(input.error(), files, n);
+      auto pixels = library.open_pixels(input->name_for_libraries());
+      if (!pixels) return in_file(pixels.error(), files, n);
+      all.opened_.push_back({*std::move(input), *std::move(pixels)});
+    }
+    return all;
   }
   // calls take(voxel, number of a segment) for each voxel that is in one
   template <class Take>
   Result<void> read(const DicomSegmentation& said, std::size_t n, const Take& take) {
     const DicomFrame& frame = said.frames[n];
     values_.resize(static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns));
-    if (auto read = pixels_->read(frame, values_); !read)
-      return bad_input("",
-                       "frame " + std::to_string(n + 1) + " of " + std::to_string(said.frames.size()) + " " +
-                           read.error().what,
-                       read.error().remedy);
+    if (auto read = opened_[frame.file].pixels->read(frame, values_); !read)
+      return in_file(bad_input("", "frame " + std::to_string(frame.frame + 1) + " " + read.error().what,
+                               read.error().remedy),
+                     *files_, frame.file);
     const int segment = said.segment_of_frame[n];
+    const SegmentCoding& coding = said.codings[frame.file];
     for (std::size_t v = 0; v < values_.size(); ++v) {
       const std::int64_t value = values_[v];
-      switch (said.kind) {
-        case DicomSegmentation::Kind::kBinary:
+      switch (coding.kind) {
+        case SegmentCoding::Kind::kBinary:
           if (value != 0) take(v, segment);
           break;
-        case DicomSegmentation::Kind::kFractional:
-          if (value > 0 && 2 * value >= said.most) take(v, segment);
+        case SegmentCoding::Kind::kFractional:
+          if (value > 0 && 2 * value >= coding.most) take(v, segment);
           break;
-        case DicomSegmentation::Kind::kLabels:
-          if (value != 0 && value != said.nothing) take(v, static_cast<int>(value));
+        case SegmentCoding::Kind::kLabels:
+          if (value != 0 && value != coding.nothing && value + coding.number_offset < std::int64_t{kNumbers})
+            take(v, static_cast<int>(value) + coding.number_offset);
           break;
       }
     }
@@ -436,30 +454,34 @@ class SlicePixels {
   }
 
  private:
-  SlicePixels(InputFile file, std::unique_ptr<DicomPixels> pixels)
-      : file_(std::move(file)), pixels_(std::move(pixels)) {}
-  InputFile file_;
-  std::unique_ptr<DicomPixels> pixels_;
+  struct Opened {
+    InputFile file;
+    std::unique_ptr<DicomPixels> pixels;
+  };
+  const std::vector<fs::path>* files_ = nullptr;
+  std::vector<Opened> opened_;
   std::vector<std::int64_t> values_;
 };
 
 // @param look  called before each slice; false: nobody listens any more
 template <class Look>
-Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments& segments, const Look& look) {
+Result<void> find_overlaps(DicomFiles& library, Segments& segments, const Look& look) {
   const DicomSegmentation& said = segments.said;
   std::vector<int> index_of_number(kNumbers, -1);
   for (std::size_t n = 0; n < said.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
   Meetings meetings;
-  if (said.kind != DicomSegmentation::Kind::kLabels) {
-    auto pixels = SlicePixels::open(library, named);
+  // the labels of one file exclude each other
+  if (said.codings.size() > 1 || said.codings.front().kind != SegmentCoding::Kind::kLabels) {
+    auto pixels = SegmentPixels::open(library, segments.files);
     if (!pixels) return pixels.error();
     const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
       const auto& frames = segments.frames_at[k];
       if (frames.size() < 2) return {};
       for (const std::size_t n : frames) {
         const auto read = pixels->read(said, n, [&](std::size_t v, int segment) {
-          take(v, index_of_number[static_cast<std::size_t>(segment)]);
+          if (const int index = index_of_number[static_cast<std::size_t>(segment)]; index >= 0)
+            take(v, index);
         });
         if (!read) return read;
       }
@@ -475,28 +497,44 @@ Result<void> find_overlaps(DicomFiles& library, const fs::path& named, Segments&
   return {};
 }
 
-// @param look  told how far it is; false: nobody listens any more
-template <class Look>
-Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, const Look& look) {
-  library.begin_reading();
-  Segments segments;
-  {
-    const auto opened = InputFile::open(named);
-    if (!opened) return opened.error();
-    std::string front(kKindBytes, '\0');
-    const auto got = opened->read_at(0, std::as_writable_bytes(std::span(front)));
-    front.resize(got ? *got : 0);
-    auto said = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
-    if (!said) return said.error();
-    segments.said = *std::move(said);
-  }
-  DicomSegmentation& said = segments.said;
-  std::erase_if(said.segments, [](const DicomSegment& segment) { return is_background(segment); });
+Result<DicomSegmentation> read_segmentation_file(DicomFiles& library, const fs::path& file) {
+  const auto opened = InputFile::open(file);
+  if (!opened) return opened.error();
+  std::string front(kKindBytes, '\0');
+  const auto got = opened->read_at(0, std::as_writable_bytes(std::span(front)));
+  front.resize(got ? *got : 0);
+  auto said = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
+  if (!said) return said.error();
+  std::erase_if(said->segments, [](const DicomSegment& segment) { return is_background(segment); });
   std::set<int> numbers;
-  for (const DicomSegment& segment : said.segments)
+  for (const DicomSegment& segment : said->segments)
     if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
         !numbers.insert(segment.number).second)
       return bad_input("", "has a SegmentNumber (0062,0004) of 0 or one twice", "export it again");
+  return said;
+}
+
+// @param look  told how far it is; false: nobody listens any more
+template <class Look>
+Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::path>& files,
+                                  const fs::path& named, const Look& look) {
+  library.begin_reading();
+  Segments segments;
+  segments.files = files;
+  std::vector<DicomSegmentation> parts;
+  std::set<std::string> series;
+  for (std::size_t n = 0; n < files.size(); ++n) {
+    if (!look()) break;
+    auto part = read_segmentation_file(library, files[n]);
+    if (!part) return in_file(part.error(), files, n);
+    series.insert(part->series_uid);
+    parts.push_back(*std::move(part));
+  }
+  segments.said = join_segmentations(std::move(parts));
+  const DicomSegmentation& said = segments.said;
+  if (std::ranges::any_of(said.segments,
+                          [](const auto& segment) { return segment.number >= static_cast<int>(kNumbers); }))
+    return bad_input("", "has more segments than there are numbers for", "read fewer of its files at a time");
   auto grid = lay_segments(said);
   if (!grid) return grid.error();
   segments.grid = *std::move(grid);
@@ -505,28 +543,47 @@ Result<Segments> look_at_segments(DicomFiles& library, const fs::path& named, co
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
   segments.layer_of_number.assign(kNumbers, 0);
   segments.file = labels_in_slices(segments.grid.geometry, named);
-  if (auto found = find_overlaps(library, named, segments, look); !found) return found.error();
-  if (said.kind == DicomSegmentation::Kind::kFractional)
-    segments.file.notes.push_back(
+  if (auto found = find_overlaps(library, segments, look); !found) return found.error();
+  auto& notes = segments.file.notes;
+  notes.insert(notes.end(), segments.grid.notes.begin(), segments.grid.notes.end());
+  if (files.size() > 1)
+    notes.push_back("is spread over " + std::to_string(files.size()) + " files of " +
+                    counted(series.size(), "series", "series") + ", which are read as one segmentation of " +
+                    counted(said.segments.size(), "segment", "segments"));
+  if (std::ranges::any_of(said.codings, [](const SegmentCoding& coding) {
+        return coding.kind == SegmentCoding::Kind::kFractional;
+      }))
+    notes.push_back(
         "is fractional: a voxel is in a segment from half of MaximumFractionalValue (0062,000E) on");
+  std::vector<std::string> names;
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
-    put_segment(segments.file, n, name_of_segment(segment), segment.number,
+    std::string name = name_of_segment(segment);
+    // of several files, each of which may count from the start
+    if (files.size() > 1) name = told_apart(std::move(name), names);
+    names.push_back(name);
+    put_segment(segments.file, n, name, segment.number,
                 segments.layer_of_number[static_cast<std::size_t>(segment.number)],
-                segment.lab ? colour_of_segment(*segment.lab) : "");
+                colour_of_segment(segment));
   }
   return segments;
 }
 
-Result<void> send_segments(DicomFiles& library, const Segments& segments, const fs::path& named,
-                           VoxelSink& sink) {
-  auto pixels = SlicePixels::open(library, named);
+Result<void> send_segments(DicomFiles& library, const Segments& segments, VoxelSink& sink) {
+  auto pixels = SegmentPixels::open(library, segments.files);
   if (!pixels) return pixels.error();
   const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
     for (const std::size_t n : segments.frames_at[k]) {
-      const int segment = segments.said.segment_of_frame[n];
-      if (segment != 0 && segments.layer_of_number[static_cast<std::size_t>(segment)] != layer) continue;
-      if (auto read = pixels->read(segments.said, n, take); !read) return read;
+      const auto in_layer = [&](int segment) {
+        return segments.layer_of_number[static_cast<std::size_t>(segment)] == layer;
+      };
+      // 0: labels, each of which has a layer of its own
+      const int only = segments.said.segment_of_frame[n];
+      if (only != 0 && !in_layer(only)) continue;
+      const auto read = pixels->read(segments.said, n, [&](std::size_t v, int segment) {
+        if (in_layer(segment)) take(v, segment);
+      });
+      if (!read) return read;
     }
     return {};
   };
@@ -648,10 +705,11 @@ bool read_structures_for(DicomFiles& library, reader::ParentEnd& parent, const f
                          [&](VoxelSink& sink) { return send_structures(*structures, sink); });
 }
 
-bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named) {
-  const auto segments = look_at_segments(library, named, sign_of_life(parent));
+bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
+                       const fs::path& named) {
+  const auto segments = look_at_segments(library, files, named, sign_of_life(parent));
   return read_labels_for(parent, named, segments,
-                         [&](VoxelSink& sink) { return send_segments(library, *segments, named, sink); });
+                         [&](VoxelSink& sink) { return send_segments(library, *segments, sink); });
 }
 
 bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
@@ -662,7 +720,9 @@ bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   if (!chosen) return send_end(parent, chosen.error());
   if (!send_end(parent, {})) return false;
   const DicomVolume& volume = content->volumes[*chosen];
-  const VolumeFile file = volume_of(volume, named, content->notes);
+  std::vector<std::string> said = content->notes;
+  said.insert(said.end(), volume.notes.begin(), volume.notes.end());
+  const VolumeFile file = volume_of(volume, named, std::move(said));
   if (!send_volume(parent, file, {&named, 1})) return false;
   while (parent.wait_for_word()) {
     VoxelSlots slots(parent);
@@ -686,8 +746,12 @@ bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   for (const DicomVolume& volume : std::span(content->volumes).first(listed)) {
     out.put(volume.what);
     out.put(volume.fault);
+    out.put(volume.remedy);
   }
   std::vector<std::string> notes = content->notes;
+  for (std::size_t n = 0; n < listed && notes.size() < kMostListed / 2; ++n)
+    for (const std::string& note : content->volumes[n].notes)
+      notes.push_back((content->volumes.size() == 1 ? "" : "volume " + std::to_string(n + 1) + " ") + note);
   for (const std::string& other : content->others) notes.push_back("besides: " + other);
   if (listed < content->volumes.size())
     notes.push_back("and " + std::to_string(content->volumes.size() - listed) + " more volumes");
@@ -699,20 +763,35 @@ bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
 // of a segmentation, and the images that it may have been made on: the number of the volume, and what is to
 // be said
 bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
-                     const fs::path& segmentation, std::optional<int> number) {
+                     const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
+                     std::optional<int> number) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
-  const auto opened = InputFile::open(segmentation);
-  if (!opened) return send_end(parent, opened.error());
-  const auto refused = [&](Error error) {
-    error.where = segmentation.string();
+  const auto refused = [&](Error error, const fs::path& file) {
+    error.where = file.string();
     return send_end(parent, error);
   };
-  const auto reference = library.read_reference(opened->name_for_libraries());
-  if (!reference) return refused(reference.error());
-  const auto chosen = choose_segmented(content->volumes,
-                                       bonds_of(*reference, content->volumes, content->identifiers), number);
-  if (!chosen) return refused(chosen.error());
+  DicomReference reference;
+  std::set<std::string> series;
+  for (const fs::path& file : files) {
+    const auto opened = InputFile::open(file);
+    if (!opened) return send_end(parent, opened.error());
+    const auto one = library.read_reference(opened->name_for_libraries());
+    if (!one) return refused(one.error(), file);
+    series.insert(one->own_series);
+    reference.series.insert(one->series.begin(), one->series.end());
+    reference.images.insert(one->images.begin(), one->images.end());
+    reference.frames_of_reference.insert(one->frames_of_reference.begin(), one->frames_of_reference.end());
+  }
+  if (one_series && series.size() > 1)
+    return refused(bad_input("",
+                             "holds " + std::to_string(files.size()) + " segmentations of " +
+                                 std::to_string(series.size()) + " series, which may be different readings",
+                             "name one of them after the images, or this folder to read all as one"),
+                   segmentation);
+  const auto chosen =
+      choose_segmented(content->volumes, bonds_of(reference, content->volumes, content->identifiers), number);
+  if (!chosen) return refused(chosen.error(), segmentation);
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
   out.put(static_cast<std::uint32_t>(chosen->index + 1));
@@ -955,18 +1034,25 @@ std::optional<FileKind> kind_of_file(const fs::path& file) {
   return fs::is_regular_file(file, ignored) ? dicom_kind_of(file, front_of(file)) : std::nullopt;
 }
 
-// a file of labels, which work(library, the process's end) reads
+// Labels in one file, or in several below a folder, which work(library, the process's end, files) reads.
 template <class Work>
-Result<DicomReader> open_dicom_labels(const fs::path& file, const Progress& progress, const Work& work) {
+Result<DicomReader> open_dicom_labels(const fs::path& file, std::vector<fs::path> files,
+                                      const Progress& progress, const Work& work) {
   const auto library = ready_library();
   if (!library) return at(file, library.error());
   FoundFiles found;
-  found.roots = found.files = {file};
+  found.roots = {file};
+  found.files = std::move(files);
   auto process = start_in(found, kSlots * kSlotBytes, progress,
-                          [&](reader::ParentEnd& parent) { return work(**library, parent); });
+                          [&](reader::ParentEnd& parent) { return work(**library, parent, found.files); });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  if (auto looked = wait_for_files(**process, found, named, progress); !looked) return looked.error();
+  // where it ends without a word, that is about all of them
+  FoundFiles all;
+  all.files = {file};
+  std::vector<fs::path> blamed{file};
+  blamed.insert(blamed.end(), found.files.begin(), found.files.end());
+  if (auto looked = wait_for_files(**process, all, blamed, progress); !looked) return looked.error();
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
@@ -976,9 +1062,25 @@ Result<DicomReader> open_dicom_labels(const fs::path& file, const Progress& prog
 
 }  // namespace
 
-bool is_dicom_segmentation(const fs::path& file) {
-  const auto kind = kind_of_file(file);
-  return kind && kind->dicom_segmentation;
+std::vector<fs::path> dicom_segmentation_files(const fs::path& file) {
+  const auto is_segmentation = [](const fs::path& one) {
+    const auto kind = kind_of_file(one);
+    return kind && kind->dicom_segmentation;
+  };
+  std::error_code ignored;
+  if (!fs::is_directory(file, ignored))
+    return is_segmentation(file) ? std::vector<fs::path>{file} : std::vector<fs::path>{};
+  std::vector<fs::path> files;
+  bool images = false;
+  std::size_t looked_at = 0;
+  walk(file, [&](const fs::path& inside) {
+    images = is_dicom_image(inside);
+    if (is_segmentation(inside)) files.push_back(inside);
+    return images || ++looked_at == kMostDicomFiles;
+  });
+  if (images) return {};
+  std::ranges::sort(files);
+  return files;
 }
 
 bool is_dicom_structures(const fs::path& file) {
@@ -987,16 +1089,26 @@ bool is_dicom_structures(const fs::path& file) {
 }
 
 Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
-  return open_dicom_labels(file, progress, [&](DicomFiles& library, reader::ParentEnd& parent) {
-    return read_segments_for(library, parent, file);
-  });
+  std::vector<fs::path> files = dicom_segmentation_files(file);
+  if (files.size() > kMostSegmentationFiles)
+    return bad_input(file.string(),
+                     "holds " + std::to_string(files.size()) + " DICOM segmentations, and " +
+                         std::to_string(kMostSegmentationFiles) + " are read as one at most",
+                     "name one of them, or put those that are wanted into a folder of their own");
+  return open_dicom_labels(
+      file, std::move(files), progress,
+      [&](DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>& parts) {
+        return read_segments_for(library, parent, parts, file);
+      });
 }
 
 Result<DicomReader> open_dicom_structures(const fs::path& file, const GridGeometry& grid,
                                           const Progress& progress) {
-  auto reader = open_dicom_labels(file, progress, [&](DicomFiles& library, reader::ParentEnd& parent) {
-    return read_structures_for(library, parent, file, grid);
-  });
+  auto reader =
+      open_dicom_labels(file, {file}, progress,
+                        [&](DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>&) {
+                          return read_structures_for(library, parent, file, grid);
+                        });
   const Files named{&file, 1};
   if (reader && !reader->volume.header.geometry.same_grid(grid)) return nonsense(named);
   return reader;
@@ -1028,6 +1140,12 @@ bool is_dicom_labels(const fs::path& file) {
   return kind && (kind->dicom_segmentation || kind->dicom_structures);
 }
 
+// the files of DICOM's labels that are named: one, or a folder of segmentations
+std::vector<fs::path> label_files(const fs::path& named) {
+  if (is_dicom_labels(named)) return {named};
+  return dicom_segmentation_files(named);
+}
+
 // the segmentations below a folder, in the order of their names
 Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Progress& progress) {
   auto found = find_files(folder, progress);
@@ -1036,17 +1154,30 @@ Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Pro
   return std::move(found->files);
 }
 
-Result<Study> matched(Study study, const Progress& progress) {
+// the folder that all of some files stand in or below
+fs::path common_folder(const std::vector<fs::path>& files) {
+  fs::path folder = files.front().parent_path();
+  for (const fs::path& file : files) {
+    const auto is_below = [&] { return !file.lexically_relative(folder).string().starts_with(".."); };
+    while (folder.has_relative_path() && !is_below()) folder = folder.parent_path();
+  }
+  return folder;
+}
+
+// @param one_series  files of several series are not one segmentation
+Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   const auto library = ready_library();
   if (!library) return at(study.scan, library.error());
   auto found = find_files(study.scan, progress);
   if (!found) return found.error();
   found->roots.push_back(*study.labels);
+  const std::vector<fs::path> files = label_files(*study.labels);
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
-    return match_dicom_for(**library, parent, *found, *study.labels, study.volume);
+    return match_dicom_for(**library, parent, *found, *study.labels, files, one_series, study.volume);
   });
   if (!process) return at(study.scan, process.error());
-  const std::array<fs::path, 2> named{study.scan, *study.labels};
+  std::vector<fs::path> named{study.scan, *study.labels};
+  named.insert(named.end(), files.begin(), files.end());
   if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t number = 0, is_said = 0, notes = 0;
@@ -1084,16 +1215,23 @@ Result<Study> find_study(const std::filesystem::path& scan,
       for (std::size_t n = 0; n < std::min(segmentations->size(), kListed); ++n)
         list += (n ? ", " : " ") + (*segmentations)[n].string();
       if (segmentations->size() > kListed) list += ", ...";
-      return Error{
-          ErrorKind::kUsage,
-          "holds " + std::to_string(segmentations->size()) + " segmentations beside its images:" + list,
-          scan.string(),
-          "name one of them after the folder, or its images alone with --scan: palpate scene new"};
+      // where a segmentation is spread over files, a series is a folder
+      const fs::path folder = common_folder(*segmentations);
+      if (dicom_segmentation_files(folder).size() != segmentations->size())
+        return Error{
+            ErrorKind::kUsage,
+            "holds " + std::to_string(segmentations->size()) + " segmentations beside its images:" + list,
+            scan.string(),
+            "name one of them after the folder; or put those that are one segmentation into a "
+            "folder of their own and name that; or name the images alone with --scan: palpate scene "
+            "new"};
+      study.labels = folder;
+    } else {
+      study.labels = segmentations->front();
     }
-    study.labels = segmentations->front();
   }
-  if (!is_dicom_labels(*study.labels)) return study;
-  if (images) return matched(std::move(study), progress);
+  if (label_files(*study.labels).empty()) return study;
+  if (images) return matched(std::move(study), !labels, progress);
   study.is_said = false;
   study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
                         " does not say which it is: that they belong together was not checked");
@@ -1124,6 +1262,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
     auto& volume = list.volumes.emplace_back();
     in.get(volume.what);
     in.get(volume.fault);
+    in.get(volume.remedy);
   }
   std::uint32_t notes = 0;
   in.get(notes);

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "palpate/reader/reader_process.h"
 #include "palpate/volume_io/dicom_export.h"
@@ -15,7 +16,7 @@
 ///   u32 n     file n is begun; their number: all are done                            as often as it takes
 ///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            what they hold is known
 ///   then what volume_message.h has of a volume and its voxels; of a list
-///   u32 volumes, and of each text what, text fault; u32 notes, texts
+///   u32 volumes, and of each text what, text fault, text remedy; u32 notes, texts
 namespace palpate::volume_io {
 
 /// A process that has understood a volume and waits for a word to send its voxels.
@@ -35,9 +36,11 @@ Result<DicomFiles*> ready_dicom_library();
 /// Errors: what is wrong with the study; those of choose_volume().
 Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const Progress& progress);
 
-/// Whether a plain file is a DICOM segmentation, by its first bytes.
-bool is_dicom_segmentation(const std::filesystem::path& file);
-/// The same of a segmentation, of which is_dicom_segmentation() holds. Segments that overlap come in layers.
+/// The DICOM segmentations that a plain file or a folder without images holds, by their first bytes, in the
+/// order of their names.
+std::vector<std::filesystem::path> dicom_segmentation_files(const std::filesystem::path& file);
+/// The same of a segmentation, which may be spread over several files: dicom_segmentation_files() finds one
+/// at least. Segments that overlap come in layers.
 Result<DicomReader> open_dicom_segmentation(const std::filesystem::path& file, const Progress& progress);
 
 /// Whether a plain file is a DICOM structure set, by its first bytes.

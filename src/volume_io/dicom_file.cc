@@ -24,6 +24,7 @@
 #include <limits>
 #include <map>
 
+#include "volume_io/dicom_characters.h"
 #include "volume_io/dicom_jpeg2000.h"
 #include "volume_io/dicom_rle.h"
 #include "volume_io/voxel_source.h"
@@ -50,12 +51,22 @@ std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned lo
   if (!is_short(item, tag)) return std::nullopt;
   Float64 value = 0;
   if (item.findAndGetFloat64(tag, value, at).bad()) {
+    // DCMTK converts no number from one representation (IS, FL, SL, UL, SS, US) to another
+    Float32 single = 0;
     Sint32 whole = 0;
-    Uint16 small = 0;
+    Uint32 natural = 0;
+    Sint16 small = 0;
+    Uint16 small_natural = 0;
     if (item.findAndGetSint32(tag, whole, at).good())
       value = whole;
-    else if (item.findAndGetUint16(tag, small, at).good())
+    else if (item.findAndGetUint32(tag, natural, at).good())
+      value = natural;
+    else if (item.findAndGetUint16(tag, small_natural, at).good())
+      value = small_natural;
+    else if (item.findAndGetSint16(tag, small, at).good())
       value = small;
+    else if (item.findAndGetFloat32(tag, single, at).good())
+      value = single;
     else
       return std::nullopt;
   }
@@ -74,23 +85,11 @@ std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   return std::string(value.c_str(), value.size());
 }
 
-// A text in the character set of its file, as UTF-8 where that is Latin 1 or UTF-8 (DICOM PS3.3 C.12.1.1.2).
-// Of other sets, whose tables stand in libraries that the reader does without, what is not ASCII stays as it
-// is, which is no UTF-8 and so no name.
+// a text in the character set of its file, as UTF-8
 std::string name_text_of(DcmItem& item, const DcmTagKey& tag, const std::string& set) {
   const std::string text = text_of(item, tag);
-  if (set != "ISO_IR 100" && set != "ISO 2022 IR 100") return text;
-  std::string in_utf8;
-  for (const char each : text) {
-    const auto byte = static_cast<unsigned char>(each);
-    if (byte < 0x80) {
-      in_utf8 += each;
-    } else {
-      in_utf8 += static_cast<char>(0xC0 | (byte >> 6));
-      in_utf8 += static_cast<char>(0x80 | (byte & 0x3F));
-    }
-  }
-  return in_utf8;
+  // what is none of its set stays as it is, which is no UTF-8 and so no name
+  return dicom_text_in_utf8(text, set).value_or(text);
 }
 
 template <std::size_t N>
@@ -197,7 +196,9 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   if (count_of(root, DCM_SamplesPerPixel).value_or(1) != 1)
     return Fault{"is a picture in colours, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
   const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
-  if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2")
+  // the numbers of a label map may index a palette, which gives the segments their colours
+  const bool labels = photometric == "PALETTE COLOR" && text_of(root, DCM_SegmentationType) == "LABELMAP";
+  if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2" && !labels)
     return Fault{
         "is no image in grey: PhotometricInterpretation (0028,0004) is neither MONOCHROME1 nor "
         "MONOCHROME2",
@@ -275,7 +276,7 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
   frame.along_row = Eigen::Vector3d(orientation->data());
   frame.along_column = Eigen::Vector3d(orientation->data() + 3);
   const double row_length = frame.along_row.norm(), column_length = frame.along_column.norm();
-  constexpr double kUnit = 1e-2, kSquare = 1e-3;
+  constexpr double kUnit = 1e-2, kSquare = 5e-3;
   if (std::abs(row_length - 1) > kUnit || std::abs(column_length - 1) > kUnit ||
       std::abs(frame.along_row.dot(frame.along_column)) > kSquare)
     return Fault{
@@ -284,6 +285,7 @@ std::optional<Fault> read_place(const Attributes& attributes, bool several, Dico
         kExport};
   frame.along_row /= row_length;
   frame.along_column /= column_length;
+  frame.slice_spacing_mm = attributes.number(DCM_PixelMeasuresSequence, DCM_SpacingBetweenSlices);
   frame.row_spacing_mm = (*spacing)[0];
   frame.column_spacing_mm = (*spacing)[1];
   frame.placed = frame.position.cwiseAbs().maxCoeff() < 1e6 && frame.row_spacing_mm < 1e4 &&
@@ -409,19 +411,76 @@ bool is_lossy(DcmItem& root, E_TransferSyntax syntax) {
   return header && header->irreversible;
 }
 
+// how a file could be read to its end
+enum class Loaded {
+  kWhole,
+  kCutShort,  ///< its bytes end before its last element does
+  kDamaged,
+};
+
+Loaded load(DcmFileFormat& file, const std::filesystem::path& name) {
+  const OFCondition loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect);
+  if (loaded.good()) return Loaded::kWhole;
+  // the first where a large value ends early, the second where a small one does
+  if (loaded != EC_StreamNotifyClient && loaded != EC_InvalidStream && loaded != EC_EndOfStream)
+    return Loaded::kDamaged;
+  // Pixels that are all there are followed by bytes of something else. Their last byte is fetched from the
+  // file, and so that of another reading which leaves all values there.
+  DcmFileFormat probe;
+  constexpr Uint32 kNothing = 1;
+  static_cast<void>(probe.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kNothing, ERM_autoDetect));
+  DcmDataset& root = *probe.getDataset();
+  DcmElement* pixels = nullptr;
+  if (DcmXfer(root.getOriginalXfer()).isEncapsulated() ||
+      root.findAndGetElement(DCM_PixelData, pixels).bad() || !pixels || pixels->getLengthField() == 0)
+    return Loaded::kCutShort;
+  Uint8 last = 0;
+  DcmFileCache cache;
+  const bool all_there =
+      pixels->getPartialValue(&last, pixels->getLengthField() - 1, 1, &cache, EBO_LittleEndian).good();
+  return all_there ? Loaded::kWhole : Loaded::kCutShort;
+}
+
+// what a file is called that is not whole
+std::string in_words(Loaded loaded, const std::string& kind) {
+  return loaded == Loaded::kCutShort
+             ? "is a " + kind + " that ends within an element, as one that is cut short"
+             : "is a damaged " + kind;
+}
+
 // that the pixels are there, as far as it shows without decoding them
-std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, bool whole) {
-  const Fault cut{"has its PixelData (7FE0,0010) cut short", "copy the series again"};
+std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames,
+                                     Loaded loaded) {
+  constexpr const char* kCopy = "copy the series again";
+  if (loaded == Loaded::kCutShort) return Fault{"has its PixelData (7FE0,0010) cut short", kCopy};
+  if (loaded == Loaded::kDamaged) return Fault{"is damaged before its PixelData (7FE0,0010) ends", kCopy};
+  if (root.tagExists(DCM_FloatPixelData) || root.tagExists(DCM_DoubleFloatPixelData))
+    return Fault{
+        "has its values as FloatPixelData (7FE0,0008) or DoubleFloatPixelData (7FE0,0009), which is "
+        "not read",
+        kSlicer};
   DcmElement* element = nullptr;
-  if (root.findAndGetElement(DCM_PixelData, element).bad() || !element) return cut;
+  if (root.findAndGetElement(DCM_PixelData, element).bad() || !element)
+    return Fault{"has no PixelData (7FE0,0010)", kExport};
   auto* pixels = dynamic_cast<DcmPixelData*>(element);
-  if (!pixels || !whole) return cut;
+  if (!pixels) return Fault{"has a PixelData (7FE0,0010) that holds no pixels", kExport};
+  const auto contradicts = [&](const std::string& there, const std::string& needed) {
+    return Fault{"has a PixelData (7FE0,0010) of " + there + ", and NumberOfFrames (0028,0008), Rows " +
+                     "(0028,0010) and Columns (0028,0011) ask for " + needed,
+                 kExport};
+  };
   const E_TransferSyntax syntax = static_cast<DcmDataset&>(root).getOriginalXfer();
   // each frame has a fragment at least, and the first item is a table of them
-  if (DcmXfer(syntax).isEncapsulated())
-    return fragments_of(*pixels, syntax).size() > frames ? std::nullopt : std::optional(cut);
+  if (DcmXfer(syntax).isEncapsulated()) {
+    const std::size_t items = fragments_of(*pixels, syntax).size();
+    if (items > frames) return std::nullopt;
+    return contradicts(std::to_string(items - std::min<std::size_t>(items, 1)) + " packed frames",
+                       std::to_string(frames));
+  }
   // bits go on from frame to frame without a gap
-  if (element->getLength() < (bits_of_frame(frame) * frames + 7) / 8) return cut;
+  const std::uint64_t needed = (bits_of_frame(frame) * frames + 7) / 8;
+  if (element->getLength() < needed)
+    return contradicts(std::to_string(element->getLength()) + " bytes", std::to_string(needed));
   return std::nullopt;
 }
 
@@ -432,20 +491,22 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   // what is packed in a way that DCMTK has not heard of has its header written out like others
   const auto unknown =
       syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
-  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  const Loaded loaded = load(file, name);
   DcmDataset& root = *file.getDataset();
   // of a file that breaks off the last element may hold what was in memory before
-  if (!loaded && root.card() > 0 && root.getElement(root.card() - 1)->getTag() != DCM_PixelData)
+  if (loaded != Loaded::kWhole && root.card() > 0 &&
+      root.getElement(root.card() - 1)->getTag() != DCM_PixelData)
     delete root.remove(root.card() - 1);
   DicomFile content;
   content.series_uid = text_of(root, DCM_SeriesInstanceUID);
   content.sop_uid = text_of(root, DCM_SOPInstanceUID);
   content.series_number =
       static_cast<int>(std::clamp(number_of(root, DCM_SeriesNumber).value_or(0), -1e9, 1e9));
-  if (!loaded && content.series_uid.empty())
+  if (loaded != Loaded::kWhole && content.series_uid.empty())
     return unknown ? bad_input("", unknown->what, unknown->remedy)
-                   : bad_input("", "is a damaged DICOM file", "copy it again");
-  if (!root.tagExists(DCM_Rows) && loaded) return bad_input("", kNoDicomImage);
+                   : bad_input("", in_words(loaded, "DICOM file"), "copy it again");
+  if (!root.tagExists(DCM_Rows) && loaded == Loaded::kWhole)
+    return bad_input("", kNoDicomImage, "give a series of images");
 
   DicomFrame all;
   const std::string modality = text_of(root, DCM_Modality);
@@ -518,6 +579,33 @@ std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modi
   return "";
 }
 
+// The colour of a label by the palette of the file; nothing where it has none (PS3.3 C.7.6.3.1.5 and 6).
+std::optional<std::array<std::uint8_t, 3>> palette_colour(DcmItem& root, int label) {
+  static const std::array<std::pair<DcmTagKey, DcmTagKey>, 3> kTables{
+      {{DCM_RedPaletteColorLookupTableDescriptor, DCM_RedPaletteColorLookupTableData},
+       {DCM_GreenPaletteColorLookupTableDescriptor, DCM_GreenPaletteColorLookupTableData},
+       {DCM_BluePaletteColorLookupTableDescriptor, DCM_BluePaletteColorLookupTableData}}};
+  std::array<std::uint8_t, 3> colour{};
+  for (std::size_t c = 0; c < kTables.size(); ++c) {
+    const auto descriptor = numbers_of<3>(root, kTables[c].first);
+    const Uint16* words = nullptr;
+    unsigned long count = 0;
+    constexpr Uint32 kLongest = 1 << 18;
+    DcmElement* element = nullptr;
+    if (!descriptor || root.findAndGetElement(kTables[c].second, element).bad() || !element ||
+        element->getLengthField() > kLongest ||
+        root.findAndGetUint16Array(kTables[c].second, words, &count).bad() || !words)
+      return std::nullopt;
+    // entries of 8 bits stand two to a word, the first in its low byte
+    const double entry = label - (*descriptor)[1];
+    const bool bytes = (*descriptor)[2] == 8;
+    if (entry < 0 || entry >= static_cast<double>(count) * (bytes ? 2 : 1)) return std::nullopt;
+    const auto at = static_cast<std::size_t>(entry);
+    colour[c] = static_cast<std::uint8_t>(bytes ? words[at / 2] >> (at % 2 * 8) : words[at] >> 8);
+  }
+  return colour;
+}
+
 DicomSegment segment_of(DcmItem& item, const std::string& set) {
   DicomSegment segment;
   segment.number = count_of(item, DCM_SegmentNumber).value_or(0);
@@ -540,31 +628,32 @@ DicomSegment segment_of(DcmItem& item, const std::string& set) {
 
 Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const std::string& syntax_uid) {
   DcmFileFormat file;
-  const bool loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good();
+  const Loaded loaded = load(file, name);
   DcmDataset& root = *file.getDataset();
   const auto refused = [](const Fault& fault) { return bad_input("", fault.what, fault.remedy); };
-  if (!loaded) return bad_input("", "is a damaged DICOM segmentation", "copy it again");
+  if (loaded != Loaded::kWhole) return bad_input("", in_words(loaded, "DICOM segmentation"), "copy it again");
   DicomSegmentation segmentation;
   DicomFrame all;
   if (auto fault = unread_syntax(root.getOriginalXfer(), syntax_uid)) return refused(*fault);
   if (auto fault = read_bits(root, all)) return refused(*fault);
-  using Kind = DicomSegmentation::Kind;
+  using Kind = SegmentCoding::Kind;
+  SegmentCoding& coding = segmentation.codings.emplace_back();
   const std::string type = text_of(root, DCM_SegmentationType);
-  segmentation.kind = type == "BINARY"       ? Kind::kBinary
-                      : type == "FRACTIONAL" ? Kind::kFractional
-                                             : Kind::kLabels;
+  coding.kind = type == "BINARY" ? Kind::kBinary : type == "FRACTIONAL" ? Kind::kFractional : Kind::kLabels;
   const bool known = type == "BINARY" || type == "FRACTIONAL" || type == "LABELMAP";
-  const bool fits = (segmentation.kind == Kind::kBinary) == (all.bits_allocated == 1) &&
-                    all.bits_allocated <= 16 && !all.is_signed;
+  const bool fits = (coding.kind == Kind::kBinary) == (all.bits_allocated == 1) && all.bits_allocated <= 16 &&
+                    !all.is_signed;
   if (!known || !fits)
     return refused(
         {"has a SegmentationType (0062,0001) and a BitsAllocated (0028,0100) that are not read", kSlicer});
   if (all.bits_allocated == 1 && DcmXfer(root.getOriginalXfer()).isEncapsulated())
     return refused({"has packed bits, which are not read", kDecompress});
-  if (segmentation.kind == Kind::kLabels && is_lossy(root, root.getOriginalXfer()))
+  if (coding.kind == Kind::kLabels && is_lossy(root, root.getOriginalXfer()))
     return refused({"has labels that are compressed with a loss, so that they may be others", kSlicer});
-  segmentation.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
-  if (segmentation.kind == Kind::kLabels) segmentation.nothing = padding_of(root, DCM_PixelPaddingValue, all);
+  coding.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
+  if (coding.kind == Kind::kLabels) coding.nothing = padding_of(root, DCM_PixelPaddingValue, all);
+  segmentation.series_uid = text_of(root, DCM_SeriesInstanceUID);
+  segmentation.concatenation_uid = text_of(root, DCM_ConcatenationUID);
 
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
@@ -576,8 +665,11 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
              " items of PerFrameFunctionalGroupsSequence (5200,9230) and another NumberOfFrames (0028,0008)",
          kExport});
   if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
-  for (DcmItem* item : items_of(root, DCM_SegmentSequence))
+  for (DcmItem* item : items_of(root, DCM_SegmentSequence)) {
     segmentation.segments.push_back(segment_of(*item, text_of(root, DCM_SpecificCharacterSet)));
+    DicomSegment& segment = segmentation.segments.back();
+    if (!segment.lab) segment.rgb = palette_colour(root, segment.number);
+  }
   for (std::size_t n = 0; n < own.size(); ++n) {
     DicomFrame frame = all;
     frame.frame = static_cast<std::uint32_t>(n);
@@ -593,7 +685,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
     }
     const DcmTagKey number = DCM_ReferencedSegmentNumber;
     segmentation.segment_of_frame.push_back(
-        segmentation.kind == Kind::kLabels
+        coding.kind == Kind::kLabels
             ? 0
             : count_of(attributes.in(DCM_SegmentIdentificationSequence, number), number).value_or(0));
     segmentation.frames.push_back(std::move(frame));
@@ -670,7 +762,8 @@ bool add_contours(DcmItem& item, std::size_t& points_left, DicomStructure& struc
 Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::path& name) {
   const auto damaged = [] { return bad_input("", kDamagedStructures, "copy it again"); };
   DcmFileFormat file;
-  if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).bad()) return damaged();
+  if (const Loaded loaded = load(file, name); loaded != Loaded::kWhole)
+    return bad_input("", in_words(loaded, "DICOM structure set"), "copy it again");
   DcmDataset& root = *file.getDataset();
   const std::string set = text_of(root, DCM_SpecificCharacterSet);
   std::vector<DicomStructure> structures;
@@ -718,8 +811,8 @@ void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Look& look) {
 
 Result<DicomReference> read_references(const std::filesystem::path& name) {
   DcmFileFormat file;
-  if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).bad())
-    return bad_input("", "is a damaged DICOM file", "copy it again");
+  if (const Loaded loaded = load(file, name); loaded != Loaded::kWhole)
+    return bad_input("", in_words(loaded, "DICOM file"), "copy it again");
   DcmDataset& root = *file.getDataset();
   DicomReference reference;
   const auto put = [](DcmItem& item, const DcmTagKey& tag, std::set<std::string>& uids) {
@@ -729,6 +822,7 @@ Result<DicomReference> read_references(const std::filesystem::path& name) {
     for_each_item(item, sequence,
                   [&](DcmItem& image) { put(image, DCM_ReferencedSOPInstanceUID, reference.images); });
   };
+  reference.own_series = text_of(root, DCM_SeriesInstanceUID);
   put(root, DCM_FrameOfReferenceUID, reference.frames_of_reference);
   // of a segmentation
   for_each_item(root, DCM_ReferencedSeriesSequence, [&](DcmItem& series) {
@@ -762,7 +856,7 @@ class FilePixels : public DicomPixels {
   static Result<std::unique_ptr<DicomPixels>> open(const std::filesystem::path& name) {
     auto file = std::make_unique<FilePixels>();
     DcmElement* element = nullptr;
-    if (file->file_.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect).good() &&
+    if (load(file->file_, name) == Loaded::kWhole &&
         file->file_.getDataset()->findAndGetElement(DCM_PixelData, element).good())
       file->pixels_ = dynamic_cast<DcmPixelData*>(element);
     if (!file->pixels_)

@@ -4,8 +4,10 @@
 #include <cctype>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <set>
 #include <string_view>
+#include <tuple>
 
 #include "volume_io/label_text.h"
 #include "volume_io/voxel_source.h"
@@ -168,8 +170,8 @@ bool says_nothing(const std::string& label) {
   return false;
 }
 
-std::string_view kind_in_words(const DicomSegmentation& segmentation) {
-  return segmentation.kind == DicomSegmentation::Kind::kLabels ? "labels" : "segments";
+bool holds_labels(const DicomSegmentation& segmentation, const DicomFrame& frame) {
+  return segmentation.codings[frame.file].kind == SegmentCoding::Kind::kLabels;
 }
 
 std::string segment_mm(double value) {
@@ -178,30 +180,111 @@ std::string segment_mm(double value) {
   return text;
 }
 
-// the distance between slices by which each place is a whole number of them from the first; 0: none
-double step_of(const std::vector<double>& places_mm, std::optional<double> said_mm) {
+// where slices lie along the normal
+struct SliceSteps {
+  double step_mm = 0;   // 0: no distance of slices explains the places
+  double first_mm = 0;  // of slice 0
+  std::string note = {};
+};
+
+constexpr double kSameSlice_mm = 5e-3;
+// of the distance between slices: what texts round away
+constexpr double kMostOffSlice = 0.02;
+
+// the distance near `step_mm` by which each place is a whole number of slices from the first; 0: none
+double even_step(const std::vector<double>& places_mm, double step_mm) {
   const double length_mm = places_mm.back() - places_mm.front();
-  double least_mm = length_mm;
-  constexpr double kSamePlace_mm = 5e-3;
-  for (std::size_t n = 1; n < places_mm.size(); ++n)
-    if (const double gap_mm = places_mm[n] - places_mm[n - 1]; gap_mm > kSamePlace_mm)
-      least_mm = std::min(least_mm, gap_mm);
-  if (length_mm <= kSamePlace_mm) return said_mm.value_or(0);
-  for (const double step_mm : {said_mm.value_or(0), least_mm}) {
-    constexpr double kMostSlices = 1e5;
-    if (!(step_mm > kSamePlace_mm) || length_mm / step_mm > kMostSlices) continue;
-    // rounding of the distance, which adds up, is taken out by the whole length
-    const double even_mm = length_mm / std::max(1.0, std::round(length_mm / step_mm));
-    constexpr double kMostOff = 0.02, kRounding_mm = 2e-3;
-    const bool fits = std::abs(even_mm - step_mm) <= kMostOff * step_mm &&
-                      std::ranges::all_of(places_mm, [&](double place_mm) {
-                        const double slices = (place_mm - places_mm.front()) / even_mm;
-                        return std::abs(slices - std::round(slices)) * even_mm <=
-                               std::max(kRounding_mm, kMostOff * even_mm);
-                      });
-    if (fits) return even_mm;
+  constexpr double kMostSlices = 1e5, kRounding_mm = 2e-3;
+  if (!(step_mm > kSameSlice_mm) || length_mm / step_mm > kMostSlices) return 0;
+  // rounding of the distance, which adds up, is taken out by the whole length
+  const double even_mm = length_mm / std::max(1.0, std::round(length_mm / step_mm));
+  const bool fits = std::abs(even_mm - step_mm) <= kMostOffSlice * step_mm &&
+                    std::ranges::all_of(places_mm, [&](double place_mm) {
+                      const double slices = (place_mm - places_mm.front()) / even_mm;
+                      return std::abs(slices - std::round(slices)) * even_mm <=
+                             std::max(kRounding_mm, kMostOffSlice * even_mm);
+                    });
+  return fits ? even_mm : 0;
+}
+
+// Slices at the distance that the file says, where its places are those rounded to whole tenths or whole
+// millimetres, as some writers print them.
+std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, double step_mm) {
+  constexpr double kExact = 1e-6;
+  for (const double quantum_mm : {0.1, 1.0}) {
+    const bool printed_so = std::ranges::all_of(places_mm, [&](double place_mm) {
+      return std::abs(place_mm - quantum_mm * std::round(place_mm / quantum_mm)) < kExact;
+    });
+    if (!printed_so || quantum_mm >= step_mm) continue;
+    // the first slice lies within half a quantum of where it is printed
+    constexpr int kTries = 20;
+    double first_mm = 0, least_off_mm = step_mm;
+    for (int n = 0; n <= kTries; ++n) {
+      const double from_mm = places_mm.front() + quantum_mm * (static_cast<double>(n) / kTries - 0.5);
+      double most_off_mm = 0;
+      bool apart = true;  // places that differ are different slices
+      for (std::size_t p = 0; p < places_mm.size(); ++p) {
+        const auto slice_of = [&](double place_mm) { return std::lround((place_mm - from_mm) / step_mm); };
+        most_off_mm = std::max(most_off_mm, std::abs(std::remainder(places_mm[p] - from_mm, step_mm)));
+        apart = apart && (p == 0 || places_mm[p] - places_mm[p - 1] < kSameSlice_mm ||
+                          slice_of(places_mm[p]) != slice_of(places_mm[p - 1]));
+      }
+      if (apart && most_off_mm < least_off_mm) {
+        least_off_mm = most_off_mm;
+        first_mm = from_mm;
+      }
+    }
+    if (least_off_mm <= quantum_mm / 2 + kExact)
+      return SliceSteps{step_mm, first_mm,
+                        "has positions that are rounded to " + segment_mm(quantum_mm) +
+                            " mm: its slices are laid " + segment_mm(step_mm) +
+                            " mm apart, as SpacingBetweenSlices (0018,0088) says"};
   }
-  return 0;
+  return std::nullopt;
+}
+
+/// @param places_mm  in ascending order
+SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> said_mm) {
+  std::vector<double> gaps_mm;
+  for (std::size_t n = 1; n < places_mm.size(); ++n)
+    if (const double gap_mm = places_mm[n] - places_mm[n - 1]; gap_mm > kSameSlice_mm)
+      gaps_mm.push_back(gap_mm);
+  if (gaps_mm.empty()) return {said_mm.value_or(0), places_mm.front()};
+  const auto [least, most] = std::ranges::minmax(gaps_mm);
+  const bool regular = gaps_mm.size() > 1 && most - least <= kMostOffSlice * most;
+  const double said_step_mm = said_mm ? even_step(places_mm, *said_mm) : 0,
+               least_step_mm = even_step(places_mm, least);
+  // frames at every second slice of one grid, all of them, are slices of a coarser one
+  constexpr double kNextSlice = 1.5;
+  if (said_step_mm > 0 && !(regular && least > kNextSlice * said_step_mm))
+    return {said_step_mm, places_mm.front()};
+  if (said_mm && !regular)
+    if (auto rounded = rounded_steps(places_mm, *said_mm)) return *std::move(rounded);
+  SliceSteps steps{least_step_mm, places_mm.front()};
+  if (said_mm && least_step_mm > 0)
+    steps.note =
+        "says that slices lie " + segment_mm(*said_mm) +
+        " mm apart (SpacingBetweenSlices (0018,0088), or SliceThickness (0018,0050)), and its frames "
+        "lie " +
+        segment_mm(least_step_mm) + " mm apart: the positions are taken";
+  return steps;
+}
+
+// Shift sideways per distance along the normal, as of images from a tilted gantry. Two places may as well be
+// two grids: three or more on one line are a shift.
+Vector shift_of_tilt(const std::vector<DicomFrame>& frames, const std::vector<double>& places_mm,
+                     const Vector& normal) {
+  const auto [low, high] = std::ranges::minmax_element(places_mm);
+  const double length_mm = *high - *low;
+  const bool between = std::ranges::any_of(places_mm, [&](double place_mm) {
+    return place_mm - *low > kSameSlice_mm && *high - place_mm > kSameSlice_mm;
+  });
+  if (!between) return Vector::Zero();
+  const auto frame_at = [&](auto place) -> const DicomFrame& {
+    return frames[static_cast<std::size_t>(place - places_mm.begin())];
+  };
+  const Vector way = frame_at(high).position - frame_at(low).position;
+  return (way - way.dot(normal) * normal) / length_mm;
 }
 
 }  // namespace
@@ -233,39 +316,43 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
   }
   std::vector<double> sorted = places_mm;
   std::sort(sorted.begin(), sorted.end());
-  const double step_mm = step_of(sorted, segmentation.slice_spacing_mm);
+  SliceSteps steps = steps_of(sorted, segmentation.slice_spacing_mm);
+  const double step_mm = steps.step_mm;
   if (!(step_mm > 0))
     return refused(frames.size() == 1 || sorted.back() - sorted.front() <= 0
                        ? "does not say how thick its one slice is: SpacingBetweenSlices (0018,0088)"
                        : "has frames that do not lie a whole number of slices apart");
 
   SegmentGrid grid;
-  std::set<std::pair<int, int>> seen;
+  if (!steps.note.empty()) grid.notes.push_back(std::move(steps.note));
+  const Vector shift = shift_of_tilt(frames, places_mm, normal);
+  std::set<std::tuple<std::uint32_t, int, int>> seen;
   int last = 0;
   for (std::size_t n = 0; n < frames.size(); ++n) {
     const Vector way = frames[n].position - first.position;
-    const double aside_mm = (way - places_mm[n] * normal).norm();
+    const double aside_mm = (way - places_mm[n] * (normal + shift)).norm();
     if (aside_mm > std::max(2e-3, 0.01 * std::min(first.row_spacing_mm, first.column_spacing_mm)))
       return refused("frame " + std::to_string(n + 1) + " lies " + segment_mm(aside_mm) +
                      " mm beside the first one");
-    const int slice = static_cast<int>(std::lround((places_mm[n] - sorted.front()) / step_mm));
+    const int slice = static_cast<int>(std::lround((places_mm[n] - steps.first_mm) / step_mm));
     const int segment = segmentation.segment_of_frame[n];
-    if (!seen.insert({segment, slice}).second)
-      return refused("has two frames of " + std::string(kind_in_words(segmentation)) + " " +
-                     std::to_string(segment) + " at one place, frame " + std::to_string(n + 1) +
-                     " and one before");
-    if (segmentation.kind != DicomSegmentation::Kind::kLabels &&
-        std::ranges::none_of(segmentation.segments,
-                             [&](const DicomSegment& s) { return s.number == segment; }))
+    const bool labels = holds_labels(segmentation, frames[n]);
+    if (!seen.insert({labels ? frames[n].file : 0, segment, slice}).second)
+      return refused(
+          (labels ? "has two frames of labels" : "has two frames of segment " + std::to_string(segment)) +
+          " at one place, frame " + std::to_string(n + 1) + " and one before");
+    if (!labels && std::ranges::none_of(segmentation.segments,
+                                        [&](const DicomSegment& s) { return s.number == segment; }))
       return refused("has a frame of a segment " + std::to_string(segment) + " that it does not describe");
     grid.slice_of_frame.push_back(slice);
     last = std::max(last, slice);
   }
   GridGeometry& geometry = grid.geometry;
   geometry.dims = {first.columns, first.rows, last + 1};
-  geometry.spacing_mm = {first.column_spacing_mm, first.row_spacing_mm, step_mm};
-  geometry.direction << first.along_row, first.along_column, normal;
-  geometry.origin = Point<Patient>(Vector(first.position + sorted.front() * normal));
+  const Vector step = step_mm * (normal + shift);
+  geometry.spacing_mm = {first.column_spacing_mm, first.row_spacing_mm, step.norm()};
+  geometry.direction << first.along_row, first.along_column, step.normalized();
+  geometry.origin = Point<Patient>(Vector(first.position + steps.first_mm * (normal + shift)));
   if (const auto possible = checked(geometry, ""); !possible) return refused(possible.error().what);
   return grid;
 }
@@ -305,7 +392,52 @@ DicomSegment segment_called(const std::string& name) {
   return segment;
 }
 
-std::string colour_of_segment(const std::array<std::uint16_t, 3>& lab) {
+DicomSegmentation join_segmentations(std::vector<DicomSegmentation> files) {
+  DicomSegmentation all = std::move(files.front());
+  std::map<std::string, int> offset_of_concatenation;
+  if (!all.concatenation_uid.empty()) offset_of_concatenation.emplace(all.concatenation_uid, 0);
+  const auto highest = [](const std::vector<DicomSegment>& segments) {
+    int number = 0;
+    for (const DicomSegment& segment : segments) number = std::max(number, segment.number);
+    return number;
+  };
+  for (std::size_t n = 1; n < files.size(); ++n) {
+    DicomSegmentation& file = files[n];
+    const auto known = offset_of_concatenation.find(file.concatenation_uid);
+    const bool continues = known != offset_of_concatenation.end();
+    const bool repeats = std::ranges::any_of(file.segments, [&](const DicomSegment& segment) {
+      return std::ranges::any_of(all.segments,
+                                 [&](const DicomSegment& other) { return other.number == segment.number; });
+    });
+    const int offset = continues ? known->second : repeats ? highest(all.segments) : 0;
+    if (!file.concatenation_uid.empty()) offset_of_concatenation.emplace(file.concatenation_uid, offset);
+    for (DicomSegment& segment : file.segments) {
+      if (continues) break;
+      segment.number += offset;
+      all.segments.push_back(std::move(segment));
+    }
+    for (std::size_t f = 0; f < file.frames.size(); ++f) {
+      file.frames[f].file = static_cast<std::uint32_t>(n);
+      const bool labels = file.codings.front().kind == SegmentCoding::Kind::kLabels;
+      all.segment_of_frame.push_back(labels ? 0 : file.segment_of_frame[f] + offset);
+      all.frames.push_back(std::move(file.frames[f]));
+    }
+    file.codings.front().number_offset = offset;
+    all.codings.push_back(file.codings.front());
+    if (!all.slice_spacing_mm) all.slice_spacing_mm = file.slice_spacing_mm;
+  }
+  return all;
+}
+
+std::string colour_of_segment(const DicomSegment& segment) {
+  if (!segment.lab) {
+    if (!segment.rgb) return "";
+    char text[64];
+    const auto& [r, g, b] = *segment.rgb;
+    std::snprintf(text, sizeof text, "%.4f %.4f %.4f", r / 255.0, g / 255.0, b / 255.0);
+    return text;
+  }
+  const std::array<std::uint16_t, 3>& lab = *segment.lab;
   const double L = lab[0] / 65535.0 * 100, a = lab[1] / 65535.0 * 255 - 128, b = lab[2] / 65535.0 * 255 - 128;
   const auto cube = [](double t) {
     constexpr double kDelta = 6.0 / 29;

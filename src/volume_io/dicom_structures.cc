@@ -151,7 +151,10 @@ void StructurePlanes::lay(const std::vector<std::vector<Contour>>& planes) {
     if (places.size() > 1) gaps.push_back(places.back() - places[places.size() - 2]);
   }
   // along the normal of planes that are not the scan's own
-  const double slice_mm = normal_ == slice_normal(grid_) ? grid_.spacing_mm[2] : grid_.spacing_mm.minCoeff();
+  // of a sheared grid, by a tilted gantry, slices are nearer to each other than their centres
+  const double slice_mm = normal_ == slice_normal(grid_)
+                              ? grid_.spacing_mm[2] * std::abs(Vector3(grid_.direction.col(2)).dot(normal_))
+                              : grid_.spacing_mm.minCoeff();
   const double usual_mm = usual_gap(gaps, slice_mm);
   // planes missing: more than none, and no more than two
   constexpr double kNoneMissing = 1.5, kBridged = 3.5;

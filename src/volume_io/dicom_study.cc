@@ -36,7 +36,7 @@ std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector
                            const DicomIdentifiers& identifiers) {
   std::vector<Bond> bonds;
   for (const DicomVolume& volume : volumes) {
-    // series and frame of reference are the same in all its frames
+    // the series is the same in all its frames, and so is the frame of reference but for anonymised slices
     const DicomFrame& first = volume.frames.front();
     const bool images = std::ranges::any_of(volume.frames, [&](const DicomFrame& frame) {
       return segmentation.images.contains(identifiers.of_file[frame.file]);
@@ -49,8 +49,13 @@ std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector
     else if (first.frame_of_reference.empty() || segmentation.frames_of_reference.empty())
       bonds.push_back(Bond::kUnsaid);
     else
-      bonds.push_back(segmentation.frames_of_reference.contains(first.frame_of_reference) ? Bond::kSpace
-                                                                                          : Bond::kNone);
+      bonds.push_back(std::ranges::any_of(volume.frames,
+                                          [&](const DicomFrame& frame) {
+                                            return segmentation.frames_of_reference.contains(
+                                                frame.frame_of_reference);
+                                          })
+                          ? Bond::kSpace
+                          : Bond::kNone);
   }
   return bonds;
 }

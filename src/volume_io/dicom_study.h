@@ -14,9 +14,10 @@ namespace palpate::volume_io {
 
 /// What a segmentation says of the images that it was made on.
 struct DicomReference {
-  std::set<std::string> series;               ///< SeriesInstanceUID
+  std::set<std::string> series;               ///< SeriesInstanceUID of the images
   std::set<std::string> images;               ///< SOPInstanceUID
   std::set<std::string> frames_of_reference;  ///< FrameOfReferenceUID
+  std::string own_series = {};                ///< SeriesInstanceUID of the segmentation itself
 };
 
 /// The identifiers of what frames name by index.

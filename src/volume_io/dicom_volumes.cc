@@ -22,8 +22,10 @@ constexpr double kRounding_mm = 2e-3;
 constexpr double kMostUneven = 0.01;
 // slices that lie at one place
 constexpr double kSamePlace_mm = 5e-3;
-// sideways over along the normal: an orientation's last digits, and no tilt
-constexpr double kMostTilt = 1e-3;
+// tangent of a tilt that the digits of an orientation explain: 0.11 degrees
+constexpr double kRoundedTilt = 2e-3;
+// tangent of the largest tilt that is believed: gantries tilt by 30 degrees
+constexpr double kMostTilt = 1;
 
 std::string in_mm(double value) {
   char text[40];
@@ -43,15 +45,14 @@ Vector normal_of(const DicomFrame& frame) {
 
 // ---- which belong together ----------------------------------------------------------------------
 
-using Told =
-    std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool, std::optional<double>,
-               std::string, std::string, std::string, std::string, std::string>;
+using Told = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
+                        std::optional<double>, std::string, std::string, std::string, std::string>;
 
 // what is the same in all images of a volume, but for what is only nearly the same
 Told told_apart_by(const DicomFrame& frame) {
   // without a place images are told apart by nothing but what they lack
   if (!frame.placed)
-    return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", "", frame.fault};
+    return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", frame.fault};
   return {frame.series,
           false,
           frame.rows,
@@ -63,7 +64,6 @@ Told told_apart_by(const DicomFrame& frame) {
           frame.stack,
           frame.modality,
           frame.image_type,
-          frame.frame_of_reference,
           ""};
 }
 
@@ -72,6 +72,27 @@ bool same_gradient(const DicomFrame& a, const DicomFrame& b) {
   constexpr double kSame = 1e-2;
   return !a.gradient || !b.gradient ||
          (Vector(a.gradient->data()) - Vector(b.gradient->data())).norm() <= kSame;
+}
+
+// Whether there are several frames of reference and none of them holds two places. LIDC-IDRI has one for each
+// slice: the anonymiser replaced the identifier in every file by a new one.
+bool has_reference_per_place(const std::vector<DicomFrame>& frames) {
+  std::map<std::string, const DicomFrame*> first_of_reference;
+  for (const DicomFrame& frame : frames) {
+    const auto [first, is_new] = first_of_reference.emplace(frame.frame_of_reference, &frame);
+    if (!is_new && (frame.position - first->second->position).norm() >= kSamePlace_mm) return false;
+  }
+  return first_of_reference.size() > 1;
+}
+
+std::vector<std::vector<DicomFrame>> split_by_frame_of_reference(std::vector<DicomFrame> frames) {
+  std::map<std::string, std::vector<DicomFrame>> parts;
+  const bool one_volume = !frames.front().placed || has_reference_per_place(frames);
+  for (DicomFrame& frame : frames)
+    parts[one_volume ? std::string() : frame.frame_of_reference].push_back(std::move(frame));
+  std::vector<std::vector<DicomFrame>> all;
+  for (auto& [reference, part] : parts) all.push_back(std::move(part));
+  return all;
 }
 
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
@@ -90,7 +111,8 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   }
   std::vector<std::vector<DicomFrame>> all;
   for (auto& [told, parts] : groups)
-    for (auto& part : parts) all.push_back(std::move(part));
+    for (auto& part : parts)
+      for (auto& volume : split_by_frame_of_reference(std::move(part))) all.push_back(std::move(volume));
   return all;
 }
 
@@ -269,7 +291,8 @@ std::string what_is_special(const std::vector<DicomFrame>& frames,
   } else if (type_words(own.image_type).contains("localizer")) {
     text += ", localizer";
   }
-  if (differs(&DicomFrame::frame_of_reference)) text += ", in a frame of reference of its own";
+  if (differs(&DicomFrame::frame_of_reference) && !has_reference_per_place(frames))
+    text += ", in a frame of reference of its own";
   return text;
 }
 
@@ -315,9 +338,33 @@ class Stack {
     return std::nullopt;
   }
 
+  /// @pre find_fault() found none
+  std::vector<std::string> find_notes() const {
+    std::vector<std::string> notes;
+    if (has_reference_per_place(frames_))
+      notes.push_back(
+          "gives its slices different frames of reference (FrameOfReferenceUID (0020,0052)), as some "
+          "anonymising software does: their positions fit together, and they are read as one volume");
+    const double step_mm = mean_gap_mm();
+    if (const double tangent = tilt().norm(); tangent > kRoundedTilt)
+      notes.push_back("was scanned with a gantry tilted by " + degrees(tangent) +
+                      " degrees: its grid is sheared, each slice " + in_mm(tangent * step_mm) +
+                      " mm beside the one before, so that every voxel lies where it was measured");
+    constexpr double kRounding = 0.02, kLeast_mm = 0.01;
+    const auto contradicts = [&](const DicomFrame& frame) {
+      return frame.slice_spacing_mm &&
+             std::abs(std::abs(*frame.slice_spacing_mm) - step_mm) > std::max(kLeast_mm, kRounding * step_mm);
+    };
+    if (const auto frame = std::ranges::find_if(frames_, contradicts); frame != frames_.end())
+      notes.push_back("says that slices lie " + in_mm(*frame->slice_spacing_mm) +
+                      " mm apart (SpacingBetweenSlices (0018,0088)), and their positions are " +
+                      in_mm(step_mm) + " mm apart: the positions are taken");
+    return notes;
+  }
+
   GridGeometry geometry() const {
     const DicomFrame& first = frames_.front();
-    // from the first slice to the last one, which a tilt within the rounding of an orientation follows too
+    // from the first slice to the last one, which includes a tilt of the gantry
     const Vector step = (frames_.back().position - first.position) / static_cast<double>(frames_.size() - 1);
     GridGeometry grid;
     grid.dims = {first.columns, first.rows, static_cast<int>(frames_.size())};
@@ -330,6 +377,10 @@ class Stack {
  private:
   std::string slice(std::size_t n) const { return slice_in_words(frames_, n); }
   double gap_mm(std::size_t n) const { return places_mm_[n + 1] - places_mm_[n]; }
+  double mean_gap_mm() const {
+    return (places_mm_.back() - places_mm_.front()) / static_cast<double>(frames_.size() - 1);
+  }
+  static std::string degrees(double tangent) { return shortly(std::atan(tangent) * 180 / std::numbers::pi); }
 
   std::optional<Fault> doubled() const {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
@@ -382,21 +433,21 @@ class Stack {
     return way - way.dot(normal_) * normal_;
   }
 
+  // shift sideways per distance along the normal, whose length is the tangent of the gantry's tilt
+  Vector tilt() const { return aside(frames_.size() - 1) / (places_mm_.back() - places_mm_.front()); }
+
   std::optional<Fault> shifted() const {
-    const std::size_t last = frames_.size() - 1;
-    const double length_mm = places_mm_.back() - places_mm_.front(),
-                 usual_mm = length_mm / static_cast<double>(last),
-                 allowed_mm = std::max(kRounding_mm, kMostUneven * usual_mm);
-    const Vector tilt = aside(last) / length_mm;
-    for (std::size_t n = 0; n <= last; ++n) {
-      const double off_mm = (aside(n) - (places_mm_[n] - places_mm_.front()) * tilt).norm();
+    const double usual_mm = mean_gap_mm(), allowed_mm = std::max(kRounding_mm, kMostUneven * usual_mm);
+    const Vector shift = tilt();
+    for (std::size_t n = 0; n < frames_.size(); ++n) {
+      const double off_mm = (aside(n) - (places_mm_[n] - places_mm_.front()) * shift).norm();
       if (off_mm > allowed_mm)
         return Fault{slice(n) + ", lies " + in_mm(off_mm) + " mm beside the line from the first to the last",
                      kConvert};
     }
-    if (tilt.norm() > kMostTilt)
-      return Fault{"its gantry was tilted by " + shortly(std::atan(tilt.norm()) * 180 / std::numbers::pi) +
-                       " degrees: each slice lies " + in_mm(tilt.norm() * usual_mm) +
+    if (shift.norm() > kMostTilt)
+      return Fault{"its slices are shifted as by a gantry tilted by " + degrees(shift.norm()) +
+                       " degrees, which none is: each lies " + in_mm(shift.norm() * usual_mm) +
                        " mm beside the one before, from " + slice(1),
                    kConvert};
     return std::nullopt;
@@ -473,6 +524,7 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
       continue;
     }
     volume.geometry = stack.geometry();
+    volume.notes = stack.find_notes();
     if (const auto possible = checked(volume.geometry, ""); !possible) {
       volume.fault = possible.error().what;
       volume.remedy = kWholeSeries;

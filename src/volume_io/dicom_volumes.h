@@ -31,6 +31,8 @@ struct DicomFrame {
   /// What does so where images lie at one place, and else may differ from slice to slice.
   std::optional<double> trigger_time_ms;
   std::optional<int> acquisition;
+  std::optional<double>
+      slice_spacing_mm;             ///< SpacingBetweenSlices; positions decide where it contradicts them
   double slope = 1, intercept = 0;  ///< value = slope * stored + intercept
   int bits_allocated = 16, bits_stored = 16, high_bit = 15;
   bool is_signed = false;
@@ -46,15 +48,17 @@ struct DicomVolume {
   std::vector<DicomFrame> frames;  ///< by their place along the normal
   std::string what;                ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
   std::string fault, remedy;       ///< empty: it can be used
-  GridGeometry geometry;           ///< where it can be used
+  GridGeometry geometry;           ///< where it can be used; sheared where the gantry was tilted
+  std::vector<std::string> notes;  ///< how contradictions between its files were resolved, a sentence each
 };
 
 /// All frames in volumes: by series and, within it, by rows and columns, orientation, pixel spacing, frame of
 /// reference, echo time, b-value, direction of diffusion, temporal position, stack and image type; where that
-/// leaves several at one place, by their trigger times in their order or by their acquisition's number. In a
-/// volume the frames are ordered by the projection of their positions on the normal. A volume whose slices
-/// are single, doubled, missing, uneven, turned or shifted against each other (a tilted gantry) has a fault
-/// that names the slice.
+/// leaves several at one place, by their trigger times in their order or by their acquisition's number.
+/// Frames of reference that hold one place each, as some anonymising software leaves them, separate nothing.
+/// In a volume the frames are ordered by the projection of their positions on the normal. A volume whose
+/// slices are single, doubled, missing, uneven, turned or shifted irregularly against each other has a fault
+/// that names the slice. A regular shift, by a tilted gantry, becomes a sheared grid.
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames);
 
 /// Whether some of its images are compressed with a loss.

@@ -19,6 +19,7 @@
 #include <system_error>
 
 #include "palpate_version.h"
+#include "volume_io/dicom_characters.h"
 #include "volume_io/voxel_source.h"
 
 namespace palpate::volume_io {
@@ -247,7 +248,9 @@ void put_sources(const Writer& shared, const DicomIdentity& identity) {
 }
 
 Result<void> save(DcmFileFormat& format, bool good, const std::filesystem::path& file) {
-  if (!good) return Error{ErrorKind::kOutput, "cannot be made into a DICOM object", file.string(), ""};
+  if (!good)
+    return Error{ErrorKind::kOutput, "cannot be made into a DICOM object", file.string(),
+                 "save the labels as .seg.nrrd instead, and report this"};
   const OFCondition saved = format.saveFile(file.c_str(), EXS_LittleEndianExplicit, EET_UndefinedLength);
   // where a disk is full DCMTK may leave the rest out and say nothing
   std::error_code unknown;
@@ -269,21 +272,6 @@ std::string kept_text(DcmItem& item, const DcmTagKey& tag) {
   return {value.c_str(), value.size()};
 }
 
-// Letters of 7 bits, which are the same in UTF-8, and no escape to another character set.
-bool is_plain(const std::string& text) {
-  return std::ranges::all_of(text, [](char letter) { return letter >= 0 && letter != '\x1b'; });
-}
-
-std::string utf8_of_latin_1(const std::string& text) {
-  std::string out;
-  for (const char letter : text) {
-    const auto byte = static_cast<unsigned char>(letter);
-    if (byte >= 0x80) out += static_cast<char>(0xC0 | byte >> 6);
-    out += byte >= 0x80 ? static_cast<char>(0x80 | (byte & 0x3F)) : letter;
-  }
-  return out;
-}
-
 // What is kept of a patient and a study, as it stands.
 using Attributes = std::vector<std::pair<std::pair<std::uint16_t, std::uint16_t>, std::string>>;
 Attributes kept_attributes(DcmItem& root) {
@@ -300,17 +288,13 @@ Attributes kept_attributes(DcmItem& root) {
 
 // The same in UTF-8; nothing where that cannot be had.
 std::optional<Attributes> in_utf8(DcmItem& root, Attributes kept) {
-  if (std::ranges::all_of(kept, [](const auto& one) { return is_plain(one.second); })) return kept;
   const std::string set = kept_text(root, DCM_SpecificCharacterSet);
-  if (set == "ISO_IR 192") return kept;
-  // which needs no table, as DCMTK would
-  if (set == "ISO_IR 100") {
-    for (auto& [tag, value] : kept) value = utf8_of_latin_1(value);
-    return kept;
+  for (auto& [tag, value] : kept) {
+    auto converted = dicom_text_in_utf8(value, set);
+    if (!converted) return std::nullopt;
+    value = *std::move(converted);
   }
-  // letters of more than 7 bits, where the file says that there are none
-  if (set.empty() || root.convertToUTF8().bad()) return std::nullopt;
-  return kept_attributes(root);
+  return kept;
 }
 
 }  // namespace

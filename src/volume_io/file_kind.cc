@@ -138,12 +138,11 @@ struct Magic {
 };
 
 constexpr const char* kStack =
-    "pictures do not say how far apart they are: load them in 3D Slicer (extension SlicerMorph, "
-    "ImageStacks), "
-    "give the spacing and save as NRRD";
+    "name the folder with all slices of its volume, and say how far apart the voxels lie: --spacing X,Y,Z "
+    "(mm)";
 const std::array kMagics{
-    Magic{"\x89PNG"sv, 0, "a picture (PNG)", kPicture},
-    Magic{"\xFF\xD8\xFF"sv, 0, "a picture (JPEG)", kPicture},
+    Magic{"\x89PNG"sv, 0, "a picture (PNG)", kStack},
+    Magic{"\xFF\xD8\xFF"sv, 0, "a picture (JPEG)", kStack},
     Magic{"GIF8"sv, 0, "a picture (GIF)", kPicture},
     Magic{"WEBP"sv, 8, "a picture (WebP)", kPicture},
     Magic{"\0\0\0\x0CjP  "sv, 0, "a picture (JPEG 2000)", kPicture},

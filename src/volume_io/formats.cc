@@ -5,6 +5,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
+#include "volume_io/dicom.h"
 #include "volume_io/label_text.h"
 #include "volume_io/masks.h"
 #include "volume_io/meshes.h"
@@ -162,8 +163,9 @@ Result<std::filesystem::path> OtherFiles::find(const OtherFile& wanted) {
   return bad_input("", "another file is needed first");
 }
 
-Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others) {
-  auto volume = format.inspect(file, others);
+Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
+                              const Placing& placing) {
+  auto volume = format.inspect(file, others, placing);
   if (volume || others.asked()) return volume;
   // what is in it may be something else than its name says
   const auto unpack = [](const std::filesystem::path& packed, std::size_t bytes) {
@@ -198,7 +200,9 @@ using namespace volume_io;
 
 bool is_volume(const std::filesystem::path& file) {
   std::error_code ignored;
-  if (is_dicom(file) || is_meshes(file) || is_masks(file)) return true;
+  if (is_dicom(file) || is_meshes(file) || is_masks(file) || !dicom_segmentation_files(file).empty() ||
+      is_image_stack(file))
+    return true;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
   const auto kind = content_of(file, unpacked_front);
@@ -208,7 +212,9 @@ bool is_volume(const std::filesystem::path& file) {
 std::optional<Error> something_else(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
-  if (is_dicom(file) || is_meshes(file) || is_masks(file)) return std::nullopt;
+  if (is_dicom(file) || is_meshes(file) || is_masks(file) || !dicom_segmentation_files(file).empty() ||
+      is_image_stack(file))
+    return std::nullopt;
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
   const auto kind = content_of(file, unpacked_front);

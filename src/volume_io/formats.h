@@ -37,7 +37,8 @@ struct Format {
   std::span<const std::string_view> endings;  ///< in lower case, with their dot
   /// Understands the header, checks everything in it that can be wrong, reads no voxel. The format's and the
   /// type's names in the header are still to be filled in.
-  Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others);
+  Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others,
+                                const Placing& placing);
   ItkFormat writer;
   std::span<const std::string_view> written;  ///< endings that it is written under: one file each
 };
@@ -46,7 +47,8 @@ struct Format {
 Result<const Format*> format_of(const std::filesystem::path& file);
 /// Inspects a file, and what it is instead where its name is wrong about its format. The bytes may do
 /// anything to whoever does this: volume_reader.h has a process for it.
-Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others);
+Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
+                              const Placing& placing);
 /// The other file that a reader asks for, `file` being the one that the user named. Its reader is believed as
 /// little as a header is. Errors: missing, no plain file, outside its folder where that is not allowed.
 Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& wanted);
@@ -61,9 +63,12 @@ bool has_ending(const std::filesystem::path& file, std::string_view ending);
 using Unpack = std::function<std::string(const std::filesystem::path& file, std::size_t bytes)>;
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack);
 
-Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others);
-Result<VolumeFile> inspect_nifti(const std::filesystem::path& file, OtherFiles& others);
-Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others);
+Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others,
+                                const Placing& placing);
+Result<VolumeFile> inspect_nifti(const std::filesystem::path& file, OtherFiles& others,
+                                 const Placing& placing);
+Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others,
+                                     const Placing& placing);
 
 /// The geometry as ITK reads it, checked. `dims` are ours; ITK reading others is an error.
 Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path& file,

@@ -40,12 +40,17 @@ struct NiftiHeader {
   std::vector<std::int64_t> axes;
   bool has_geometry = false;
   bool separate = false;  ///< the voxels stand in a file of their own (.img)
-  /// Voxel index to RAS mm: the sform; without one, of NIfTI-2, what qform or voxel sizes give.
+  /// Voxel index to RAS mm: the sform, or the qform where that is asked for; without one, of NIfTI-2, what
+  /// qform or voxel sizes give.
   std::optional<Eigen::Matrix<double, 3, 4>> affine;
+  /// The placement that was not taken, where the file has both and none was asked for.
+  std::optional<Eigen::Matrix<double, 3, 4>> other_affine;
   ValueMeaning meaning = ValueMeaning::kUnsaid;  ///< by its intent code
   VoxelSource voxels;                            ///< skip is the place of the voxels
 };
 constexpr std::size_t kMostNiftiHeaderBytes = 540;
-Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source);
+/// @param form  which placement counts where there are both; none: the sform
+Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source,
+                                       std::optional<NiftiForm> form = {});
 
 }  // namespace palpate::volume_io

@@ -113,18 +113,19 @@ Error no_mask(const fs::path& file, const std::string& why) {
                    "name the file that is meant by itself, or put the masks into a folder of their own");
 }
 
-Result<VolumeFile> understand_mask(const fs::path& file) {
+Result<VolumeFile> understand_mask(const fs::path& file, const Placing& placing) {
   const auto format = format_of(file);
   if (!format) return format.error();
   OtherFiles others;
-  auto volume = understand(**format, file, others);
+  auto volume = understand(**format, file, others, placing);
   if (others.asked()) return no_mask(file, "has its voxels in another file");
   if (volume && volume->header.layers > 1) return no_mask(file, "has several values for each voxel");
   return volume;
 }
 
 Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
-                                      const std::function<bool()>& look, double& share) try {
+                                      const Placing& placing, const std::function<bool()>& look,
+                                      double& share) try {
   if (found.files.size() > kMostMasks)
     return bad_input(named.string(),
                      "has " + std::to_string(found.files.size()) + " masks, and " +
@@ -138,7 +139,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
     if (!look()) throw Unheard();
-    auto file = understand_mask(one);
+    auto file = understand_mask(one, placing);
     if (!file) return file.error();
     if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
     if (files.empty()) {
@@ -149,6 +150,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
     has_geometry = has_geometry && file->header.has_geometry;
     files.push_back(*std::move(file));
   }
+  const std::string placement_doubt = files.empty() ? "" : files.front().header.placement_doubt;
   for (std::size_t n = 0; n < files.size(); ++n) {
     const fs::path& one = found.files[n];
     const VolumeFile* const file = &files[n];
@@ -165,8 +167,10 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
 
   if (auto done = lay_out(labels, grid, named, look); !done) return done.error();
   labels.file.header.has_geometry = has_geometry;
+  labels.file.header.placement_doubt = placement_doubt;
   auto& notes = labels.file.notes;
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
+  if (!placement_doubt.empty()) notes.push_back(placement_doubt);
   if (!empty.empty()) notes.push_back("has masks without a voxel: " + names_in_words(empty));
   if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
   return labels;
@@ -186,12 +190,12 @@ bool is_masks(const fs::path& folder) {
   return volumes_in(folder).size() >= 2 && !is_dicom(folder);
 }
 
-Result<LabelReader> open_masks(const fs::path& folder, const Progress& progress) {
+Result<LabelReader> open_masks(const fs::path& folder, const Placing& placing, const Progress& progress) {
   const StructureFiles found = find_masks(folder);
   return open_structure_files(
       found, folder, progress,
       [&](const std::function<bool()>& look, double& share) {
-        return look_at_masks(found, folder, look, share);
+        return look_at_masks(found, folder, placing, look, share);
       },
       "take some of the masks, or crop them first");
 }

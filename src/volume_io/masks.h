@@ -18,6 +18,7 @@ bool is_masks(const std::filesystem::path& folder);
 /// @param folder  of which is_masks() holds
 /// Errors: a file that is no mask (a scan, several labels), has another grid than the first, or its voxels in
 /// another file; interrupted.
-Result<LabelReader> open_masks(const std::filesystem::path& folder, const Progress& progress);
+Result<LabelReader> open_masks(const std::filesystem::path& folder, const Placing& placing,
+                               const Progress& progress);
 
 }  // namespace palpate::volume_io

@@ -37,7 +37,7 @@ std::vector<std::string> warnings_of(const std::filesystem::path& file, const Gr
   std::vector<std::string> said;
   labels = read_labels(
       file, {}, {}, [&](const std::string& warning) { said.push_back(warning); }, Doubtful::kRefused,
-      Unpacked::kAnew, scan, placing);
+      Unpacked::kAnew, scan, Placing{.mesh = placing});
   return said;
 }
 

@@ -4,7 +4,7 @@
 
 namespace palpate::volume_io {
 
-Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others) {
+Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
   if (!front) return front.error();

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cstdio>
+
 #include "volume_io/formats.h"
 #include "volume_io/headers.h"
 #include "volume_io/voxel_stream.h"
@@ -24,9 +27,38 @@ GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::a
   return geometry;
 }
 
+// What a person should know where two placements of one file differ by a mirror or by more than a voxel; else
+// empty.
+std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform) {
+  const bool mirrored = sform.right_handed() != qform.right_handed();
+  double most_mm = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto at = [&](int axis) {
+      return corner >> axis & 1 ? sform.dims[static_cast<std::size_t>(axis)] - 1 : 0;
+    };
+    const Point<Voxel> voxel(at(0), at(1), at(2));
+    most_mm = std::max(most_mm, (sform.X_PatientVoxel() * voxel - qform.X_PatientVoxel() * voxel).norm());
+  }
+  if (!mirrored && most_mm <= sform.min_spacing_mm()) return "";
+  const auto reading = [](const GridGeometry& grid) {
+    char text[160];
+    const Eigen::Vector3d centre = grid.centre().eigen();
+    std::snprintf(text, sizeof text, "its axes are %s and its middle lies at (%.1f, %.1f, %.1f) mm",
+                  axis_codes(grid.direction).c_str(), centre.x(), centre.y(), centre.z());
+    return std::string(text);
+  };
+  char off[60];
+  std::snprintf(off, sizeof off, "by up to %.1f mm", most_mm);
+  return std::string("has a qform and an sform that differ ") + (mirrored ? "by a mirror" : off) +
+         ", so that its sides are in doubt: by the sform, which is taken, " + reading(sform) +
+         "; by the qform " + reading(qform) +
+         " (LPS); --form q or s says which counts, in a scene file: nifti_form";
+}
+
 }  // namespace
 
-Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others) {
+Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others,
+                                 const Placing& placing) {
   std::filesystem::path file = named;
   if (has_ending(named, ".img") || has_ending(named, ".img.gz")) {
     const auto header_file = others.find({OtherFile::Which::kHeader, ""});
@@ -38,7 +70,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   if (!encoding) return encoding.error();
   const auto front = read_front(file, *encoding, kMostNiftiHeaderBytes);
   if (!front) return front.error();
-  const auto header = parse_nifti_header(*front, source);
+  const auto header = parse_nifti_header(*front, source, placing.nifti_form);
   if (!header) return header.error();
   const auto dims = volume_dims(header->axes, source);
   if (!dims) return dims.error();
@@ -64,6 +96,11 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;
   volume.header.meaning = header->meaning;
+  if (header->other_affine)
+    if (const auto other = checked(from_affine(*header->other_affine, *dims), source); other) {
+      volume.header.placement_doubt = doubt_of_forms(*geometry, *other);
+      if (!volume.header.placement_doubt.empty()) volume.notes.push_back(volume.header.placement_doubt);
+    }
   return volume;
 }
 

@@ -163,7 +163,8 @@ Eigen::Matrix<double, 3, 4> from_voxel_sizes(const Fields& f) {
   return affine;
 }
 
-Result<void> read_geometry(const Fields& f, bool second, const std::string& source, NiftiHeader& header) {
+Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm> form,
+                           const std::string& source, NiftiHeader& header) {
   header.has_geometry = f.qform_code > 0 || f.sform_code > 0;
   const int length_unit = f.units & 7;
   if (length_unit == 1 || length_unit == 3)
@@ -171,11 +172,20 @@ Result<void> read_geometry(const Fields& f, bool second, const std::string& sour
                      std::string("its lengths are in ") + (length_unit == 1 ? "metres" : "micrometres") +
                          ", only millimetres are read",
                      "convert it to millimetres");
-  if (f.sform_code > 0) {
+  const auto finite = [](const auto& values) {
+    return std::all_of(std::begin(values), std::end(values), [](double v) { return std::isfinite(v); });
+  };
+  if (f.sform_code > 0 && !(form == NiftiForm::kQform && f.qform_code > 0)) {
     header.affine.emplace();
     for (int n = 0; n < 12; ++n) (*header.affine)(n / 4, n % 4) = f.srow[n];
     if (!header.affine->allFinite())
-      return bad_input(source, "its sform holds something that is not a number");
+      return bad_input(
+          source, "its sform holds something that is not a number",
+          "read it by its qform with --form q where it has one, or set it from the scan it came from");
+    const bool comparable =
+        f.qform_code > 0 && !form && finite(f.quaternion) && finite(f.qoffset) &&
+        std::all_of(f.pixdim + 1, f.pixdim + 4, [](double size) { return std::isfinite(size) && size > 0; });
+    if (comparable) header.other_affine = from_qform(f);
     return {};
   }
   // voxel sizes count only where no sform holds them
@@ -189,19 +199,19 @@ Result<void> read_geometry(const Fields& f, bool second, const std::string& sour
                        "its voxel size (pixdim) along axis " + std::to_string(a + 1) + " is not positive",
                        "set it from the scan it came from");
   }
-  const auto finite = [](const auto& values) {
-    return std::all_of(std::begin(values), std::end(values), [](double v) { return std::isfinite(v); });
-  };
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
-    return bad_input(source, "its qform holds something that is not a number");
-  // ITK does this for the first version, and does not read the second
-  if (second) header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
+    return bad_input(source, "its qform holds something that is not a number",
+                     "set it from the scan it came from");
+  // ITK does this for the first version where there is no sform, and does not read the second
+  if (second || f.sform_code > 0)
+    header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
   return {};
 }
 
 }  // namespace
 
-Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string& source) {
+Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string& source,
+                                       std::optional<NiftiForm> form) {
   const auto version = version_of(text, source);
   if (!version) return version.error();
   const Bytes bytes(text, version->swap);
@@ -247,7 +257,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
     header.voxels.slope = f.slope;
     if (std::isfinite(f.intercept)) header.voxels.intercept = f.intercept;
   }
-  if (auto read = read_geometry(f, version->second, source, header); !read) return read.error();
+  if (auto read = read_geometry(f, version->second, form, source, header); !read) return read.error();
   return header;
 }
 

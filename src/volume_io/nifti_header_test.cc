@@ -179,5 +179,25 @@ TEST(NiftiHeader, WhatCannotBeRightInTheSecondVersionIsAnError) {
   }
 }
 
+TEST(NiftiHeader, TheFormThatIsAskedForCounts) {
+  Bytes both;
+  both.put<std::int16_t>(254, 1);
+  // an identity as sform, and the qform's first voxel 20 mm beside it
+  for (std::size_t a = 0; a < 3; ++a) both.put<float>(280 + 16 * a + 4 * a, 1);
+  both.put<float>(268, 20);
+  const auto unasked = parse_nifti_header(both.text, "x");
+  ASSERT_TRUE(unasked) << unasked.error().message();
+  EXPECT_EQ((*unasked->affine)(0, 3), 0);
+  ASSERT_TRUE(unasked->other_affine.has_value());
+  EXPECT_EQ((*unasked->other_affine)(0, 3), 20);
+  const auto q = parse_nifti_header(both.text, "x", NiftiForm::kQform),
+             s = parse_nifti_header(both.text, "x", NiftiForm::kSform);
+  ASSERT_TRUE(q) << q.error().message();
+  ASSERT_TRUE(s) << s.error().message();
+  EXPECT_EQ((*q->affine)(0, 3), 20);
+  EXPECT_EQ((*s->affine)(0, 3), 0);
+  EXPECT_FALSE(q->other_affine || s->other_affine) << "who asks for one has no doubt";
+}
+
 }  // namespace
 }  // namespace palpate::volume_io

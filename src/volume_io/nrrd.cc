@@ -40,7 +40,7 @@ Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<
 
 }  // namespace
 
-Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others) {
+Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
   if (!front) return front.error();

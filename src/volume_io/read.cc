@@ -23,16 +23,19 @@ using namespace volume_io;
 
 namespace {
 
-MeshPlacing& placing_of_process() {
-  static MeshPlacing placing;
+Placing& placing_of_process() {
+  static Placing placing;
   return placing;
 }
 
-// what is said of these surfaces, else of all
-MeshPlacing over_process(MeshPlacing placing) {
-  const MeshPlacing& all = placing_of_process();
-  if (!placing.space) placing.space = all.space;
-  if (!placing.unit_mm) placing.unit_mm = all.unit_mm;
+// what is said of these files, else of all
+Placing over_process(Placing placing) {
+  const Placing& all = placing_of_process();
+  if (!placing.mesh.space) placing.mesh.space = all.mesh.space;
+  if (!placing.mesh.unit_mm) placing.mesh.unit_mm = all.mesh.unit_mm;
+  if (!placing.image_spacing_mm) placing.image_spacing_mm = all.image_spacing_mm;
+  if (!placing.nifti_form) placing.nifti_form = all.nifti_form;
+  placing.scan_is_cropped = placing.scan_is_cropped || all.scan_is_cropped;
   return placing;
 }
 
@@ -205,11 +208,13 @@ class LabelSink {
   std::vector<std::vector<char>> present_;  // by layer and value
 };
 
-// names from a table put over those that the file has
-void apply_names(const std::vector<NamedLabel>& names, std::vector<Segment>& segments) {
+// Names from a table put over those that the file has.
+// @param by_colour  labels are the colours of pictures, which have no numbers of their own
+void apply_names(const std::vector<NamedLabel>& names, bool by_colour, std::vector<Segment>& segments) {
   for (const NamedLabel& named : names)
     for (Segment& s : segments) {
-      if (s.id != named.value) continue;
+      const bool meant = by_colour && named.colour ? s.colour == *named.colour : s.id == named.value;
+      if (!meant) continue;
       s.name = named.name;
       if (named.colour) s.colour = *named.colour;
     }
@@ -238,7 +243,7 @@ Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::fi
                                            const std::optional<std::filesystem::path>& given,
                                            const Warn& warn) {
   if (given) return read_label_names(*given);
-  if (file.header.has_segments) return std::vector<NamedLabel>();
+  if (file.header.has_segments && file.header.format != kColouredPictures) return std::vector<NamedLabel>();
   const auto table = table_beside(labels);
   if (!table) return std::vector<NamedLabel>();
   const auto stays = check_stays_in(labels.parent_path(), *table);
@@ -345,7 +350,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
-  apply_names(*table, *segments);
+  apply_names(*table, file.header.format == kColouredPictures, *segments);
   // a mask of one structure is called after its file
   if (segments->size() == 1 && segments->front().name.empty()) {
     const AnatomyInName own = name_of_mask(path);
@@ -364,11 +369,11 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
 }  // namespace
 
-void set_mesh_placing(const MeshPlacing& placing) {
+void set_placing(const Placing& placing) {
   placing_of_process() = placing;
 }
 
-const MeshPlacing& mesh_placing() {
+const Placing& placing() {
   return placing_of_process();
 }
 
@@ -408,7 +413,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                           Unpacked unpacked, std::optional<int> volume) try {
+                           Unpacked unpacked, std::optional<int> volume, const Placing& placing) try {
   if (!volume && !is_dicom(file)) {
     if (is_meshes(file))
       return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
@@ -421,7 +426,8 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
                            "; a folder of masks is given as the labels, after the scan");
     }
   }
-  auto reader = VolumeReader::open(file, progress, volume);
+  auto reader =
+      VolumeReader::open(file, progress, volume, nullptr, over_process(placing), ImageColours::kGrey);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, unpacked);
 } catch (const std::bad_alloc&) {
@@ -431,7 +437,7 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked,
-                              const GridGeometry* scan_grid, const MeshPlacing& placing) try {
+                              const GridGeometry* scan_grid, const Placing& placing) try {
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
                      "give it as the scan, and a label map beside it");

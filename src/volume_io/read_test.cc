@@ -378,5 +378,70 @@ TEST(Read, WhatCouldBeLabelsIsSeenInEveryPiece) {
   EXPECT_FALSE(could_be_labels(voxels, true));
 }
 
+// ---- NIfTI with two placements ------------------------------------------------------------------
+
+// of 4 x 3 x 2 voxels of 1 mm, by its sform RAS; both codes are set
+std::string nifti_of_two_forms(float quaternion_c, float qoffset_x, float handedness) {
+  std::string bytes(352 + 4 * 3 * 2 * 2, '\0');
+  const auto put = [&](std::size_t at, auto value) { std::memcpy(bytes.data() + at, &value, sizeof value); };
+  put(0, std::int32_t{348});
+  const std::int16_t dims[] = {3, 4, 3, 2, 1, 1, 1, 1};
+  for (std::size_t a = 0; a < 8; ++a) put(40 + 2 * a, dims[a]);
+  put(70, std::int16_t{4});
+  put(72, std::int16_t{16});
+  put(76, handedness);
+  for (std::size_t a = 1; a < 4; ++a) put(76 + 4 * a, 1.f);
+  put(108, 352.f);
+  bytes[123] = 2;
+  put(252, std::int16_t{1});
+  put(254, std::int16_t{1});
+  put(260, quaternion_c);
+  put(268, qoffset_x);
+  for (std::size_t a = 0; a < 3; ++a) put(280 + 20 * a, 1.f);
+  std::memcpy(bytes.data() + 344, "n+1", 4);
+  for (std::int16_t n = 0; n < 24; ++n) put(352 + 2 * static_cast<std::size_t>(n), n);
+  return bytes;
+}
+
+TEST(NiftiForms, AMirrorOrMoreThanAVoxelIsSaidWithBothReadings) {
+  const TemporaryFolder folder;
+  const auto warnings_of = [&](const std::string& bytes) {
+    std::string warnings;
+    const auto file = write_text(folder / "a.nii", bytes);
+    const auto scan = read_scan(file, {}, [&](const std::string& text) { warnings += text; });
+    EXPECT_TRUE(scan);
+    EXPECT_EQ(scan->header.placement_doubt.empty(), warnings.empty());
+    return warnings;
+  };
+  const std::string mirrored = warnings_of(nifti_of_two_forms(0, 0, -1));
+  EXPECT_NE(mirrored.find("a qform and an sform that differ by a mirror"), std::string::npos) << mirrored;
+  EXPECT_NE(mirrored.find("by the sform, which is taken, its axes are RAS"), std::string::npos) << mirrored;
+  EXPECT_NE(mirrored.find("by the qform its axes are RAI"), std::string::npos) << mirrored;
+  EXPECT_NE(mirrored.find("--form q or s"), std::string::npos) << mirrored;
+  const std::string shifted = warnings_of(nifti_of_two_forms(0, 20, 1));
+  EXPECT_NE(shifted.find("differ by up to 20.0 mm"), std::string::npos) << shifted;
+  // half a voxel is rounding of who wrote it
+  EXPECT_EQ(warnings_of(nifti_of_two_forms(0, 0.5f, 1)), "");
+}
+
+TEST(NiftiForms, TheOneThatIsAskedForIsRead) {
+  const TemporaryFolder folder;
+  const auto file = write_text(folder / "a.nii", nifti_of_two_forms(0, 20, -1));
+  const auto as = [&](NiftiForm form) {
+    Placing placing;
+    placing.nifti_form = form;
+    std::string warnings;
+    const auto scan = read_scan(
+        file, {}, [&](const std::string& text) { warnings += text; }, Unpacked::kAnew, {}, placing);
+    EXPECT_TRUE(scan);
+    EXPECT_EQ(warnings, "");
+    return scan->scan.geometry();
+  };
+  EXPECT_EQ(axis_codes(as(NiftiForm::kSform).direction), "RAS");
+  EXPECT_EQ(as(NiftiForm::kSform).origin.x(), 0);
+  EXPECT_EQ(axis_codes(as(NiftiForm::kQform).direction), "RAI");
+  EXPECT_EQ(as(NiftiForm::kQform).origin.x(), -20);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -87,7 +87,8 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
     found.files.push_back(entry->path());
   }
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
-  if (!failed && entry != fs::directory_iterator())
+  found.is_cut_off = !failed && entry != fs::directory_iterator();
+  if (found.is_cut_off)
     found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
                           " files, of which no more were looked at");
   std::ranges::sort(found.files);
@@ -144,6 +145,21 @@ Result<LabelReader> open_structure_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
     const std::function<Result<StructureLabels>(const std::function<bool()>& look, double& share)>& look_at,
     const char* too_large) {
+  return open_sliced_files(
+      found, named, progress,
+      [&](const std::function<bool()>& look, double& share) -> Result<SlicedVolume> {
+        auto labels = look_at(look, share);
+        if (!labels) return labels.error();
+        const auto kept = std::make_shared<const StructureLabels>(*std::move(labels));
+        return SlicedVolume{kept->file, [kept](VoxelSink& sink) { return send_structures(*kept, sink); }};
+      },
+      too_large);
+}
+
+Result<LabelReader> open_sliced_files(
+    const StructureFiles& found, const fs::path& named, const Progress& progress,
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& look, double& share)>& look_at,
+    const char* too_large) {
   std::vector<int> descriptors;
   for (const fs::path& root : found.roots)
     if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
@@ -157,15 +173,14 @@ Result<LabelReader> open_structure_files(
       const auto word = static_cast<std::uint32_t>(std::lround(1000 * share));
       return parent.write(std::as_bytes(std::span(&word, 1)));
     };
-    const auto labels = [&]() -> Result<StructureLabels> {
+    const auto volume = [&]() -> Result<SlicedVolume> {
       try {
         return look_at(now_and_then(tell), share);
       } catch (const std::bad_alloc&) {
         return bad_input(named.string(), "does not fit into the memory that it is read in", too_large);
       }
     }();
-    return read_labels_for(parent, named, labels,
-                           [&](VoxelSink& sink) { return send_structures(*labels, sink); });
+    return read_labels_for(parent, named, volume, [&](VoxelSink& sink) { return volume->send(sink); });
   });
   for (const int descriptor : descriptors) ::close(descriptor);
   if (!process)
@@ -175,7 +190,7 @@ Result<LabelReader> open_structure_files(
     if (auto said = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !said)
       return about(said.error(), names);
     if (word != kEnd) {
-      progress.report("looking at each structure", std::min(1.0, word / 1000.0));
+      progress.report("looking at each file", std::min(1.0, word / 1000.0));
       continue;
     }
     if (auto understood = receive_end(**process, names); !understood) return understood.error();

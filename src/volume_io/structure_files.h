@@ -11,6 +11,7 @@
 #include "palpate/reader/reader_process.h"
 #include "volume_io/voxel_runs.h"
 #include "volume_io/voxel_source.h"
+#include "volume_io/voxel_stream.h"
 
 /// What readers share of segmentations that are a file, or a folder with a file for each structure: surfaces
 /// and masks.
@@ -26,6 +27,7 @@ struct StructureFiles {
   std::vector<std::filesystem::path> files;  ///< in the order of their names
   std::vector<std::filesystem::path> roots;  ///< that the process may open, and what stands below them
   std::vector<std::string> notes;            ///< of what was left out
+  bool is_cut_off = false;                   ///< the folder holds more files than were looked at
 };
 /// @param named   such a file, or a folder of which those that stand in it count; hidden ones do not
 /// @param is_one  whether a plain file is one of them
@@ -57,6 +59,17 @@ struct StructureLabels {
 /// @param look  called now and then; false: nobody listens any more
 Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const std::filesystem::path& named,
                      const std::function<bool()>& look);
+
+/// A volume that is understood, and how its voxels are sent, slice by slice, as often as they are wanted.
+struct SlicedVolume {
+  VolumeFile file;
+  std::function<Result<void>(VoxelSink& sink)> send;
+};
+/// Starts a process that reads files as one volume; the parameters are those of open_structure_files().
+Result<LabelReader> open_sliced_files(
+    const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& look, double& share)>& look_at,
+    const char* too_large);
 
 /// Starts a process that reads them.
 /// @param look_at    called in that process with the `look` of lay_out(), which it has called, and where it

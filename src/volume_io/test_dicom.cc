@@ -80,6 +80,10 @@ void put_places(DcmDataset& root, const DicomImage& image) {
           item_of(own, DCM_CardiacSynchronizationSequence)
               .putAndInsertFloat64(DCM_NominalCardiacTriggerDelayTime, *image.frames[n].trigger_time_ms)
               .good());
+    if (image.frames[n].temporal_position)
+      PALPATE_CHECK(item_of(own, DCM_FrameContentSequence)
+                        .putAndInsertUint32(DCM_TemporalPositionIndex, *image.frames[n].temporal_position)
+                        .good());
     if (image.frames[n].slope) put_scale(item_of(own, DCM_PixelValueTransformationSequence), image.frames[n]);
   }
 }
@@ -216,6 +220,23 @@ void need_encoders() {
   static const Encoders encoders;
 }
 
+// 8 bits an entry, two to a word
+void put_palette(DcmDataset& root, const std::vector<std::array<std::uint8_t, 3>>& palette) {
+  const std::array<std::pair<DcmTagKey, DcmTagKey>, 3> tables{
+      {{DCM_RedPaletteColorLookupTableDescriptor, DCM_RedPaletteColorLookupTableData},
+       {DCM_GreenPaletteColorLookupTableDescriptor, DCM_GreenPaletteColorLookupTableData},
+       {DCM_BluePaletteColorLookupTableDescriptor, DCM_BluePaletteColorLookupTableData}}};
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Uint16 descriptor[] = {static_cast<Uint16>(palette.size()), 0, 8};
+    std::vector<Uint16> words((palette.size() + 1) / 2);
+    for (std::size_t n = 0; n < palette.size(); ++n)
+      words[n / 2] = static_cast<Uint16>(words[n / 2] | palette[n][c] << (n % 2 * 8));
+    PALPATE_CHECK(root.putAndInsertUint16Array(DcmTag(tables[c].first, EVR_US), descriptor, 3).good());
+    PALPATE_CHECK(
+        root.putAndInsertUint16Array(DcmTag(tables[c].second, EVR_OW), words.data(), words.size()).good());
+  }
+}
+
 }  // namespace
 
 void write_dicom(const std::filesystem::path& file, const DicomImage& image, DicomPacking packing,
@@ -284,13 +305,16 @@ void write_masks(const std::filesystem::path& file, const DicomMasks& masks, Dic
   put(root, DCM_SOPClassUID,
       masks.type == "LABELMAP" ? "1.2.840.10008.5.1.4.1.1.66.7" : UID_SegmentationStorage);
   put(root, DCM_SOPInstanceUID, std::string("1.2.3.4"));
-  put(root, DCM_SeriesInstanceUID, std::string("1.2.3"));
+  put(root, DCM_SeriesInstanceUID, masks.own_series);
+  if (!masks.concatenation.empty()) put(root, DCM_ConcatenationUID, masks.concatenation);
   put(root, DCM_Modality, std::string("SEG"));
   if (!masks.character_set.empty()) put(root, DCM_SpecificCharacterSet, masks.character_set);
   put(root, DCM_Rows, masks.rows);
   put(root, DCM_Columns, masks.columns);
   put(root, DCM_SamplesPerPixel, 1);
-  put(root, DCM_PhotometricInterpretation, std::string("MONOCHROME2"));
+  put(root, DCM_PhotometricInterpretation,
+      std::string(masks.palette.empty() ? "MONOCHROME2" : "PALETTE COLOR"));
+  if (!masks.palette.empty()) put_palette(root, masks.palette);
   put(root, DCM_BitsAllocated, masks.bits);
   put(root, DCM_BitsStored, masks.bits);
   put(root, DCM_HighBit, masks.bits - 1);

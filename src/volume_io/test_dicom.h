@@ -56,6 +56,7 @@ struct DicomImage {
     std::array<double, 3> position{0, 0, 0};
     std::vector<std::uint16_t> stored;  ///< the words as they stand, rows x columns
     std::optional<double> slope, intercept, trigger_time_ms;
+    std::optional<std::uint32_t> temporal_position;  ///< TemporalPositionIndex, UL; of a multi-frame image
   };
   std::vector<Frame> frames{1};
   bool multi_frame = false;  ///< as an enhanced image, with functional groups
@@ -86,6 +87,8 @@ struct DicomMasks {
   std::string frame_of_reference = {}, series = {};  ///< of the images that it was made on
   std::vector<std::string> images = {};              ///< their SOPInstanceUIDs
   std::string character_set = {};
+  std::vector<std::array<std::uint8_t, 3>> palette = {};  ///< of labels, from 0 on: PALETTE COLOR
+  std::string own_series = "1.2.3", concatenation = {};
 };
 void write_masks(const std::filesystem::path& file, const DicomMasks& masks,
                  DicomPacking packing = DicomPacking::kExplicit);

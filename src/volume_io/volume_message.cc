@@ -115,6 +115,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   in.get(counted_from_end);
   in.get(bytes_after);
   if (counted_from_end) volume.voxels.bytes_after = bytes_after;
+  in.get(volume.header.placement_doubt);
   get_notes(in, volume.notes);
   get_segment_fields(in, volume.segment_fields);
   if (!in.ok()) return about(in.error(), files);
@@ -162,6 +163,7 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   out.put(static_cast<std::uint8_t>(volume.header.meaning));
   out.put(volume.voxels.bytes_after.has_value());
   out.put(volume.voxels.bytes_after.value_or(0));
+  out.put(volume.header.placement_doubt);
   out.put(static_cast<std::uint32_t>(volume.notes.size()));
   for (const std::string& note : volume.notes) out.put(note);
   out.put(static_cast<std::uint32_t>(volume.segment_fields.size()));

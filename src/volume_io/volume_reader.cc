@@ -20,8 +20,9 @@ namespace {
 
 // ---- in the process that reads ------------------------------------------------------------------
 
-bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others) {
-  const auto volume = understand(format, files.front(), others);
+bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
+              const Placing& placing) {
+  const auto volume = understand(format, files.front(), others, placing);
   if (others.asked()) return send_wish(parent, *others.asked());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
@@ -102,8 +103,9 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
 
 Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress,
                                         std::optional<int> number, const GridGeometry* grid,
-                                        const MeshPlacing& placing) {
-  const bool segmentation = is_dicom_segmentation(file), structures = grid && is_dicom_structures(file);
+                                        const Placing& placing, ImageColours colours) {
+  const bool segmentation = !dicom_segmentation_files(file).empty(),
+             structures = grid && is_dicom_structures(file);
   if (is_dicom(file) || ((segmentation || structures) && !number)) {
     auto dicom = segmentation ? open_dicom_segmentation(file, progress)
                  : structures ? open_dicom_structures(file, *grid, progress)
@@ -121,13 +123,25 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   }
   const bool meshes = !number && is_meshes(file);
   if (meshes || (!number && is_masks(file))) {
-    auto labels = meshes ? open_meshes(file, grid, placing, progress) : open_masks(file, progress);
+    auto labels =
+        meshes ? open_meshes(file, grid, placing.mesh, progress) : open_masks(file, placing, progress);
     if (!labels) return labels.error();
     VolumeReader reader(progress);
     reader.names_.push_back(file);
     reader.process_ = std::move(labels->process);
     reader.volume_ = std::move(labels->volume);
     reader.volume_.header.format = meshes ? "surfaces" : "masks";
+    reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
+    return reader;
+  }
+  if (!number && is_image_stack(file)) {
+    auto stack = open_image_stack(file, placing.image_spacing_mm, colours, progress);
+    if (!stack) return stack.error();
+    VolumeReader reader(progress);
+    reader.names_.push_back(file);
+    reader.process_ = std::move(stack->process);
+    reader.volume_ = std::move(stack->volume);
+    reader.volume_.header.format = reader.volume_.header.has_segments ? kColouredPictures : "pictures";
     reader.volume_.header.component_type = name_of(reader.volume_.voxels.component);
     return reader;
   }
@@ -152,7 +166,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   constexpr std::size_t kMostFiles = 3;
   while (true) {
     auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-      return read_for(parent, **format, reader.names_, others);
+      return read_for(parent, **format, reader.names_, others, placing);
     });
     if (!process) return Error{process.error().kind, process.error().what, file.string(), ""};
     auto answer = receive_answer(**process, reader.names_);

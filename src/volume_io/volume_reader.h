@@ -9,6 +9,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/reader/reader_process.h"
+#include "volume_io/image_stack.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"
@@ -40,10 +41,11 @@ class VolumeReader {
   /// @param progress  stays where it is as long as this object lives
   /// @param number    of the volume, where the file or the folder is DICOM's
   /// @param grid      for contours, which have none of their own; null: those are an error. For surfaces too
-  /// @param placing   of surfaces
+  /// @param placing   of surfaces, stacks of pictures and NIfTI
+  /// @param colours   what those of pictures mean
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
                                    std::optional<int> number = {}, const GridGeometry* grid = nullptr,
-                                   const MeshPlacing& placing = {});
+                                   const Placing& placing = {}, ImageColours colours = ImageColours::kLabels);
 
   const VolumeFile& file() const { return volume_; }
   /// The file that the voxels stand in, as it was opened; of no DICOM, whose files are many.

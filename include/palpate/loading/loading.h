@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "palpate/base/progress.h"
 #include "palpate/haptics/haptics.h"
@@ -20,6 +21,25 @@
 /// A scene becomes a Model.
 namespace palpate {
 
+/// How labels lie on a scan.
+struct LabelPlacement {
+  std::uint64_t labelled = 0;  ///< voxels that have a label
+  std::uint64_t inside = 0;    ///< those of which the centre lies in the scan's voxels
+  double share() const {
+    return labelled == 0 ? 1 : static_cast<double>(inside) / static_cast<double>(labelled);
+  }
+};
+LabelPlacement placement_of(const LabelMap& labels, const GridGeometry& scan);
+/// "97.3 % of the labelled voxels lie inside the scan"
+std::string in_words(const LabelPlacement& placement);
+/// What a person should know where a part of the labels lies outside the scan, more than 5 %; else empty.
+std::string doubt_of(const LabelPlacement& placement);
+/// Error kBadInput, with `labels_file`, where less than half of the labels lies inside the scan, unless that
+/// shows a part of what is labelled.
+/// @param scan_is_cropped  as the scene or the user says
+Result<void> check_placement(const LabelPlacement& placement, const std::filesystem::path& labels_file,
+                             bool scan_is_cropped);
+
 /// A scene with its volumes read and its field prepared.
 struct LoadedScene {
   Scene scene;
@@ -29,6 +49,8 @@ struct LoadedScene {
   /// Of volumes without a scene: what it was proposed from, in one line, and a line for each note on how they
   /// belong together; else empty.
   std::string proposed = {};
+  /// How much of the labels lies inside the scan, where both were read.
+  std::optional<LabelPlacement> label_placement = {};
 };
 
 /// How much memory a scene takes, bytes, before it is taken.
@@ -44,9 +66,9 @@ struct SceneMemory {
 /// Told before it is taken.
 using Foretell = std::function<void(const SceneMemory&)>;
 
-struct MeshPlacing;
-/// How a scene says that its surfaces are to be read (palpate/volume_io/volume_io.h).
-MeshPlacing placing_of(const Scene& scene);
+struct Placing;
+/// How a scene says that its volumes lie (palpate/volume_io/volume_io.h).
+Placing placing_of(const Scene& scene);
 
 /// @param what         a catalogue name ("knee-atlas", "head"), a phantom's with or without parameters
 ///                     ("knee-phantom:side=right"), which is generated in memory, a scene file, or a volume:
@@ -85,6 +107,8 @@ struct SceneVolumes {
   std::optional<LabelMap> labels;             ///< freed as soon as the model has them in bricks
   std::shared_ptr<const Volume<float>> scan;  ///< the model shares it; may be null where there are labels
   bool oriented = true;                       ///< false: the files do not say how they lie in the patient
+  std::vector<std::string> caveats = {};               ///< Model::caveats of where they lie
+  std::optional<LabelPlacement> label_placement = {};  ///< where both were read
 };
 
 /// Of a model by the scene's own method, from volumes already read: their labels are put in bricks, which is

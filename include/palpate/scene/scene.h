@@ -33,6 +33,7 @@ enum class Modality : std::uint8_t { kUnknown, kCt, kMr };
 /// Of surfaces, whose files do not say what their axes are.
 enum class SurfaceAxes : std::uint8_t { kLps, kRas };
 enum class SurfaceUnit : std::uint8_t { kMm, kCm, kM };
+enum class HeaderForm : std::uint8_t { kQform, kSform };
 
 /// What is chosen by a word in scenes, on the command line and on the wire; the unknown comes last.
 template <class T>
@@ -50,6 +51,8 @@ inline constexpr std::array kSurfaceAxes{Word<SurfaceAxes>{SurfaceAxes::kLps, "l
 inline constexpr std::array kSurfaceUnits{Word<SurfaceUnit>{SurfaceUnit::kMm, "mm"},
                                           Word<SurfaceUnit>{SurfaceUnit::kCm, "cm"},
                                           Word<SurfaceUnit>{SurfaceUnit::kM, "m"}};
+inline constexpr std::array kHeaderForms{Word<HeaderForm>{HeaderForm::kQform, "q"},
+                                         Word<HeaderForm>{HeaderForm::kSform, "s"}};
 /// The last is what a scene has that says nothing.
 inline constexpr std::array kTissueLaws{
     Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
@@ -151,7 +154,10 @@ struct Scene {
   std::optional<std::filesystem::path> labels;
   std::optional<SurfaceAxes> mesh_space;  ///< how `labels` are to be read where they are surfaces
   std::optional<SurfaceUnit> mesh_unit;
-  std::optional<std::filesystem::path> names;  ///< colour table
+  std::optional<Eigen::Vector3d> image_spacing_mm;  ///< of stacks of pictures: columns, rows, slices
+  std::optional<HeaderForm> nifti_form;             ///< which placement of a NIfTI counts that has two
+  bool scan_is_cropped = false;                     ///< more than half of the labels may lie outside the scan
+  std::optional<std::filesystem::path> names;       ///< colour table
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
@@ -241,6 +247,9 @@ struct NewSceneInput {
   std::optional<int> volume_of_scan = {};      ///< its number, where `scan` holds several
   std::optional<SurfaceAxes> mesh_space = {};  ///< as it was said of `labels`
   std::optional<SurfaceUnit> mesh_unit = {};
+  std::optional<Eigen::Vector3d> image_spacing_mm = {};
+  std::optional<HeaderForm> nifti_form = {};
+  bool scan_is_cropped = false;
 };
 /// The text of a scene file for these files, every structure in the tissue its name suggests; structures
 /// that suggest none get a tissue each that is shown and not felt (one together when they are too many).

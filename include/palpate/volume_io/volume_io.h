@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -12,10 +13,11 @@
 /// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
 /// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
 /// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file),
-/// surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each structure), and a
-/// folder with a mask for each structure (volumes on one grid) as labels.
-/// Every error names the file, what is wrong and how to mend it; short data are an error, never zeros. Text
-/// fields of a file other than segment names and colours are dropped on reading: they may name a patient.
+/// stacks of pictures (PNG, TIFF, JPEG; a folder of them, or a TIFF of several pages), grey as scans and in
+/// colours as labels, surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each
+/// structure), and a folder with a mask for each structure (volumes on one grid) as labels. Every error names
+/// the file, what is wrong and how to mend it; short data are an error, never zeros. Text fields of a file
+/// other than segment names and colours are dropped on reading: they may name a patient.
 ///
 /// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
 /// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
@@ -41,6 +43,9 @@ struct VolumeHeader {
   bool has_geometry = true;   ///< false: the file does not say how it lies in the patient, LPS is assumed
   bool has_segments = false;  ///< the file itself names segments
   ValueMeaning meaning = ValueMeaning::kUnsaid;
+  /// Of a NIfTI whose qform and sform differ by a mirror or by more than a voxel: both readings, and which
+  /// was taken unasked; else empty.
+  std::string placement_doubt = {};
 };
 
 struct ScanFile {
@@ -69,15 +74,35 @@ struct MeshPlacing {
   std::optional<MeshSpace> space;
   std::optional<double> unit_mm;  ///< > 0
 };
+
+/// The two placements that a NIfTI may hold.
+enum class NiftiForm { kQform, kSform };
+
+/// How volumes lie in the patient where their files do not say it, or say two things.
+struct Placing {
+  MeshPlacing mesh = {};
+  /// Between the columns, the rows and the slices of a stack of pictures (PNG, TIFF, JPEG); > 0.
+  std::optional<Eigen::Vector3d> image_spacing_mm = {};
+  /// Which placement of a NIfTI counts that has both; without it the sform.
+  std::optional<NiftiForm> nifti_form = {};
+  /// More than half of the labels may lie outside the scan, which shows a part of what they are of.
+  bool scan_is_cropped = false;
+};
 /// For the whole process, as palpate/base/reading.h; what a scene says comes before it.
-void set_mesh_placing(const MeshPlacing& placing);
-const MeshPlacing& mesh_placing();
+void set_placing(const Placing& placing);
+const Placing& placing();
+
+/// Where the axes of a grid point, as "LPS": the assignment of patient directions to axes that fits best.
+std::string axis_codes(const Eigen::Matrix3d& direction);
 
 /// Reads only the header. Same errors as reading the file, short voxel data excepted.
 /// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where
 /// several
 ///                can be used. An error, kUsage, with any other format. The same holds below.
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume = {});
+/// Whether it is pictures that are slices: a TIFF file, or a folder in which PNG, TIFF or JPEG files stand
+/// and neither DICOM nor other volumes nor surfaces. They take a spacing (Placing::image_spacing_mm).
+bool is_image_stack(const std::filesystem::path& file);
 
 /// Whether a file is one of these volumes by its name or its first bytes, or a folder of DICOM; false where
 /// it cannot be read.
@@ -89,8 +114,9 @@ bool is_dicom(const std::filesystem::path& file);
 /// name, no date, no identifier.
 struct VolumeList {
   struct Item {
-    std::string what;   ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
-    std::string fault;  ///< why it cannot be used, and which slice; empty: it can
+    std::string what;         ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
+    std::string fault;        ///< why it cannot be used, and which slice; empty: it can
+    std::string remedy = {};  ///< how to mend that, in an imperative
   };
   std::vector<Item> volumes;       ///< the first has the number 1
   std::vector<std::string> notes;  ///< what else stands there, what was left out
@@ -137,7 +163,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 /// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
                            const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew,
-                           std::optional<int> volume = {});
+                           std::optional<int> volume = {}, const Placing& placing = {});
 
 /// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
 /// patches.
@@ -159,12 +185,12 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// such a file is
 ///                   an error. Surfaces are laid on it too, and without one on a grid of their own. Other
 ///                   label maps have theirs.
-/// @param placing  of surfaces; what it leaves open is as mesh_placing() has it
+/// @param placing  what it leaves open is as placing() has it
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
                               Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew,
-                              const GridGeometry* scan_grid = nullptr, const MeshPlacing& placing = {});
+                              const GridGeometry* scan_grid = nullptr, const Placing& placing = {});
 
 /// One line of a colour table.
 struct NamedLabel {
