@@ -54,7 +54,7 @@ Result<void> check_placement(const LabelPlacement& placement, const std::filesys
                              bool scan_is_cropped) {
   if (scan_is_cropped || placement.share() >= kRefusedBelow) return {};
   return Error{
-      ErrorKind::kBadInput, "does not seem to belong to the scan: only " + in_words(placement),
+      ErrorKind::kBadInput, "the labels do not seem to belong to the scan: only " + in_words(placement),
       labels_file.string(),
       "give the scan that it was made on; where it lost its place or its axes were negated, save it again "
       "with the scan's geometry, as 3D Slicer does; where the scan shows a part of what is labelled, "

@@ -221,8 +221,8 @@ class KneeTest(PalpateTest):
         file = self.folder / name
         file.unlink(missing_ok=True)
         done = self.succeed(verb, *arguments, "-o", file)
-        # how far long work has got is told too
-        said = [line for line in done.stderr.splitlines() if not line.endswith(" %")]
+        # how far long work has got is told too, and how much of the labels lies inside the scan
+        said = [line for line in done.stderr.splitlines() if not line.endswith((" %", "lie inside the scan."))]
         self.assertEqual((done.stdout, said), ("", [f"picture: {file}"]))
         self.assertEqual([p.name for p in self.folder.iterdir()], [name])
         return file

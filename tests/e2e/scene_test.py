@@ -81,10 +81,10 @@ class SceneTest(cli.PalpateTest):
 
     def test_volumes_that_do_not_overlap(self):
         labels, scan, scene = self.labels(), self.scan(x=500), self.folder / "scene.toml"
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", scan, labels, "-o", scene, says="do not overlap")
+        self.fail_clearly(cli.BAD_INPUT, "scene", "new", scan, labels, "-o", scene, says="only 0.0 % of the labelled")
         self.assertFalse(scene.exists())
         self.fail_clearly(cli.BAD_INPUT, "scene", "check", self.felt_scene(scan=scan, labels=labels),
-                          says="felt.toml:3: the two volumes do not overlap")
+                          says="felt.toml:3: the labels do not seem to belong to the scan")
         self.succeed("scene", "check", self.felt_scene(scan=self.scan(x=5), labels=labels))
 
     def test_one_file_twice_and_labels_for_a_scan(self):
