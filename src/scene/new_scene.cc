@@ -31,6 +31,7 @@ struct Group {
   const TissuePreset* preset = nullptr;  ///< null: no name suggested one
   std::string name;
   std::vector<const Segment*> segments;
+  std::vector<PresetMatch> matches;  ///< of each segment's name
 };
 
 /// A name that no tissue of the scene has yet.
@@ -46,26 +47,26 @@ std::string unused_name(const Segment& segment, std::set<std::string>& taken) {
 std::vector<Group> group_structures(const LabelMap& labels) {
   // one tissue a preset, in the presets' order
   std::vector<Group> groups;
-  std::vector<const Segment*> others;
-  for (const TissuePreset& preset : tissue_presets()) groups.push_back({&preset, preset.name, {}});
+  Group others{nullptr, "other structures", {}, {}};
+  for (const TissuePreset& preset : tissue_presets()) groups.push_back({&preset, preset.name, {}, {}});
   for (const Segment& segment : labels.segments) {
-    const TissuePreset* preset = match_preset(segment.name);
-    if (!preset) {
-      others.push_back(&segment);
-    } else {
-      groups[static_cast<std::size_t>(preset - tissue_presets().data())].segments.push_back(&segment);
-    }
+    const PresetMatch match = match_preset(segment.name);
+    Group& group =
+        match.preset ? groups[static_cast<std::size_t>(match.preset - tissue_presets().data())] : others;
+    group.segments.push_back(&segment);
+    group.matches.push_back(match);
   }
   std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
 
   // the rest one by one, or all in one
   std::set<std::string> taken;
   for (const Group& group : groups) taken.insert(group.name);
-  if (groups.size() + others.size() <= kMaxTissues) {
-    for (const Segment* segment : others)
-      groups.push_back({nullptr, unused_name(*segment, taken), {segment}});
+  if (groups.size() + others.segments.size() <= kMaxTissues) {
+    for (std::size_t n = 0; n < others.segments.size(); ++n)
+      groups.push_back(
+          {nullptr, unused_name(*others.segments[n], taken), {others.segments[n]}, {others.matches[n]}});
   } else {
-    groups.push_back({nullptr, "other structures", others});
+    groups.push_back(std::move(others));
   }
   return groups;
 }
@@ -103,6 +104,45 @@ std::string list_text(const std::vector<std::string>& items) {
   return text + line + "]";
 }
 
+/// A comment with the terms of the names that suggest the group's preset, each with its number of structures.
+std::string source_of_preset(const Group& group) {
+  std::vector<std::pair<std::string, int>> terms;
+  for (const PresetMatch& match : group.matches) {
+    const auto known = std::ranges::find(terms, match.term, &std::pair<std::string, int>::first);
+    if (known == terms.end())
+      terms.emplace_back(match.term, 1);
+    else
+      ++known->second;
+  }
+  constexpr std::size_t kWidth = 100;
+  std::string text, line = group.segments.size() == 1 ? "# preset guessed from the name's term"
+                                                      : "# preset guessed from terms of the names:";
+  for (const auto& [term, count] : terms) {
+    std::string item = " \"" + term + "\"";
+    if (count > 1) item += " (" + std::to_string(count) + ")";
+    if (&term != &terms.back().first) item += ",";
+    if (line.size() + item.size() > kWidth) {
+      text += line + "\n";
+      line = "#  ";
+    }
+    line += item;
+  }
+  return text + line + "\n";
+}
+
+/// A comment that says why a group has no preset.
+std::string reason_for_no_preset(const Group& group) {
+  if (group.segments.size() != 1)
+    return "# their names suggest no preset, and one tissue for each would be too many: group them\n";
+  const auto& [preset, term, is_hollow] = group.matches.front();
+  if (is_hollow)
+    return "# guessed from its name's term \"" + term + "\": air or fluid, which does not resist\n";
+  if (!term.empty())
+    return "# no preset has the values of its name's term \"" + term +
+           "\": give it a stiffness, and let it be felt\n";
+  return "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
+}
+
 std::string tissue_text(const Group& group, const std::vector<Group>& groups,
                         const std::map<std::string, int>& uses, TissueLaw law) {
   std::string text = "\n[[tissue]]\nname = " + toml_string(group.name) + "\n";
@@ -113,11 +153,9 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
     if (is_elastic(law))
       text += values.elastic ? ", E " + number_text(values.elastic->youngs_modulus_kPa) + " kPa"
                              : std::string(", does not yield");
-    text += "\n";
-  } else if (group.segments.size() == 1) {
-    text += "# its name suggests no preset: give it one, or a stiffness, and let it be felt\n";
+    text += "\n" + source_of_preset(group);
   } else {
-    text += "# their names suggest no preset, and one tissue for each would be too many: group them\n";
+    text += reason_for_no_preset(group);
   }
   std::vector<std::string> labels;
   for (const Segment* segment : group.segments) labels.push_back(written_label(*segment, uses));

@@ -55,6 +55,38 @@ TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
   EXPECT_EQ(scene.tissues[5].name, "implant");
 }
 
+TEST(NewScene, SaysWhichTermOfANameSuggestsItsPreset) {
+  const LabelMap map = make_map({"sterno_thyroid_left", "sterno_thyroid_right", "thyroid_gland",
+                                 "kidney_cyst_left", "hip_implant", "stomach", "masseter_left"});
+  const auto text = new_scene_text({.labels = "/l.nrrd", .label_map = &map}, "");
+  ASSERT_TRUE(text.ok()) << text.error().message();
+  EXPECT_THAT(*text,
+              HasSubstr("# preset guessed from terms of the names: \"sterno thyroid\" (2), \"masseter\"\n"
+                        "labels = [\"sterno_thyroid_left\""));
+  EXPECT_THAT(*text,
+              HasSubstr("# preset guessed from the name's term \"gland\"\nlabels = [\"thyroid_gland\"]"));
+  EXPECT_THAT(*text,
+              HasSubstr("name = \"kidney_cyst_left\"\n"
+                        "# guessed from its name's term \"cyst\": air or fluid, which does not resist\n"));
+  EXPECT_THAT(*text,
+              HasSubstr("name = \"hip_implant\"\n"
+                        "# no preset has the values of its name's term \"implant\": give it a stiffness"));
+  EXPECT_THAT(*text, HasSubstr("name = \"stomach\"\n# its name suggests no preset:"));
+}
+
+// many terms take several lines, each a comment
+TEST(NewScene, WrapsTheTermsOfManyNames) {
+  std::vector<std::string> names;
+  for (const char* name : {"femur", "tibia", "fibula", "patella", "sacrum", "scapula", "clavicle", "humerus",
+                           "ulna", "radius", "skull", "mandible", "sternum", "talus", "calcaneus"})
+    names.emplace_back(name);
+  const LabelMap map = make_map(names);
+  const auto text = new_scene_text({.labels = "/l.nrrd", .label_map = &map}, "");
+  ASSERT_TRUE(text.ok());
+  EXPECT_THAT(*text, HasSubstr(",\n#   \""));
+  EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &map}).tissues.size(), 1u);
+}
+
 TEST(NewScene, NothingRestsOnWhatIsNotThere) {
   const LabelMap map = make_map({"femoral_cartilage", "femur_fat", "lateral_meniscus"});
   const Scene with_cartilage = new_scene({.labels = "/l.nrrd", .label_map = &map});

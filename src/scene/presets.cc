@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string_view>
+#include <tuple>
 
 #include "palpate/scene/scene.h"
 #include "scene/keys.h"
@@ -70,16 +71,21 @@ std::vector<TissuePreset> make_presets() {
            "Rho, Ashman, Turner 1993, J Biomech 26:111. Cortical bone of the human tibia, E = 18.6 GPa by "
            "microtensile test; nu = 0.3",
            {"bone", "bony", "trabecular", "osseous", "vertebral body"},
-           {"femur",      "tibia",     "fibula",     "patella",    "rib",        "ribs",      "vertebra",
-            "vertebrae",  "sacrum",    "coccyx",     "hip",        "pelvis",     "ilium",     "ischium",
-            "pubis",      "scapula",   "clavicula",  "clavicle",   "humerus",    "ulna",      "radius",
-            "skull",      "cranium",   "mandible",   "maxilla",    "sternum",    "carpal",    "carpus",
-            "metacarpal", "tarsal",    "tarsus",     "metatarsal", "phalanx",    "phalanges", "talus",
-            "calcaneus",  "navicular", "cuboid",     "cuneiform",  "acetabulum", "fabella",   "sesamoid",
-            "spine",      "hyoid",     "jaw",        "jawbone",    "tooth",      "teeth",     "zygoma",
-            "zygomatic",  "vomer",     "ethmoid",    "sphenoid",   "cortical",   "scaphoid",  "lunate",
-            "triquetrum", "pisiform",  "trapezium",  "trapezoid",  "capitate",   "hamate",    "costa",
-            "costae",     "hipbone",   "collarbone", "kneecap",    "shinbone",   "heel bone"}));
+           {"femur",      "tibia",      "fibula",    "patella",     "rib",
+            "ribs",       "vertebra",   "vertebrae", "sacrum",      "coccyx",
+            "hip",        "pelvis",     "ilium",     "ischium",     "pubis",
+            "scapula",    "clavicula",  "clavicle",  "humerus",     "ulna",
+            "radius",     "skull",      "cranium",   "mandible",    "maxilla",
+            "sternum",    "carpal",     "carpus",    "metacarpal",  "tarsal",
+            "tarsus",     "metatarsal", "phalanx",   "phalanges",   "talus",
+            "calcaneus",  "navicular",  "cuboid",    "cuneiform",   "acetabulum",
+            "fabella",    "sesamoid",   "spine",     "hyoid",       "jaw",
+            "jawbone",    "tooth",      "teeth",     "zygoma",      "zygomatic",
+            "vomer",      "ethmoid",    "sphenoid",  "cortical",    "scaphoid",
+            "lunate",     "triquetrum", "pisiform",  "trapezium",   "trapezoid",
+            "capitate",   "hamate",     "costa",     "costae",      "hipbone",
+            "collarbone", "kneecap",    "shinbone",  "heel bone",   "incisor",
+            "canine",     "premolar",   "molar",     "hard palate", "styloid process"}));
   presets.push_back(
       make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1,
            "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88. Human patellar cartilage, mean aggregate "
@@ -121,6 +127,12 @@ std::vector<TissuePreset> make_presets() {
        "rhomboid", "serratus", "teres major", "teres minor", "levator scapulae", "sternocleidomastoid",
        "scalene", "scalenus", "digastric", "mylohyoid", "geniohyoid", "pterygoid", "buccinator",
        "orbicularis", "platysma", "diaphragm", "hamstring", "tensor fasciae latae", "intercostal", "tongue",
+       "pharyngeal constrictor", "levator palpebrae", "sternothyroid", "sterno thyroid", "thyrohyoid",
+       "thyro hyoid", "sternohyoid", "sterno hyoid", "omohyoid", "stylohyoid", "prevertebral",
+       "external oblique", "internal oblique", "superior oblique", "inferior oblique", "lateral rectus",
+       "medial rectus", "superior rectus", "inferior rectus", "transversospinalis", "transversus abdominis",
+       "coracobrachialis", "coracobrachial", "soft palate", "thigh medial compartment",
+       "thigh posterior compartment", "thigh anterior compartment",
        // of all that is soft around a bone most
        "soft tissue", "soft tissues"}));
   presets.push_back(
@@ -140,12 +152,20 @@ std::vector<TissuePreset> make_presets() {
       {"artery", "arteries", "arteria", "arteriole", "vein", "vena", "venae", "venous", "arterial", "vessel",
        "vascular", "choroid plexus"},
       {"aorta", "brachiocephalic trunk", "celiac trunk", "coeliac trunk", "pulmonary trunk", "vena cava",
-       "saphenous", "carotid", "jugular"}));
-  presets.push_back(
-      make("nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
-           "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
-           "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
-           {"nerve", "nervus", "plexus", "optic disc"}, {"sciatic", "optic chiasm"}));
+       "saphenous", "carotid", "jugular", "aneurysm", "venous sinus", "venous sinuses", "true lumen",
+       "false lumen",
+       // the root of an artery at its valve
+       "sinotubular junction", "coronary cusp", "pul bifurcation", "pulmonary bifurcation", "pul left start",
+       "pul right start"}));
+  presets.push_back(make(
+      "nerve", punch_stiffness(3 * 0.0129, 0.5), {0.1, 0.003, 0.2, 0.001}, 1,
+      "Main et al. 2011, J Biomech 44:863. Human median nerve compressed across, first-order Ogden "
+      "mu = 12.9 kPa, taken as the shear modulus at small strain; E = 3 mu, nu = 0.5",
+      {"nerve", "nervus", "plexus", "optic disc"},
+      {"sciatic", "optic chiasm",
+       // the canals of the jaw by what runs in them, and the pulp of a tooth, which is nerves and vessels
+       "alveolar canal", "mandibular canal", "incisive canal", "lingual canal", "incisor pulp", "canine pulp",
+       "premolar pulp", "molar pulp", "dental pulp", "tooth pulp"}));
   presets.push_back(
       make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
            "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
@@ -170,17 +190,43 @@ std::vector<TissuePreset> make_presets() {
       make("heart", punch_stiffness(0.0034, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
            "Wen et al. 2005, Magn Reson Med 54:538. Lateral wall of the left ventricle of dogs in diastole, "
            "E = 3.40 kPa by MRI; nu = 0.5",
-           {"myocardium", "myocardial"}, {"heart", "cardiac", "atrium", "atrial appendage"}));
+           {"myocardium", "myocardial"},
+           {"heart", "cardiac", "atrium", "atrial appendage", "left ventricle", "right ventricle",
+            "ventricular outflow tract"}));
   presets.push_back(
       make("brain", punch_stiffness(0.001895, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
            "Budday et al. 2015, J Mech Behav Biomed Mater 46:318. Bovine white matter under a flat punch, "
            "E = 1.895 kPa; nu = 0.5",
            {"white matter", "gray matter", "grey matter"},
-           {"brain",        "cerebrum",          "cerebral",        "cerebellum",    "cerebellar",
-            "brainstem",    "thalamus",          "hypothalamus",    "hippocampus",   "amygdala",
-            "putamen",      "pallidum",          "caudate nucleus", "caudate",       "accumbens",
-            "midbrain",     "medulla oblongata", "corpus callosum", "gyrus",         "ctx",
-            "frontal lobe", "parietal lobe",     "temporal lobe",   "occipital lobe"}));
+           {"brain",
+            "cerebrum",
+            "cerebral",
+            "cerebellum",
+            "cerebellar",
+            "brainstem",
+            "thalamus",
+            "hypothalamus",
+            "hippocampus",
+            "amygdala",
+            "putamen",
+            "pallidum",
+            "caudate nucleus",
+            "caudate",
+            "accumbens",
+            "midbrain",
+            "medulla oblongata",
+            "corpus callosum",
+            "gyrus",
+            "ctx",
+            "frontal lobe",
+            "parietal lobe",
+            "temporal lobe",
+            "occipital lobe",
+            "insular cortex",
+            "lentiform nucleus",
+            "internal capsule",
+            "septum pellucidum",
+            "central sulcus"}));
   presets.push_back(
       make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8,
            "Arda et al. 2011, AJR 197:532. Submandibular glands of volunteers by shear wave elastography, "
@@ -304,24 +350,96 @@ std::vector<std::string> words_of(const std::string& name) {
   return words;
 }
 
-/// The last place in `words` where the pattern's words stand in a row, or -1.
-int last_match(const std::vector<std::string>& words, const std::vector<std::string>& pattern) {
-  for (int i = static_cast<int>(words.size()) - static_cast<int>(pattern.size()); i >= 0; --i) {
-    bool equal = true;
-    for (std::size_t j = 0; j < pattern.size() && equal; ++j) {
-      const std::string& word = words[static_cast<std::size_t>(i) + j];
-      equal = word == pattern[j] || word == pattern[j] + "s";
-    }
-    if (equal) return i;
+// Whatever they lie in: no tissue, and it does not resist.
+const std::vector<std::string> kHollowContents{"cyst", "fluid", "effusion", "lumen", "air", "gas", "csf"};
+// Spaces that hold air or fluid.
+const std::vector<std::string> kHollowStructures{"airway",
+                                                 "trachea",
+                                                 "bronchus",
+                                                 "bronchi",
+                                                 "bronchia",
+                                                 "pharynx",
+                                                 "nasopharynx",
+                                                 "oropharynx",
+                                                 "hypopharynx",
+                                                 "nasal cavity",
+                                                 "auditory canal",
+                                                 "ear canal",
+                                                 "maxillary sinus",
+                                                 "sinus maxillary",
+                                                 "frontal sinus",
+                                                 "sinus frontal",
+                                                 "sphenoid sinus",
+                                                 "ethmoid sinus",
+                                                 "paranasal sinus",
+                                                 "lateral ventricle",
+                                                 "third ventricle",
+                                                 "fourth ventricle",
+                                                 "ventricle frontal horn",
+                                                 "ventricle occipital horn",
+                                                 "ventricle temporal horn",
+                                                 "ventricle body",
+                                                 "ventricle trigone",
+                                                 "subarachnoid space"};
+// Whatever they lie in: solid, but no preset has its values from such a material.
+const std::vector<std::string> kForeignContents{"implant",  "prosthesis", "endoprosthesis",
+                                                "stent",    "hemorrhage", "haemorrhage",
+                                                "hematoma", "haematoma",  "thrombus"};
+// Tissue that would otherwise be taken for the space within it.
+const std::vector<std::string> kUnsourcedStructures{"airway wall"};
+
+/// Precedence of a term, the highest last: what something lies in, what it is made of, what it contains.
+enum class TermRank { kStructure, kKind, kContent };
+
+struct Term {
+  std::string text;
+  std::vector<std::string> words;
+  TermRank rank;
+  const TissuePreset* preset;  ///< null: the term has none
+  bool is_hollow;
+};
+
+std::vector<Term> make_terms() {
+  std::vector<Term> terms;
+  const auto add = [&](const std::vector<std::string>& texts, TermRank rank, const TissuePreset* preset,
+                       bool is_hollow) {
+    for (const std::string& text : texts) terms.push_back({text, words_of(text), rank, preset, is_hollow});
+  };
+  for (const TissuePreset& preset : tissue_presets()) {
+    add(preset.kind_words, TermRank::kKind, &preset, false);
+    add(preset.structure_names, TermRank::kStructure, &preset, false);
   }
-  return -1;
+  add(kHollowContents, TermRank::kContent, nullptr, true);
+  add(kForeignContents, TermRank::kContent, nullptr, false);
+  add(kHollowStructures, TermRank::kStructure, nullptr, true);
+  add(kUnsourcedStructures, TermRank::kStructure, nullptr, false);
+  return terms;
 }
 
-/// What is no tissue, whatever it lies in: it does not resist.
-bool is_hollow(const std::vector<std::string>& words) {
-  static const std::vector<std::string> kHollow{"cyst", "fluid", "effusion", "lumen", "air", "gas", "csf"};
-  return std::any_of(kHollow.begin(), kHollow.end(),
-                     [&](const std::string& word) { return last_match(words, {word}) >= 0; });
+/// A term at a place in a name: words [begin, end).
+struct TermMatch {
+  const Term* term;
+  std::size_t begin, end;
+
+  bool is_within(const TermMatch& other) const {
+    return other.begin <= begin && end <= other.end && other.end - other.begin > end - begin;
+  }
+  auto precedence() const { return std::tuple(term->rank, end, end - begin); }
+};
+
+std::vector<TermMatch> find_terms(const std::vector<std::string>& words) {
+  static const std::vector<Term> terms = make_terms();
+  const auto is_same = [](const std::string& word, const std::string& of_term) {
+    return word == of_term || word == of_term + "s";
+  };
+  std::vector<TermMatch> matches;
+  for (const Term& term : terms)
+    for (std::size_t n = 0; n + term.words.size() <= words.size(); ++n)
+      if (std::equal(
+              term.words.begin(), term.words.end(), words.begin() + static_cast<std::ptrdiff_t>(n),
+              [&](const std::string& of_term, const std::string& word) { return is_same(word, of_term); }))
+        matches.push_back({&term, n, n + term.words.size()});
+  return matches;
 }
 
 }  // namespace
@@ -347,32 +465,17 @@ const TissuePreset* find_preset(std::string_view name) {
   return found == presets.end() ? nullptr : &*found;
 }
 
-const TissuePreset* match_preset(const std::string& structure_name) {
-  // a match's rank: kind words first, then the place in the name, then the number of words
-  struct Rank {
-    bool kind = false;
-    int place = -1;
-    std::size_t length = 0;
-    auto operator<=>(const Rank&) const = default;
-  };
-  const std::vector<std::string> words = words_of(structure_name);
-  if (is_hollow(words)) return nullptr;
-  const TissuePreset* best = nullptr;
-  Rank best_rank;
-  for (const TissuePreset& preset : tissue_presets()) {
-    for (const bool kind : {true, false}) {
-      for (const std::string& pattern : kind ? preset.kind_words : preset.structure_names) {
-        const std::vector<std::string> pattern_words = words_of(pattern);
-        const int first = last_match(words, pattern_words);
-        if (first < 0) continue;
-        const Rank rank{kind, first + static_cast<int>(pattern_words.size()), pattern_words.size()};
-        if (best && rank <= best_rank) continue;
-        best = &preset;
-        best_rank = rank;
-      }
-    }
+PresetMatch match_preset(const std::string& structure_name) {
+  const std::vector<TermMatch> matches = find_terms(words_of(structure_name));
+  const TermMatch* best = nullptr;
+  for (const TermMatch& match : matches) {
+    // a word counts in the longest term that holds it: the thyroid of "sterno thyroid" is no gland
+    if (std::ranges::any_of(matches, [&](const TermMatch& other) { return match.is_within(other); }))
+      continue;
+    if (!best || match.precedence() > best->precedence()) best = &match;
   }
-  return best;
+  if (!best) return {};
+  return {best->term->preset, best->term->text, best->term->is_hollow};
 }
 
 std::string tissue_preset_table() {

@@ -14,7 +14,7 @@ namespace {
 using testing::ElementsAreArray;
 
 std::string preset_of(const std::string& name) {
-  const TissuePreset* preset = match_preset(name);
+  const TissuePreset* preset = match_preset(name).preset;
   return preset ? preset->name : "";
 }
 
@@ -229,6 +229,34 @@ TEST(MatchPreset, KnowsMoreWordsOfAnatomy) {
         "boneless", "glandless", "jawline", "veinlet", "lungfish", "fluid in the lung", "optic radiation"}}};
   for (const auto& [preset, names] : expected)
     for (const std::string& name : names) EXPECT_EQ(preset_of(name), preset) << name;
+}
+
+// a word counts in the longest term that holds it
+TEST(MatchPreset, LooksUpWholeTerms) {
+  EXPECT_EQ(match_preset("sterno_thyroid_left").term, "sterno thyroid");
+  EXPECT_EQ(preset_of("sterno_thyroid_left"), "muscle");
+  EXPECT_EQ(preset_of("thyroid_left"), "gland");
+  EXPECT_EQ(preset_of("sternothyroid thyroid"), "gland") << "each where it stands";
+  EXPECT_EQ(match_preset("annulus fibrosus").term, "annulus fibrosus");
+  EXPECT_EQ(preset_of("true lumen"), "vessel");
+  EXPECT_EQ(match_preset("sphenoid").term, "sphenoid");
+  EXPECT_EQ(match_preset("").term, "");
+}
+
+TEST(MatchPreset, TellsHollowSpacesFromNamesThatSayNothing) {
+  for (const char* name : {"kidney_cyst_left", "sphenoid sinus", "lumen of the colon", "fluid in the lung",
+                           "Left-Lateral-Ventricle", "CSF", "nasal cavities air"}) {
+    EXPECT_TRUE(match_preset(name).is_hollow) << name;
+    EXPECT_EQ(match_preset(name).preset, nullptr) << name;
+  }
+  for (const char* name : {"stomach", "", "hip_implant", "liver_hematoma", "lung_airways_wall"}) {
+    EXPECT_FALSE(match_preset(name).is_hollow) << name;
+    EXPECT_EQ(match_preset(name).preset, nullptr) << name;
+  }
+  EXPECT_EQ(match_preset("hip_implant").term, "implant");
+  // what lies in a space is what it is made of
+  EXPECT_EQ(preset_of("tumour of the trachea"), "tumour");
+  EXPECT_EQ(preset_of("transverse venous sinus"), "vessel");
 }
 
 // each class of TotalSegmentator's that is solid tissue, by its published class map; what is hollow is not

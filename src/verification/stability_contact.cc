@@ -348,7 +348,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
   AccuracyRandom random(kContactSeed);
   for (std::size_t s = 0; s < structures.size(); ++s) {
     progress.report("pressing on the " + names[s], static_cast<double>(s) / count);
-    const TissuePreset* preset = match_preset(names[s]);
+    const TissuePreset* preset = match_preset(names[s]).preset;
     PALPATE_CHECK(preset != nullptr);
     FeltSurface felt;
     felt.surface = std::make_shared<const Surface>((*prepared)[s].surface);

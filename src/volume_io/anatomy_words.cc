@@ -20,7 +20,8 @@ constexpr std::string_view kStructures =
     "metacarpal tarsal tarsus metatarsal phalanx phalange phalanges talus calcaneus navicular cuboid "
     "cuneiform acetabulum acetabular fabella sesamoid spine spinal hyoid jaw jawbone tooth teeth zygoma "
     "zygomatic zygomaticus vomer ethmoid sphenoid scaphoid lunate triquetrum pisiform trapezium trapezoid "
-    "alveolar incisive styloid canal pulp capitate hamate hipbone collarbone kneecap shinbone heel knee "
+    "alveolar incisive styloid canal pulp dental capitate hamate hipbone collarbone kneecap shinbone heel "
+    "knee "
     "ankle elbow shoulder wrist thorax "
     "thoracic lumbar cervical atlas condyle trochlea trochlear plateau incisor canine premolar molar "
     "cartilage cartilago chondral labrum meniscus menisci meniscal disc disk discus intervertebral annulus "
@@ -35,7 +36,7 @@ constexpr std::string_view kStructures =
     "teres levator sternocleidomastoid scalene scalenus digastric mylohyoid geniohyoid pterygoid buccinator "
     "orbicularis platysma diaphragm hamstring tensor latae intercostal tongue sphincter constrictor thigh "
     "calf coracobrachialis coracobrachial prevertebral thyrohyoid sterno transversospinalis "
-    "palpebrae intermuscular "
+    "palpebrae intermuscular sternothyroid sternohyoid omohyoid stylohyoid thyro transversus "
     // fat, skin, vessels, nerves
     "fat fatty adipose omentum torso subcutaneous skin dermis epidermis cutis scalp artery arteries "
     "arteria arteriole vein veins vena venae venous arterial vessel vascular choroid plexus aorta aortic "
@@ -117,13 +118,13 @@ constexpr std::array kWithCompany{
     WithCompany{"start", "left", ""},        WithCompany{"start", "right", ""},
     WithCompany{"implant", "hip", ""},       WithCompany{"oblique", "external", ""},
     WithCompany{"oblique", "internal", ""},  WithCompany{"oblique", "inferior", ""},
-    WithCompany{"oblique", "superior", ""},
+    WithCompany{"oblique", "superior", ""},  WithCompany{"capsule", "internal", ""},
 };
 
 // Names of structures whose words name none by themselves, as they are written: people are called Bridge,
 // too.
-constexpr std::array<std::string_view, 8> kWholeNames{
-    "head", "face", "bridge", "crown", "implant", "body_trunc", "body_extremities", "internal_capsule"};
+constexpr std::array<std::string_view, 7> kWholeNames{"head",    "face",       "bridge",          "crown",
+                                                      "implant", "body_trunc", "body_extremities"};
 
 // what a file of anybody's is called besides
 constexpr std::string_view kSayNothing =

@@ -97,7 +97,7 @@ inline Model model_of(const LabelMap& map,
 
 // what a scene proposes to feel, by the names of the structures
 inline std::optional<double> as_proposed(const Segment& segment) {
-  const TissuePreset* preset = match_preset(segment.name);
+  const TissuePreset* preset = match_preset(segment.name).preset;
   if (preset == nullptr || !preset->values.felt) return {};
   return preset->values.stiffness_N_per_mm;
 }

@@ -271,7 +271,7 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
                       Chance& shaft_chance) {
   CountedTools counted;
   const auto places = places_of(labels, structure.value);
-  const TissuePreset* preset = match_preset(structure.name);
+  const TissuePreset* preset = match_preset(structure.name).preset;
   for (int turn = 0; turn < turn_count(); ++turn) {
     const auto grid = turned(labels, structure.value, places, chance.turn());
     const auto prepared = prepare_surfaces(*label_bricks(grid), {structure.value}, {});

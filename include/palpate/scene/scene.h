@@ -214,11 +214,18 @@ struct TissuePreset {
 const std::vector<TissuePreset>& tissue_presets();
 /// The preset of that name, or nullptr.
 const TissuePreset* find_preset(std::string_view name);
-/// The preset that a structure's name suggests, or nullptr. Whole words are compared, in any case and with
-/// plural s, number or between other marks ("Left-Cerebral-White-Matter"); a kind word outranks a structure's
-/// name ("patellar_cartilage" is cartilage), then the last match in the name wins, then the longest. Cysts,
-/// fluids and air have none: they do not resist.
-const TissuePreset* match_preset(const std::string& structure_name);
+/// The tissue that a structure's name suggests.
+struct PresetMatch {
+  const TissuePreset* preset = nullptr;  ///< null: none
+  std::string term;        ///< the term that decided, "sterno thyroid"; empty: the name holds no known term
+  bool is_hollow = false;  ///< the term is one of air or fluid, or of a space that holds it: no resistance
+};
+/// Looks a structure's name up by whole terms of one or more words. Words are compared in any case, with
+/// plural s, number or between other marks ("Left-Cerebral-White-Matter"); a word counts in the longest term
+/// that holds it alone ("sterno_thyroid" is a muscle). Contents (cyst, air, implant) outrank kinds of tissue
+/// ("patellar_cartilage" is cartilage), these the names of structures; then the last term in the name wins,
+/// then the longest.
+PresetMatch match_preset(const std::string& structure_name);
 
 /// From where to where a number among a tissue's keys may lie.
 std::array<double, 2> tissue_key_range(std::string_view key);
