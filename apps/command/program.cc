@@ -282,6 +282,7 @@ struct DefaultSettings {
   ~DefaultSettings() {
     set_reading_limits({});
     set_placing({});
+    set_read_as(ReadAs::kByContent);
     set_cache({});
   }
 };

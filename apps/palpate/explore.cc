@@ -550,6 +550,7 @@ int explore_target(ExploreArguments options, Console& console) {
 void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(*verb, options.volume);
+  add_content_options(*verb);
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option(

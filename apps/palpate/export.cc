@@ -89,9 +89,11 @@ int export_label_map(const ExportOptions& options, Console& console) {
     if (!found) return console.fail(found.error());
     read = *std::move(found);
   }
-  const auto labels = read_labels(options.source, {}, progress, console.warn(), Doubtful::kRefused,
-                                  Unpacked::kAnew, read ? &read->scan.geometry() : nullptr);
+  const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
+  const auto labels = read_labels(options.source, {}, progress, console.warn(), doubtful, Unpacked::kAnew,
+                                  read ? &read->scan.geometry() : nullptr, {}, scan);
   if (!labels) return console.fail(labels.error());
+  console.note(origin_of_names(*labels));
   if (read)
     if (auto checked = check_grids(labels->labels, read->scan.geometry(), options.source, console); !checked)
       return console.fail(checked.error());
@@ -204,6 +206,7 @@ void add_export(CLI::App& app, Run& run) {
       "Of a recording the scene file or volume it was made with, not needed for data sets; of labels "
       "the scan that they were made on");
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   verb->add_option("-o,--output", options->output,
                    "Labels to write: .dcm (DICOM SEG), .seg.nrrd, .nrrd, .nii or .nii.gz; or a path: .csv")
       ->required();

@@ -86,6 +86,7 @@ void add_forces(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand("forces", "Draw a force method's arrows over a section, as SVG");
   verb->add_option("target", options->target, kTargetHelp)->required();
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   verb->add_option("-o,--output", options->output, "Picture to write (SVG)")->required();
   add_method_option(*verb, "Force method; default: the scene's, trilinear where that is the proxy",
                     kDirectMethods, options->method);

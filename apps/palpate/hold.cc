@@ -182,6 +182,7 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 void add_options(CLI::App& verb, HoldOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
+  add_content_options(verb);
   add_place(verb, "--at", options.at, "Where the hand rests: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "The same as a voxel's indices, from 0")
       ->delimiter(',')

@@ -32,6 +32,7 @@ struct InfoOptions {
 // what `info` found out about a file
 struct Info {
   VolumeHeader header;
+  std::string evidence;  // why it was taken as a scan or as labels; empty where that was said
   double lowest = 0, highest = 0;
   std::optional<LabelFile> labels;  // nothing for a scan
   std::vector<SegmentStatistics> statistics;
@@ -44,6 +45,7 @@ struct Info {
 Result<Info> of_labels(LabelFile labels, Console& console) {
   Info info;
   info.header = labels.header;
+  info.evidence = labels.evidence;
   info.lowest = std::numeric_limits<double>::infinity();
   for (const auto& layer : labels.labels.layers) {
     const auto [low, high] = std::minmax_element(layer.voxels().begin(), layer.voxels().end());
@@ -64,6 +66,7 @@ Result<Info> of_labels(LabelFile labels, Console& console) {
 Info of_scan(const ScanFile& scan) {
   Info info;
   info.header = scan.header;
+  info.evidence = scan.evidence;
   const auto [low, high] = std::minmax_element(scan.scan.voxels().begin(), scan.scan.voxels().end());
   info.lowest = *low;
   info.highest = *high;
@@ -229,6 +232,11 @@ void print_geometry(std::ostream& out, const Info& info) {
   out << "axes        " << axis_codes(g.direction) << (is_oblique(g.direction) ? ", oblique" : "")
       << (g.right_handed() ? ", right-handed" : ", left-handed") << '\n'
       << "values      " << number(info.lowest) << " ... " << number(info.highest) << '\n';
+  if (info.labels && !info.labels->labels.segments.empty())
+    print_wrapped(out, origin_of_names(*info.labels), "names       ", "            ");
+  if (!info.evidence.empty())
+    print_wrapped(out, info.evidence, std::string("kind        ") + (info.labels ? "labels: " : "scan: "),
+                  "            ");
 }
 
 // a row of the table of labels
@@ -306,6 +314,7 @@ Json json_of(const Info& info) {
   Json json{{"format", info.header.format},
             {"component_type", info.header.component_type},
             {"kind", info.labels ? "labels" : "scan"},
+            {"evidence", info.evidence},
             {"layers", info.header.layers},
             {"dims", g.dims},
             {"spacing_mm", list(g.spacing_mm)},
@@ -325,6 +334,8 @@ Json json_of(const Info& info) {
           {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.place.eigen())}});
     json["empty_slices"] = info.empty_slices;
     json["unnamed"] = info.labels->unnamed;
+    json["names_from"] = words_of(info.labels->name_source);
+    if (info.labels->names_table) json["names_table"] = info.labels->names_table->string();
     json["labels"] = Json::array();
     for (const SegmentStatistics& s : info.statistics)
       json["labels"].push_back(label_json(*info.labels->labels.find(s.id), s));

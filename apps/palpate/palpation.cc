@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "apps/command/text.h"
+#include "palpate/volume_io/volume_io.h"
 
 namespace palpate::app {
 
@@ -14,6 +15,7 @@ Result<LoadedScene> load_target(const std::string& target, Console& console,
       load_scene_or_data_set(target, console.progress(), console.warn(), preparation, {}, volume, labels);
   if (loaded && !loaded->proposed.empty()) console.note(loaded->proposed);
   if (loaded && loaded->label_placement) console.note(in_words(*loaded->label_placement) + ".");
+  if (loaded && !loaded->origin_of_names.empty()) console.note(loaded->origin_of_names);
   return loaded;
 }
 
@@ -44,6 +46,14 @@ void add_volume_option(CLI::App& verb, std::optional<int>& volume) {
           "--volume", volume,
           "Which volume, where a DICOM file or a folder of them holds several (palpate info lists them)")
       ->check(whole_between(1, 100'000));
+}
+
+void add_content_options(CLI::App& verb) {
+  CLI::Option* labels = verb.add_flag_callback(
+      "--labels", [] { set_read_as(ReadAs::kLabels); }, "Take a volume as labels whatever it looks like");
+  verb.add_flag_callback(
+          "--scan", [] { set_read_as(ReadAs::kScan); }, "Take a volume as a scan whatever it looks like")
+      ->excludes(labels);
 }
 
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation) {

@@ -37,6 +37,9 @@ void add_method_option(CLI::App& verb, const std::string& help, std::span<const 
 /// --volume N, which volume where a DICOM file or a folder of them is given.
 void add_volume_option(CLI::App& verb, std::optional<int>& volume);
 
+/// --labels and --scan, of a volume by itself that may be either.
+void add_content_options(CLI::App& verb);
+
 /// --preparation NAME, instead of the scene's.
 void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& preparation);
 

@@ -328,6 +328,7 @@ void add_plan(CLI::App& app, Run& run) {
   show->add_option("plan", options->plan, "Plan file")->required();
   show->add_option("--scene", options->target, kTargetHelp);
   add_volume_option(*show, options->volume);
+  add_content_options(*show);
   show->footer(
       "Examples:\n"
       "  palpate plan show plan.toml\n"
@@ -343,6 +344,7 @@ void add_plan(CLI::App& app, Run& run) {
   comparison->add_option("--scene", options->target,
                          "Scene file or volume that the recording was made with; not needed for data sets");
   add_volume_option(*comparison, options->volume);
+  add_content_options(*comparison);
   comparison->add_option("--device", options->device, "Whose tool it is, of several devices; default 1")
       ->check(whole_between(1, kMaxDevices));
   comparison->add_option("--json", options->json, "Writes every figure, distances over time too (JSON)");

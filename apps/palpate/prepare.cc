@@ -71,7 +71,11 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     if (!file) return file.error();
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }
-  const auto file = read_labels(options.what, {}, console.progress(), console.warn());
+  if (read_as() == ReadAs::kScan)
+    return Error{ErrorKind::kUsage, "a scan becomes a field by a threshold, which is not given", "--scan",
+                 "add --threshold LOW HIGH"};
+  const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
+  const auto file = read_labels(options.what, {}, console.progress(), console.warn(), doubtful);
   if (!file) {
     Error error = file.error();
     if (error.kind == ErrorKind::kBadInput && read_header(options.what).ok()) {
@@ -83,6 +87,7 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
     }
     return error;
   }
+  console.note(origin_of_names(*file));
   std::vector<LabelId> all;
   for (const Segment& segment : file->labels.segments) all.push_back(segment.id);
   const auto name_of = [&](LabelId id) {
@@ -218,6 +223,7 @@ void add_prepare(CLI::App& app, Run& run) {
   verb->footer(kPrepareExamples);
   verb->add_option("what", options->what, "label map, scan, scene file or data set")->required();
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   verb->add_option("-o,--output", options->output, "field to write: .nrrd, .nii.gz or .mha")->required();
 
   constexpr const char* kForVolumes = "For a volume; a scene or a data set brings its own";

@@ -109,7 +109,7 @@ Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const 
 Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
   if (!options.scan_opacity && options.window.empty()) return ScanLook{};
   if (!options.scan_opacity)
-    return usage("a window is of the scan, which is not drawn", "--window", "draw it with --scan");
+    return usage("a window is of the scan, which is not drawn", "--window", "draw it with --scan-opacity");
   if (model.scan == nullptr)
     return usage("there is no scan", "--scan", "name one in the scene, or leave the option out");
   const std::size_t voxels = model.scan->geometry().voxel_count();
@@ -239,6 +239,7 @@ int render(const RenderOptions& options, Console& console) {
 void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
+  add_content_options(verb);
   verb.add_option(
           "--time", options.time_s,
           "The target is a recording: the moment that is drawn, seconds of its own clock, with tools, tips, "
@@ -280,7 +281,7 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
       ->type_name("NAME");
   verb.add_option("--hide", options.hide, "Leaves out this structure; may be given again")->type_name("NAME");
-  verb.add_option("--scan", options.scan_opacity,
+  verb.add_option("--scan-opacity", options.scan_opacity,
                   "Draws the scan, too, as a haze around the structures: 1, or less where it hides too much")
       ->check(number_between(0.05, 1))
       ->type_name("OPACITY");
@@ -306,7 +307,7 @@ void add_render(CLI::App& app, Run& run) {
       "  palpate render knee-phantom -o knee.png\n"
       "  palpate render knee-phantom --from left --tilt 20 --perspective --cut left -o cut.png\n"
       "  palpate render scene.toml --only femur --orbit 72 -o frames\n"
-      "  palpate render scene.toml --scan 0.6 --window=-100,400 -o with-scan.png\n"
+      "  palpate render scene.toml --scan-opacity 0.6 --window=-100,400 -o with-scan.png\n"
       "  palpate render knee-phantom --pixels 320 --orbit 48 -o orbit.png\n"
       "  palpate render run.h5 --time 3.2 -o moment.png\n\n"
       "Colours and opacities are the scene's (docs/guide/render.md).");

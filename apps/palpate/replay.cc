@@ -102,6 +102,7 @@ void add_replay(CLI::App& app, Run& run) {
   verb->add_option("target", options->target,
                    "Scene file or volume it was made with; not needed for data sets");
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   CLI::Option* view = verb->add_flag(
       "--view", options->view,
       "Show it in the viewer's page, at any place and speed, until Ctrl-C; nothing is run again");

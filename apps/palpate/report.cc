@@ -79,8 +79,9 @@ int report_recording(const ReportOptions& options, Console& console) {
   if (score) scored.emplace(ScoredTask{task->file, *score});
   std::optional<RehearsedPlan> rehearsed;
   if (made) rehearsed.emplace(RehearsedPlan{scene->plan, *made});
-  const auto written = write_report(output, *recording, **model, progress,
-                                    {rehearsed ? &*rehearsed : nullptr, scored ? &*scored : nullptr});
+  const auto written =
+      write_report(output, *recording, **model, progress,
+                   {rehearsed ? &*rehearsed : nullptr, scored ? &*scored : nullptr, loaded->names_from});
   if (!written) return console.fail(named(written.error()));
   console.note("report: " + output.string());
   return kExitOk;
@@ -96,6 +97,7 @@ void add_report(CLI::App& app, Run& run) {
   verb->add_option("target", options->target,
                    "Scene file, volume or data set it was made with; not needed for data sets");
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   verb->add_option("-o,--output", options->output, "Page to write; default: the recording's name with .html");
   CLI::Option* plan =
       verb->add_option("-p,--plan", options->plan,

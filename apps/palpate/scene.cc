@@ -55,7 +55,7 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
   }
   if (labels) {
     auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
-                            Unpacked::kAnew, data.scan_grid(), placing);
+                            Unpacked::kAnew, data.scan_grid(), placing, scan);
     if (!read) return read.error();
     data.labels = std::move(*read);
     warn_if_silent(data.labels->header, *labels, console);
@@ -72,11 +72,14 @@ Result<Data> read_one(const fs::path& file, std::optional<int> number, const std
   if (auto* labels = std::get_if<LabelFile>(&*volume)) {
     warn_if_silent(labels->header, file, console);
     data.labels = std::move(*labels);
+    if (!data.labels->evidence.empty())
+      console.note(file.string() + " is taken as labels, because " + data.labels->evidence +
+                   "; --scan takes it as a scan");
   } else {
     data.scan = std::get<ScanFile>(*std::move(volume));
     warn_if_silent(data.scan->header, file, console);
-    console.note(file.string() +
-                 " is taken as a scan, felt where it is bright; --labels takes it as a label map");
+    console.note(file.string() + " is taken as a scan, felt where it is bright, because " +
+                 data.scan->evidence + "; --labels takes it as a label map");
   }
   return data;
 }
@@ -268,7 +271,13 @@ int run_new(NewOptions options, Console& console) {
     return console.fail(error);
   }
   if (data->scan) input.scan_volume = &data->scan->scan;
-  if (data->labels) input.label_map = &data->labels->labels;
+  if (data->labels) {
+    input.label_map = &data->labels->labels;
+    input.names_from = words_of(data->labels->name_source);
+    // named in the scene, so that it does not depend on what else comes into the folder
+    if (!input.names) input.names = data->labels->names_table;
+    console.note(origin_of_names(*data->labels));
+  }
   if (data->scan && looks_like_labels(*data->scan))
     console.warn()(options.scan + " looks like a label map, not a scan: name it last, or after --labels");
 

@@ -103,6 +103,7 @@ int draw_section(const SectionOptions& options, Console& console) {
 void add_section_options(CLI::App& verb, SectionOptions& options) {
   verb.add_option("target", options.target, kTargetHelp)->required();
   add_volume_option(verb, options.volume);
+  add_content_options(verb);
   verb.add_option("-o,--output", options.output, "Picture to write: .png, or .dcm (DICOM Secondary Capture)")
       ->required();
   add_numbers(verb, "--at", options.at, 3, 1e6,

@@ -113,7 +113,9 @@ int simulate_target(const SimulateOptions& options, Console& console) {
     if (!recorded) return console.fail(recorded.error());
     const auto model = report_model(loaded->model, progress);
     if (!model) return console.fail(model.error());
-    if (const auto reported = write_report(outputs->report, *recorded, **model, progress); !reported)
+    if (const auto reported =
+            write_report(outputs->report, *recorded, **model, progress, {.names_from = loaded->names_from});
+        !reported)
       return console.fail(reported.error());
     console.note("report: " + outputs->report.string());
   }
@@ -130,6 +132,7 @@ void add_simulate(CLI::App& app, Run& run) {
   verb->add_option("segmentation", options->labels,
                    "Of a scan its labels; without them the only segmentation in a folder of DICOM");
   add_volume_option(*verb, options->volume);
+  add_content_options(*verb);
   verb->add_option("-s,--script", options->script,
                    "Palpation script (TOML); default: one that suits the scene");
   verb->add_option("-o,--output", options->recording, "Recording to write (HDF5)");

@@ -52,7 +52,7 @@ Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters&
 struct ReadScene {
   Scene scene;
   SceneVolumes volumes;
-  std::string data_set = {}, proposed = {};  // as in LoadedScene
+  std::string data_set = {}, proposed = {}, origin_of_names = {}, names_from = {};  // as in LoadedScene
 };
 
 // by what the file is, because a path may name a patient and a report is passed on
@@ -66,12 +66,28 @@ void put_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
   volumes.caveats.push_back(std::move(doubt));
 }
 
+// what is read of a scene's files
+struct FileVolumes {
+  SceneVolumes volumes;
+  std::optional<std::filesystem::path> names_table = {};  // that was found beside the labels
+  std::string origin_of_names = {}, names_from = {};      // as in LoadedScene
+};
+
+void take_labels(LabelFile labels, FileVolumes& files) {
+  if (labels.name_source != NameSource::kGivenTable) {
+    files.origin_of_names = origin_of_names(labels);
+    files.names_table = std::move(labels.names_table);
+  }
+  files.names_from = words_of(labels.name_source);
+  files.volumes.labels = std::move(labels.labels);
+}
+
 // reads what a scene names
-Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
-                                      const std::optional<std::filesystem::path>& names_file,
-                                      const std::optional<std::filesystem::path>& scan_file,
-                                      std::optional<int> scan_volume, const Placing& placing,
-                                      const Progress& progress, const Warn& warn) {
+Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
+                                     const std::optional<std::filesystem::path>& names_file,
+                                     const std::optional<std::filesystem::path>& scan_file,
+                                     std::optional<int> scan_volume, const Placing& placing,
+                                     const Progress& progress, const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
@@ -83,26 +99,27 @@ Result<SceneVolumes> volumes_of_files(const std::optional<std::filesystem::path>
   }
   if (progress.stopped()) return Progress::interrupted();
   if (labels_file) {
-    auto read = read_labels(*labels_file, names_file, progress, warn, Doubtful::kRefused, Unpacked::kKept,
-                            scan ? &scan->scan.geometry() : nullptr, placing);
+    const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
+    auto read = read_labels(*labels_file, names_file, progress, warn, doubtful, Unpacked::kKept,
+                            scan ? &scan->scan.geometry() : nullptr, placing, scan_file);
     if (!read) return read.error();
     labels = std::move(*read);
   }
   if (progress.stopped()) return Progress::interrupted();
   const bool oriented = (!labels || labels->header.has_geometry) && (!scan || scan->header.has_geometry);
-  SceneVolumes volumes{{}, {}, oriented};
+  FileVolumes files{{{}, {}, oriented}};
   if (labels && scan) {
-    volumes.label_placement = placement_of(labels->labels, scan->scan.geometry());
+    files.volumes.label_placement = placement_of(labels->labels, scan->scan.geometry());
     const bool cropped = placing.scan_is_cropped || palpate::placing().scan_is_cropped;
-    if (auto together = check_placement(*volumes.label_placement, *labels_file, cropped); !together)
+    if (auto together = check_placement(*files.volumes.label_placement, *labels_file, cropped); !together)
       return together.error();
-    put_doubt(doubt_of(*volumes.label_placement), warn, volumes);
+    put_doubt(doubt_of(*files.volumes.label_placement), warn, files.volumes);
   }
-  if (scan) put_doubt(doubt_of_file("The scan", scan->header), {}, volumes);
-  if (labels) put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
-  if (labels) volumes.labels = std::move(labels->labels);
-  if (scan) volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
-  return volumes;
+  if (scan) put_doubt(doubt_of_file("The scan", scan->header), {}, files.volumes);
+  if (labels) put_doubt(doubt_of_file("The label map", labels->header), {}, files.volumes);
+  if (labels) take_labels(*std::move(labels), files);
+  if (scan) files.volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
+  return files;
 }
 
 void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
@@ -135,20 +152,23 @@ Result<ReadScene> read_data_set(const std::string& data_set, const Progress& pro
   prepare_by(preparation, scene->preparation);
   const auto local = locate(data_set);
   if (!local) return local.error();
-  auto volumes = volumes_of_files(local->labels, local->names, local->scan, {}, {}, progress, warn);
-  if (!volumes) return volumes.error();
-  return ReadScene{*std::move(scene), *std::move(volumes), data_set};
+  auto files = volumes_of_files(local->labels, local->names, local->scan, {}, {}, progress, warn);
+  if (!files) return files.error();
+  return ReadScene{*std::move(scene),           std::move(files->volumes), data_set, "", "",
+                   std::move(files->names_from)};
 }
 
 // a scan, a label map or a study of both, with the scene that is proposed for it
 Result<ReadScene> read_with_proposal(const Study& study, const Progress& progress, const Warn& warn,
                                      std::optional<PreparationMethod> preparation) {
-  SceneVolumes volumes;
+  FileVolumes files;
+  SceneVolumes& volumes = files.volumes;
   NewSceneInput input;
+  std::string evidence;
   if (study.labels) {
     auto read = volumes_of_files(study.labels, {}, study.scan, study.volume, {}, progress, warn);
     if (!read) return read.error();
-    volumes = *std::move(read);
+    files = *std::move(read);
     input.labels = study.labels;
     input.scan = study.scan;
   } else {
@@ -157,24 +177,33 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {
       volumes.oriented = labels->header.has_geometry;
       put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
-      volumes.labels = std::move(labels->labels);
+      evidence = labels->evidence;
+      take_labels(std::move(*labels), files);
       input.labels = study.scan;
     } else {
       ScanFile& scan = std::get<ScanFile>(*volume);
       volumes.oriented = scan.header.has_geometry;
       put_doubt(doubt_of_file("The scan", scan.header), {}, volumes);
+      evidence = scan.evidence;
       volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
       input.scan = study.scan;
     }
   }
   if (input.scan) input.volume_of_scan = study.volume;
   input.label_map = volumes.labels ? &*volumes.labels : nullptr;
+  input.names = files.names_table;
+  input.names_from = files.names_from;
   input.scan_volume = volumes.scan.get();
   auto proposed = propose_scene(input);
   if (!proposed) return proposed.error();
   prepare_by(preparation, proposed->scene.preparation);
+  if (!evidence.empty())
+    proposed->note += "\nit was taken as " + std::string(volumes.labels ? "labels" : "a scan") + " because " +
+                      evidence +
+                      (volumes.labels ? " (--scan takes it as a scan)" : " (--labels takes it as labels)");
   for (const std::string& note : study.notes) proposed->note += "\n" + note;
-  return ReadScene{std::move(proposed->scene), std::move(volumes), "", std::move(proposed->note)};
+  return ReadScene{std::move(proposed->scene), std::move(files.volumes),         "",
+                   std::move(proposed->note),  std::move(files.origin_of_names), std::move(files.names_from)};
 }
 
 Result<ReadScene> read_scene_or_data_set(const std::string& what,
@@ -210,10 +239,15 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what,
   const auto resolved = [&](const std::optional<std::filesystem::path>& file) {
     return file ? std::optional(scene->resolve(*file)) : std::nullopt;
   };
-  auto volumes = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
-                                  scene->scan_volume, placing_of(*scene), progress, warn);
-  if (!volumes) return volumes.error();
-  return ReadScene{*std::move(scene), *std::move(volumes)};
+  auto files = volumes_of_files(resolved(scene->labels), resolved(scene->names), resolved(scene->scan),
+                                scene->scan_volume, placing_of(*scene), progress, warn);
+  if (!files) return files.error();
+  return ReadScene{*std::move(scene),
+                   std::move(files->volumes),
+                   "",
+                   "",
+                   files->names_table ? std::move(files->origin_of_names) : "",
+                   std::move(files->names_from)};
 }
 
 }  // namespace
@@ -242,8 +276,10 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
   const auto placement = read->volumes.label_placement;
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
-  return LoadedScene{std::move(read->scene), *std::move(model), std::move(read->data_set),
-                     std::move(read->proposed), placement};
+  return LoadedScene{std::move(read->scene),    *std::move(model),
+                     std::move(read->data_set), std::move(read->proposed),
+                     placement,                 std::move(read->origin_of_names),
+                     std::move(read->names_from)};
 }
 
 Result<std::optional<LabelMap>> labels_of_scene(const std::string& what, const Model& model,

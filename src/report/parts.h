@@ -63,6 +63,7 @@ std::string removal_html(const Run& run);
 std::string safety_table_html(const Run& run);
 /// How the loop kept time; empty for a run on the virtual clock. Its plot's data stand in plots_html().
 std::string loop_html(const Run& run);
-std::string provenance_html(const Run& run);
+/// @param names_from  ReportParts::names_from
+std::string provenance_html(const Run& run, const std::string& names_from);
 
 }  // namespace palpate::report

@@ -83,7 +83,7 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   html += header_html(run) + tiles_html(run) + trouble_html(run) +
           (parts.scored != nullptr ? task_html(*parts.scored) : "") + volume->html + *planned + *contacts +
           plots_html(run, parts.rehearsed) + structure_table_html(run) + removal_html(run) +
-          safety_table_html(run) + loop_html(run) + provenance_html(run) + "</main>\n";
+          safety_table_html(run) + loop_html(run) + provenance_html(run, parts.names_from) + "</main>\n";
   html.append("<script>")
       .append(asset("uPlot.iife.min.js").text)
       .append("</script>\n<script>")

@@ -74,7 +74,7 @@ std::string structure_table_html(const Run& run) {
   return html + "</p>\n" + beneath_table(run) + "</section>\n";
 }
 
-std::string provenance_html(const Run& run) {
+std::string provenance_html(const Run& run, const std::string& names_from) {
   const RecordingHeader& header = run.recording.header;
   std::string html =
       "<section class=\"card\" aria-labelledby=\"provenance-title\"><h2 id=\"provenance-title\">Where it "
@@ -87,6 +87,7 @@ std::string provenance_html(const Run& run) {
   html += entry("Hand", header.hand.empty() ? "" : header.hand + (header.simulated ? " (simulated)" : ""));
   html += entry("Rate", json_number(header.rate_hz, 1) + " Hz, " + header.clock + " clock") +
           entry("Seed", std::to_string(header.seed));
+  html += entry("Names of structures", names_from);
   html += entry("Model", hex(header.model_hash), true);
   if (!header.feel.empty()) {
     std::uint64_t hash = kHashSeed;

@@ -283,6 +283,8 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
                    (*file)->string(), "rename the file or its folder"};
     }
     text += std::string(key) + " = " + toml_string(path) + "\n";
+    if (file == (input.names ? &input.names : &input.labels) && !input.names_from.empty())
+      text += "# names of the labels are from " + input.names_from + "\n";
     if (file == &input.scan && input.volume_of_scan)
       text += "scan_volume = " + std::to_string(*input.volume_of_scan) + "\n";
     if (file == &input.labels && input.mesh_space)

@@ -12,6 +12,9 @@ namespace palpate::volume_io {
 /// The most bytes at the front of a file that can be its header.
 constexpr std::size_t kMostHeaderBytes = std::size_t{1} << 24;
 
+/// Keys and texts of 3D Slicer's fields of segments, "Segment0_Name".
+using SegmentFieldPairs = std::vector<std::pair<std::string, std::string>>;
+
 /// http://teem.sourceforge.net/nrrd/format.html
 struct NrrdHeader {
   std::vector<std::int64_t> axes;  ///< without the layer axis
@@ -22,7 +25,7 @@ struct NrrdHeader {
   int line_skip = 0;
   bool has_geometry = false;
   VoxelSource voxels;  ///< without its file; offset is where the header ends
-  std::vector<std::pair<std::string, std::string>> segment_fields;
+  SegmentFieldPairs segment_fields;
 };
 Result<NrrdHeader> parse_nrrd_header(std::string_view bytes, const std::string& source);
 
@@ -47,10 +50,20 @@ struct NiftiHeader {
   std::optional<Eigen::Matrix<double, 3, 4>> other_affine;
   ValueMeaning meaning = ValueMeaning::kUnsaid;  ///< by its intent code
   VoxelSource voxels;                            ///< skip is the place of the voxels
+  std::size_t header_bytes = 0;                  ///< before the extensions
+  bool swapped = false;                          ///< in the other byte order than this machine's
 };
 constexpr std::size_t kMostNiftiHeaderBytes = 540;
 /// @param form  which placement counts where there are both; none: the sform
 Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source,
                                        std::optional<NiftiForm> form = {});
+
+/// The CaretExtension of Connectome Workbench among the extensions behind a NIfTI header; empty: there is
+/// none.
+/// @param bytes  of the file from its beginning, up to the voxels
+std::string_view find_caret_extension(std::string_view bytes, std::size_t header_bytes, bool swap);
+/// Names of labels in a CaretExtension (TotalSegmentator writes one with --ml) as fields of Slicer's
+/// segments; none where it has no label table. https://www.nitrc.org/projects/cifti, section "LabelTable"
+Result<SegmentFieldPairs> parse_caret_labels(std::string_view xml, const std::string& source);
 
 }  // namespace palpate::volume_io

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "palpate/json/json.h"
@@ -50,6 +52,12 @@ class Names {
     } else {
       labels_.push_back({value, std::string(shown), colour});
     }
+  }
+  void refuse(const std::string& why) {
+    if (!fault_) fault_ = bad_input(source_, why, "give the labels of this map with a name each");
+  }
+  void add_unless_known(LabelId value, const std::string& name) {
+    if (!seen_.contains(value)) add(value, name, std::nullopt);
   }
   Result<std::vector<NamedLabel>> take() && {
     if (fault_) return *std::move(fault_);
@@ -155,7 +163,7 @@ void add_terminology(const Json& codes, Names& names) {
   });
 }
 
-// {"1": "femur"} or {"femur": 1}; nnU-Net's regions of several labels are left out
+// {"1": "femur"} or {"femur": 1}
 void add_pairs(const Json& object, Names& names) {
   if (!object.is_object()) return;
   for (const auto& [key, value] : object.items()) {
@@ -164,6 +172,64 @@ void add_pairs(const Json& object, Names& names) {
     else if (const auto of_name = value.is_number() ? value_of(value) : std::nullopt)
       names.add(*of_name, key, std::nullopt);
   }
+}
+
+// nnU-Net's regions, {"whole": [1, 2, 3], "tumour": [2]}: a label is called after the smallest region that
+// holds it, in the maps that a network learns from and in those that it predicts. The latter have other
+// values where regions_class_order does not ascend. Labels with names of their own keep them.
+void add_regions(const Json& regions, const Json* order, Names& names) {
+  if (!regions.is_object()) return;
+  std::map<LabelId, std::pair<std::size_t, std::string>> smallest;
+  for (const auto& [name, values] : regions.items()) {
+    if (!values.is_array()) continue;
+    for (const Json& item : values) {
+      const auto value = value_of(item);
+      if (!value || *value == 0) continue;
+      const auto known = smallest.find(*value);
+      if (known == smallest.end() || values.size() < known->second.first)
+        smallest[*value] = {values.size(), name};
+    }
+  }
+  if (smallest.empty()) return;
+  if (order != nullptr && order->is_array()) {
+    std::vector<LabelId> values;
+    for (const Json& item : *order) values.push_back(value_of(item).value_or(0));
+    if (!std::ranges::is_sorted(values))
+      return names.refuse(
+          "its regions_class_order does not ascend, so that labels have other values in a map that "
+          "is predicted than in one that is learnt from");
+  }
+  for (const auto& [value, region] : smallest) names.add_unless_known(value, region.second);
+}
+
+// niivue's colour maps of labels: {"R": [...], "G": [...], "B": [...], "I": [0, 5], "labels": ["air",
+// "liver"]}, numbered from 0 without I
+void add_list(const Json& map, const Json& list, Names& names) {
+  const Json* indices = find(map, {"I"});
+  const auto at = [](const Json* array, std::size_t n) -> const Json* {
+    return array != nullptr && array->is_array() && n < array->size() ? &(*array)[n] : nullptr;
+  };
+  for (std::size_t n = 0; n < list.size(); ++n) {
+    if (!list[n].is_string() || trimmed(list[n].text()).empty()) continue;
+    const Json* index = at(indices, n);
+    const auto value = index != nullptr ? value_of(*index) : std::optional<LabelId>();
+    if (indices != nullptr && !value) continue;
+    std::uint8_t part[3] = {};
+    bool coloured = true;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Json* level = at(find(map, {c == 0 ? "R" : c == 1 ? "G" : "B"}), n);
+      const auto number = level != nullptr ? value_of(*level) : std::optional<LabelId>();
+      coloured = coloured && number && *number <= 255;
+      if (coloured) part[c] = static_cast<std::uint8_t>(*number);
+    }
+    if (n > 65535) return;
+    names.add(value.value_or(static_cast<LabelId>(n)), list[n].get<std::string>(),
+              coloured ? std::optional(Rgb{part[0], part[1], part[2]}) : std::nullopt);
+  }
+}
+
+bool is_list_of_texts(const Json& list) {
+  return list.is_array() && list.size() > 0 && list[0].is_string();
 }
 
 // the one table of several tasks, {"total": {"1": "spleen", ...}}
@@ -186,16 +252,24 @@ Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const st
 
   const Json& json = *parsed;
   Names names(source);
-  if (const Json* attributes = find(json, {"segmentAttributes", "segments", "Segments"}))
+  if (const Json* attributes = find(json, {"segmentAttributes", "segments", "Segments"})) {
     add_segments(*attributes, names);
-  else if (const Json* codes = find(json, {"SegmentationCodes"}))
+  } else if (const Json* codes = find(json, {"SegmentationCodes"})) {
     add_terminology(*codes, names);
-  else if (const Json* labels = find(json, {"labels", "class_map", "label_names"}))
-    labels->is_array() ? add_segments(*labels, names) : add_pairs(*labels, names);
-  else if (json.is_array())
+  } else if (const Json* labels = find(json, {"labels", "class_map", "label_names"})) {
+    if (is_list_of_texts(*labels)) {
+      add_list(json, *labels, names);
+    } else if (labels->is_array()) {
+      add_segments(*labels, names);
+    } else {
+      add_pairs(*labels, names);
+      add_regions(*labels, find(json, {"regions_class_order"}), names);
+    }
+  } else if (json.is_array()) {
     add_segments(json, names);
-  else
+  } else {
     add_pairs(json, names);
+  }
   if (!names.any() && json.is_object())
     if (const Json* table = only_table(json)) add_pairs(*table, names);
   return std::move(names).take();

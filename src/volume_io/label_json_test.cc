@@ -31,6 +31,32 @@ TEST(LabelJson, ReadsNumbersWithNamesEitherWayRound) {
   EXPECT_EQ(names_of(R"({"total": {"1": "spleen", "2": "kidney_right"}})"), expected);
 }
 
+// of labels that a network learns only in groups
+TEST(LabelJson, ReadsRegionsOfNnUNet) {
+  const std::string whole = R"({"channel_names": {"0": "MR"}, "labels": {"background": 0, "whole": [1, 2, 3],
+      "tumour": [2]}, "regions_class_order": [1, 2], "numTraining": 3, "file_ending": ".nii.gz"})";
+  EXPECT_EQ(names_of(whole), (Names{{0, "background"}, {1, "whole"}, {2, "tumour"}, {3, "whole"}}));
+  EXPECT_EQ(names_of(R"({"labels": {"background": 0, "whole": [1, 2, 3], "core": [2, 3], "enhancing": 3},
+      "regions_class_order": [1, 2, 3]})"),
+            (Names{{0, "background"}, {1, "whole"}, {2, "core"}, {3, "enhancing"}}));
+  // in another order a prediction has other values than what is learnt from
+  const std::string swapped = R"({"labels": {"whole": [1, 2], "core": [2]}, "regions_class_order": [2, 1]})";
+  EXPECT_NE(names_of(swapped)[-1].find("regions_class_order does not ascend"), std::string::npos);
+  EXPECT_EQ(names_of(R"({"labels": {"whole": [1, 2], "core": [2]}})"), (Names{{1, "whole"}, {2, "core"}}));
+}
+
+TEST(LabelJson, ReadsTheListsOfNiivue) {
+  EXPECT_EQ(names_of(R"({"R": [0, 255], "G": [0, 1], "B": [0, 2], "labels": ["air", "liver"]})"),
+            (Names{{0, "air"}, {1, "liver"}}));
+  const std::string sparse = R"({"R": [0, 255, 9], "G": [0, 1, 9], "B": [0, 2, 900], "A": [0, 255, 255],
+      "I": [0, 5, 70], "labels": ["air", "liver", "spleen"]})";
+  EXPECT_EQ(names_of(sparse), (Names{{0, "air"}, {5, "liver"}, {70, "spleen"}}));
+  const auto labels = parse_label_json(sparse, "x");
+  EXPECT_EQ((*labels)[1].colour, (Rgb{255, 1, 2}));
+  EXPECT_FALSE((*labels)[2].colour) << "no colour";
+  EXPECT_EQ(names_of(R"({"labels": ["air", "", "liver"]})"), (Names{{0, "air"}, {2, "liver"}}));
+}
+
 TEST(LabelJson, ReadsTheSegmentsOfDcmqi) {
   const char* text = R"({
     "ContentCreatorName": "Doe^Jane", "SeriesNumber": "300", "segmentAttributes": [

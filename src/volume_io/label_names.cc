@@ -54,7 +54,11 @@ Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& fi
   constexpr std::size_t kMostBytes = std::size_t{1} << 24;
   const auto text = read_file(file, kMostBytes);
   if (!text) return text.error();
-  return table->parse(*text, file.string());
+  auto names = table->parse(*text, file.string());
+  if (names && names->empty())
+    return bad_input(file.string(), "names no label: it holds no line but headings, comments and empty ones",
+                     "give a line for each label");
+  return names;
 }
 
 std::string structure_in_name(std::string_view text) {
@@ -63,23 +67,33 @@ std::string structure_in_name(std::string_view text) {
 
 namespace volume_io {
 
-std::optional<std::filesystem::path> table_beside(const std::filesystem::path& file) {
+std::optional<TableBeside> table_beside(const std::filesystem::path& file,
+                                        const std::optional<std::filesystem::path>& scan) {
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
   std::error_code failed;
   for (const Table& table : kTables) {
     // a text of that name may be about anything
     if (table.ending == ".txt") continue;
     const auto beside = folder / (stem_of(file) + std::string(table.ending));
-    if (std::filesystem::is_regular_file(beside, failed)) return beside;
+    if (std::filesystem::is_regular_file(beside, failed)) return TableBeside{beside, true, {}};
   }
   std::vector<std::filesystem::path> tables;
+  TableBeside only;
   failed.clear();
   std::filesystem::directory_iterator entries(folder, failed);
-  for (; !failed && entries != std::filesystem::directory_iterator(); entries.increment(failed))
-    if (has_ending(entries->path(), ".ctbl") || has_ending(entries->path(), ".tsv"))
-      tables.push_back(entries->path());
+  for (; !failed && entries != std::filesystem::directory_iterator(); entries.increment(failed)) {
+    const std::filesystem::path& path = entries->path();
+    std::error_code ignored;
+    if (has_ending(path, ".ctbl") || has_ending(path, ".tsv"))
+      tables.push_back(path);
+    else if (format_of(path) && !std::filesystem::equivalent(path, file, ignored) &&
+             !(scan && std::filesystem::equivalent(path, *scan, ignored)))
+      only.others.push_back(path);
+  }
   if (failed || tables.size() != 1) return std::nullopt;
-  return tables.front();
+  only.file = tables.front();
+  std::ranges::sort(only.others);
+  return only;
 }
 
 AnatomyInName name_of_mask(const std::filesystem::path& file) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/test_files.h"
+#include "palpate/base/file.h"
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
@@ -38,24 +39,87 @@ TEST(LabelNames, ATableIsReadByItsEnding) {
   EXPECT_FALSE(read_label_names(folder / "missing.ctbl"));
 }
 
-TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabels) {
+TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabelsWhereItNamesAll) {
   const TemporaryFolder folder;
   const auto file = write_labels_file(folder);
   EXPECT_EQ(read_labels(file)->unnamed, (std::vector<LabelId>{1, 2, 3}));
+  EXPECT_EQ(origin_of_names(*read_labels(file)), "no name for its 3 labels");
 
-  write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n9 absent 0 0 0 255\n");
-  const auto labels = read_labels(file);
-  ASSERT_TRUE(labels) << labels.error().message();
-  EXPECT_EQ(labels->unnamed, (std::vector<LabelId>{3}));
-  ASSERT_EQ(labels->labels.segments.size(), 3u) << "a name without voxels makes no segment";
-  EXPECT_EQ(labels->labels.segments[0].name, "femur");
-  EXPECT_EQ(labels->labels.segments[0].colour, (Rgb{10, 20, 30}));
-  EXPECT_EQ(labels->labels.segments[2].name, "");
+  const auto names =
+      write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n9 absent 0 0 0 255\n");
+  std::string warning;
+  const auto warn = [&](const std::string& said) { warning = said; };
+  EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u) << "of another patient, perhaps";
+  EXPECT_NE(warning.find("names.ctbl was not used"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("it names 2 of its 3 labels"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("--names " + names.string()), std::string::npos) << warning;
+  const auto given = read_labels(file, names);
+  ASSERT_TRUE(given) << given.error().message();
+  EXPECT_EQ(given->unnamed, (std::vector<LabelId>{3}));
+  ASSERT_EQ(given->labels.segments.size(), 3u) << "a name without voxels makes no segment";
+  EXPECT_EQ(given->labels.segments[0].name, "femur");
+  EXPECT_EQ(given->labels.segments[0].colour, (Rgb{10, 20, 30}));
+  EXPECT_EQ(given->labels.segments[2].name, "");
+  EXPECT_EQ(origin_of_names(*given),
+            "2 of 3 labels have their names from " + names.string() + ", a table that was given for it");
+
+  write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n3 fibula 0 0 0 255\n");
+  const auto all = read_labels(file);
+  EXPECT_TRUE(all->unnamed.empty());
+  EXPECT_EQ(all->name_source, NameSource::kOnlyTable);
+  EXPECT_EQ(all->names_table, names);
 
   // of two tables neither is taken unless it is named
   const auto other = write_text(folder / "other.tsv", "value\tname\n3\tpatella\n");
   EXPECT_EQ(read_labels(file)->unnamed, (std::vector<LabelId>{1, 2, 3}));
   EXPECT_EQ(read_labels(file, other)->unnamed, (std::vector<LabelId>{1, 2}));
+}
+
+// where two volumes stand in a folder its table may be that of either
+TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
+  const TemporaryFolder folder;
+  const auto file = write_labels_file(folder);
+  write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n3 fibula 0 0 0 255\n");
+  const auto other = folder / "other.nrrd";
+  std::filesystem::copy_file(file, other);
+  EXPECT_TRUE(read_labels(file)->unnamed.empty())
+      << "the other's values change from voxel to voxel as a scan's";
+  std::string text = *read_file(file, 1000);
+  write_text(other, text.replace(text.rfind("0 1 2 3"), 7, "1 1 2 2"));
+  std::string warning;
+  const auto warn = [&](const std::string& said) { warning = said; };
+  EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u);
+  EXPECT_NE(warning.find("that of other.nrrd"), std::string::npos) << warning;
+  // the scan is no label map
+  const auto of_scan =
+      read_labels(file, {}, {}, warn, Doubtful::kRefused, Unpacked::kAnew, nullptr, {}, other);
+  EXPECT_TRUE(of_scan->unnamed.empty());
+}
+
+TEST(LabelNames, ATableThatNamesNothingIsAnErrorThatSaysWhy) {
+  const TemporaryFolder folder;
+  const auto file = write_labels_file(folder);
+  const auto wrong =
+      read_labels(file, write_text(folder / "knee.ctbl", "95 femur 1 2 3 255\n83 tibia 1 2 3 255\n"));
+  ASSERT_FALSE(wrong.ok());
+  EXPECT_NE(wrong.error().what.find("names none of the labels of " + file.string() +
+                                    ", which are 1, 2, 3, but 95, 83"),
+            std::string::npos)
+      << wrong.error().message();
+  for (const auto& [name, text] : {std::pair{"a.ctbl", "# value name\n"},
+                                   {"a.tsv", "value\tname\n"},
+                                   {"a.csv", "value,name\n"},
+                                   {"a.label", "# ITK-SnAP\n"},
+                                   {"a.json", "{}"}}) {
+    const auto none = read_label_names(write_text(folder / name, text));
+    ASSERT_FALSE(none.ok()) << name;
+    EXPECT_NE(none.error().what.find("names no label"), std::string::npos) << none.error().message();
+  }
+  // one that lies there with the map's name is warned of
+  write_text(folder / "labels.ctbl", "95 femur 1 2 3 255\n");
+  std::string warning;
+  EXPECT_EQ(read_labels(file, {}, {}, [&](const std::string& said) { warning = said; })->unnamed.size(), 3u);
+  EXPECT_NE(warning.find("labels.ctbl was not used"), std::string::npos) << warning;
 }
 
 TEST(LabelNames, ABadTableIsAnErrorWhenNamedAndAWarningWhenOnlyLyingThere) {

@@ -55,6 +55,24 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
          " (LPS); --form q or s says which counts, in a scene file: nifti_form";
 }
 
+// names of labels from the file's extensions; a table of them that cannot be read is noted
+Result<void> read_label_names_of(const std::filesystem::path& file, Encoding encoding,
+                                 const NiftiHeader& header, VolumeFile& volume) {
+  constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 20;
+  // of a header by itself they end with the file
+  const std::uint64_t end = header.separate ? kMostBytes : std::min(header.voxels.skip, kMostBytes);
+  if (end <= header.header_bytes + 4) return {};
+  const auto bytes = read_front(file, encoding, static_cast<std::size_t>(end));
+  if (!bytes) return bytes.error();
+  const auto xml = find_caret_extension(*bytes, header.header_bytes, header.swapped);
+  auto fields = parse_caret_labels(xml, file.string());
+  if (fields)
+    volume.segment_fields = *std::move(fields);
+  else
+    volume.notes.push_back(fields.error().what + "; " + fields.error().remedy);
+  return {};
+}
+
 }  // namespace
 
 Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others,
@@ -76,6 +94,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   if (!dims) return dims.error();
 
   VolumeFile volume;
+  if (auto read = read_label_names_of(file, *encoding, *header, volume); !read) return read.error();
   volume.voxels = header->voxels;
   volume.voxels.file = file;
   volume.voxels.encoding = *encoding;

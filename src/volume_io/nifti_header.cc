@@ -249,8 +249,10 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   if (!std::isfinite(f.offset) || f.offset < 0 || f.offset > 1e9)
     return bad_input(source, "its vox_offset is damaged");
   header.voxels.skip = static_cast<std::uint64_t>(f.offset);
-  const std::uint64_t header_bytes = version->second ? kNifti2Bytes : kNifti1Bytes;
-  if (!header.separate && header.voxels.skip < header_bytes) header.voxels.skip = header_bytes + 4;
+  header.header_bytes = version->second ? kNifti2Bytes : kNifti1Bytes;
+  header.swapped = version->swap;
+  if (!header.separate && header.voxels.skip < header.header_bytes)
+    header.voxels.skip = header.header_bytes + 4;
 
   // slope 0 means that the values stand as they are
   if (std::isfinite(f.slope) && f.slope != 0) {

@@ -67,6 +67,11 @@ bool is_scaled(const VoxelSource& source) {
   return source.slope != 1 || source.intercept != 0;
 }
 
+ReadAs& read_as_of_process() {
+  static ReadAs kind = ReadAs::kByContent;
+  return kind;
+}
+
 // Segments in the file, or a table that names half of the labels, say that they are labels however they look.
 bool says_labels(const LabelFile& file) {
   return file.header.has_segments || file.header.meaning == ValueMeaning::kLabels ||
@@ -78,6 +83,11 @@ Error taken_for_labels(const std::filesystem::path& file, std::size_t values) {
                    "looks like a scan, not like a label map: " + std::to_string(values) +
                        " values, which change from voxel to voxel",
                    "give it as the scan; if it is a label map, name its labels in a table (--names)");
+}
+
+Error unclear_content(const std::filesystem::path& file, const std::string& evidence) {
+  return bad_input(file.string(), "may be a label map or a scan: " + evidence,
+                   "say which it is: --labels " + file.string() + ", or --scan " + file.string());
 }
 
 Error out_of_memory(const std::filesystem::path& file) {
@@ -123,7 +133,10 @@ class LabelSink {
     for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
       LabelId label = 0;
       if (!to_label(stored, scaled, label)) {
-        if (!wrong) wrong = n;
+        if (is_large_id(stored, scaled))
+          large_ids_.insert(static_cast<std::uint64_t>(stored));
+        else if (!wrong)
+          wrong = n;
         return;
       }
       // one layer is the rule, and a division for each voxel would show
@@ -136,7 +149,14 @@ class LabelSink {
       present_[layer][label] = 1;
     });
     if (wrong) return not_a_label(*wrong);
+    // a scan of 32 bits has any number of them
+    if (large_ids_.size() > kValues) return has_large_ids();
     return {};
+  }
+  /// After the last voxel. Errors: ids above 65535.
+  Result<void> check_ids() const {
+    if (large_ids_.empty()) return {};
+    return has_large_ids();
   }
 
   /// All voxels at once, where they were kept.
@@ -186,10 +206,37 @@ class LabelSink {
         return true;
       }
     }
-    const double value = file_.voxels.slope * static_cast<double>(stored) + file_.voxels.intercept;
+    double value = file_.voxels.slope * static_cast<double>(stored) + file_.voxels.intercept;
+    // a slope of 32 bits, as NIfTI's, is exact to 6e-8
+    constexpr double kSlopeRounding = 1e-6;
+    if (scaled && std::abs(value - std::round(value)) <= kSlopeRounding * std::max(1.0, value))
+      value = std::round(value);
     if (!(value >= 0 && value <= 65535) || value != std::floor(value)) return false;
     label = static_cast<LabelId>(value);
     return true;
+  }
+  template <class T>
+  static bool is_large_id(T stored, bool scaled) {
+    if constexpr (std::is_integral_v<T>)
+      return !scaled && std::cmp_greater_equal(stored, kValues);
+    else
+      return false;
+  }
+  Error has_large_ids() const {
+    constexpr std::size_t kNamed = 3;
+    std::string some;
+    for (auto id = large_ids_.begin(); id != large_ids_.end() && std::distance(large_ids_.begin(), id) <
+                                                                     static_cast<std::ptrdiff_t>(kNamed);
+         ++id)
+      some += (some.empty() ? "" : ", ") + std::to_string(*id);
+    const std::size_t count = large_ids_.size();
+    const std::string number =
+        count > kValues ? "more than " + std::to_string(kValues) : std::to_string(count);
+    return bad_input(file_.voxels.file.string(),
+                     "has " + number + (count == 1 ? " label" : " labels") + " above 65535 (" + some +
+                         (count > kNamed ? ", ..." : "") + "), and labels are read in 0 ... 65535",
+                     "give the labels smaller numbers, each its own, and their names by these; a scan is "
+                     "given as the scan (--scan)");
   }
   Error not_a_label(std::uint64_t n) const {
     const auto& dims = file_.header.geometry.dims;
@@ -206,6 +253,7 @@ class LabelSink {
   const VolumeFile& file_;
   std::vector<std::vector<LabelId>> layers_;
   std::vector<std::vector<char>> present_;  // by layer and value
+  std::set<std::uint64_t> large_ids_;       // above 65535
 };
 
 // Names from a table put over those that the file has.
@@ -225,6 +273,11 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
   auto declared = parse_segment_fields(file.segment_fields, file.header.layers, file.voxels.file.string());
   if (!declared) return declared.error();
   std::vector<Segment> segments = std::move(*declared);
+  // a label table names whatever there may be, a segmentation what there is
+  if (file.header.format == "NIfTI")
+    std::erase_if(segments, [&](const Segment& s) {
+      return !sink.present(static_cast<std::size_t>(s.layer), s.value);
+    });
   std::set<std::pair<int, LabelId>> known;
   for (const Segment& s : segments) known.emplace(s.layer, s.value);
   for (int layer = 0; layer < file.header.layers && segments.size() < kValues; ++layer)
@@ -238,20 +291,112 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
   return segments;
 }
 
-// the table that names the labels: the one given, else one that stands beside the file, else nothing
-Result<std::vector<NamedLabel>> find_names(const VolumeFile& file, const std::filesystem::path& labels,
-                                           const std::optional<std::filesystem::path>& given,
-                                           const Warn& warn) {
-  if (given) return read_label_names(*given);
-  if (file.header.has_segments && file.header.format != kColouredPictures) return std::vector<NamedLabel>();
-  const auto table = table_beside(labels);
-  if (!table) return std::vector<NamedLabel>();
-  const auto stays = check_stays_in(labels.parent_path(), *table);
-  auto names = stays ? read_label_names(*table) : stays.error();
-  if (names) return names;
+struct FoundNames {
+  std::vector<NamedLabel> names;
+  NameSource source = NameSource::kNone;
+  std::optional<std::filesystem::path> table = {};
+  std::vector<std::filesystem::path> others = {};  // volumes that the table may belong to as well
+};
+
+// the table that may name the labels: the one given, else one that stands beside the file
+Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::path& labels,
+                              const std::optional<std::filesystem::path>& given,
+                              const std::optional<std::filesystem::path>& scan, const Warn& warn) {
+  if (given) {
+    auto names = read_label_names(*given);
+    if (!names) return names.error();
+    return FoundNames{*std::move(names), NameSource::kGivenTable, given};
+  }
+  if (file.header.has_segments && file.header.format != kColouredPictures) return FoundNames{};
+  const auto table = table_beside(labels, scan);
+  if (!table) return FoundNames{};
+  const auto stays = check_stays_in(labels.parent_path(), table->file);
+  auto names = stays ? read_label_names(table->file) : stays.error();
+  if (names)
+    return FoundNames{*std::move(names), table->has_own_name ? NameSource::kOwnTable : NameSource::kOnlyTable,
+                      table->file, table->others};
   // nobody asked for this table: it may be about something else
-  if (warn) warn(names.error().message() + "\n  the table was not used, the labels stay without names");
-  return std::vector<NamedLabel>();
+  if (warn && table->others.empty())
+    warn(names.error().message() + "\n  the table was not used, the labels stay without names");
+  return FoundNames{};
+}
+
+// Whether a volume may be a label map, by its header or else by its first values that are not 0.
+bool may_be_labels(const std::filesystem::path& file) {
+  constexpr std::size_t kEnough = std::size_t{1} << 20;
+  const Progress silent;
+  auto reader = VolumeReader::open(file, silent);
+  if (!reader) return false;
+  const VolumeFile& volume = reader->file();
+  const VolumeHeader& header = volume.header;
+  if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return true;
+  if (header.meaning == ValueMeaning::kMeasured) return false;
+  std::vector<float> values;
+  // data that end early say enough as well
+  (void)reader->stream([&](std::uint64_t first, std::span<const std::byte> bytes) -> Result<void> {
+    with_type(volume.voxels.component, [&](auto type) {
+      for_each_value<decltype(type)>(first, bytes, [&](std::uint64_t, auto stored) {
+        const double value = volume.voxels.slope * static_cast<double>(stored) + volume.voxels.intercept;
+        if (value != 0) values.push_back(static_cast<float>(value));
+      });
+    });
+    if (values.size() >= kEnough) return bad_input(file.string(), "no more values are needed");
+    return {};
+  });
+  return content_by_values(statistics_of(values)).kind != VolumeContent::Kind::kScan;
+}
+
+template <class IsPresent>
+std::size_t count_named(const std::vector<NamedLabel>& names, const IsPresent& is_present) {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      names, [&](const NamedLabel& named) { return named.value != 0 && is_present(named.value); }));
+}
+
+// "1, 2, 3 and 7 more"
+std::string some_of(const std::vector<LabelId>& values) {
+  constexpr std::size_t kNamed = 3;
+  std::string text;
+  for (std::size_t n = 0; n < std::min(kNamed, values.size()); ++n)
+    text += (n == 0 ? "" : ", ") + std::to_string(values[n]);
+  if (values.size() > kNamed) text += " and " + std::to_string(values.size() - kNamed) + " more";
+  return text;
+}
+
+// Whether a table belongs to the label map. What is not used is warned of; one that was given and names
+// nothing is an error.
+Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& segments,
+                           const std::filesystem::path& labels, const Warn& warn) {
+  if (!found.table || segments.empty()) return found.table.has_value();
+  const std::size_t named = count_named(found.names, [&](LabelId value) {
+    return std::ranges::find(segments, value, &Segment::id) != segments.end();
+  });
+  std::vector<LabelId> in_map, in_table;
+  for (const Segment& segment : segments) in_map.push_back(segment.id);
+  for (const NamedLabel& label : found.names)
+    if (label.value != 0) in_table.push_back(label.value);
+  const std::string table = found.table->string();
+  const auto not_used = [&](const std::string& why) {
+    if (warn)
+      warn(table + " was not used for " + labels.string() + ": " + why + "; --names " + table + " uses it");
+    return false;
+  };
+  if (named == 0) {
+    const std::string why = "it names none of its labels, which are " + some_of(in_map) + ", but " +
+                            (in_table.empty() ? std::string("0 alone") : some_of(in_table));
+    if (found.source == NameSource::kGivenTable)
+      return bad_input(table,
+                       "names none of the labels of " + labels.string() + ", which are " + some_of(in_map) +
+                           ", but " + (in_table.empty() ? std::string("0 alone") : some_of(in_table)),
+                       "give the table of this label map");
+    return not_used(why);
+  }
+  if (found.source != NameSource::kOnlyTable) return true;
+  if (10 * named < 9 * segments.size())
+    return not_used("it names " + std::to_string(named) + " of its " + std::to_string(segments.size()) +
+                    " labels, and may be another's");
+  const auto rival = std::ranges::find_if(found.others, may_be_labels);
+  if (rival != found.others.end()) return not_used("it may as well be that of " + rival->filename().string());
+  return true;
 }
 
 // the values of a scan, none of which is not a number
@@ -324,11 +469,12 @@ std::string left_out_of_name(const std::string& name) {
 }
 
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
-                              const std::optional<std::filesystem::path>& names, const Progress& progress,
+                              const std::optional<std::filesystem::path>& names,
+                              const std::optional<std::filesystem::path>& scan, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked) {
   const VolumeFile& file = reader.file();
-  const auto table = find_names(file, path, names, warn);
-  if (!table) return table.error();
+  const auto found = find_names(file, path, names, scan, warn);
+  if (!found) return found.error();
   const auto layers = static_cast<std::uint64_t>(file.header.layers);
   if (auto plausible = check_plausible(file, sizeof(LabelId), layers * kValues); !plausible)
     return plausible.error();
@@ -343,6 +489,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
                        [&](auto type) { return sink.take<decltype(type)>(first, bytes); });
     });
     if (!read) return read.error();
+    if (const auto checked = sink.check_ids(); !checked) return checked.error();
     sink.keep(kept);
   }
   for (const std::string& note : file.notes)
@@ -350,14 +497,23 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
-  apply_names(*table, file.header.format == kColouredPictures, *segments);
+  const auto belongs = check_belongs(*found, *segments, path, warn);
+  if (!belongs) return belongs.error();
+  if (*belongs) apply_names(found->names, file.header.format == kColouredPictures, *segments);
+  std::error_code unknown;
+  NameSource source = *belongs                                       ? found->source
+                      : !file.header.has_segments                    ? NameSource::kNone
+                      : std::filesystem::is_directory(path, unknown) ? NameSource::kFileName
+                                                                     : NameSource::kFile;
   // a mask of one structure is called after its file
   if (segments->size() == 1 && segments->front().name.empty()) {
     const AnatomyInName own = name_of_mask(path);
     segments->front().name = own.name;
+    if (!own.name.empty()) source = NameSource::kFileName;
     if (own.left_out && warn) warn(path.string() + ": " + left_out_of_name(own.name));
   }
-  LabelFile result{file.header, {sink.take_layers(), std::move(*segments)}, {}};
+  LabelFile result{file.header, {sink.take_layers(), std::move(*segments)}, {}, source};
+  if (*belongs) result.names_table = found->table;
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
   if (says_labels(result) || !looks_like_scan(result.labels)) return result;
@@ -365,6 +521,36 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   if (doubtful == Doubtful::kRefused) return taken;
   if (warn) warn(taken.message());
   return result;
+}
+
+// whether a table that stands beside a volume, or was given, says that its values are labels
+std::optional<std::string> evidence_by_table(const ValueStatistics& values, const std::filesystem::path& file,
+                                             const std::optional<std::filesystem::path>& given) {
+  if (!values.only_whole || values.distinct == 0) return std::nullopt;
+  if (given) return "its values are whole numbers, and a table was given";
+  const auto beside = table_beside(file, {});
+  if (!beside || !check_stays_in(file.parent_path(), beside->file)) return std::nullopt;
+  const auto names = read_label_names(beside->file);
+  if (!names) return std::nullopt;
+  const std::size_t named = count_named(*names, [&](LabelId value) { return values.is_present[value] != 0; });
+  const bool belongs = beside->has_own_name ? 2 * named >= values.distinct
+                                            : 10 * named >= 9 * values.distinct &&
+                                                  std::ranges::none_of(beside->others, may_be_labels);
+  if (!belongs) return std::nullopt;
+  return beside->file.string() + " names " + std::to_string(named) + " of its " +
+         std::to_string(values.distinct) + " values";
+}
+
+VolumeContent what_it_holds(const ScanFile& scan, const std::filesystem::path& file,
+                            const std::optional<std::filesystem::path>& names) {
+  using Kind = VolumeContent::Kind;
+  if (read_as() == ReadAs::kScan) return {Kind::kScan, ""};
+  if (scan.header.meaning == ValueMeaning::kMeasured && !names) return {Kind::kScan, "its header says so"};
+  const ValueStatistics values = statistics_of(scan.scan.voxels());
+  if (const auto evidence = evidence_by_table(values, file, names)) return {Kind::kLabels, *evidence};
+  if (!values.only_whole && has_large_ids(scan.scan.voxels()))
+    return {Kind::kLabels, "its values are whole numbers in patches"};
+  return content_by_values(values);
 }
 
 }  // namespace
@@ -375,6 +561,42 @@ void set_placing(const Placing& placing) {
 
 const Placing& placing() {
   return placing_of_process();
+}
+
+void set_read_as(ReadAs kind) {
+  read_as_of_process() = kind;
+}
+
+ReadAs read_as() {
+  return read_as_of_process();
+}
+
+std::string_view words_of(NameSource source) {
+  switch (source) {
+    case NameSource::kNone:
+      return "nowhere";
+    case NameSource::kFile:
+      return "the file itself";
+    case NameSource::kFileName:
+      return "words of anatomy in its file names";
+    case NameSource::kGivenTable:
+      return "a table that was given for it";
+    case NameSource::kOwnTable:
+      return "a table beside it with its name";
+    case NameSource::kOnlyTable:
+      return "the only table beside it, which names its values";
+  }
+  return "";
+}
+
+std::string origin_of_names(const LabelFile& labels) {
+  const std::size_t all = labels.labels.segments.size(), unnamed = labels.unnamed.size();
+  const std::string many = std::to_string(all) + (all == 1 ? " label" : " labels");
+  if (all == unnamed) return "no name for its " + many;
+  return (unnamed == 0 ? many : std::to_string(all - unnamed) + " of " + many) +
+         (all - unnamed == 1 ? " has its name from " : " have their names from ") +
+         (labels.names_table ? labels.names_table->string() + ", " : "") +
+         std::string(words_of(labels.name_source));
 }
 
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume) try {
@@ -393,21 +615,33 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   using Volumes = std::variant<ScanFile, LabelFile>;
   auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process({}));
   if (!reader) return reader.error();
-  const auto labels = [&]() -> Result<Volumes> {
-    auto read = take_labels(*reader, file, names, progress, warn, Doubtful::kRefused, unpacked);
+  const auto labels = [&](const std::string& evidence) -> Result<Volumes> {
+    const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
+    auto read = take_labels(*reader, file, names, {}, progress, warn, doubtful, unpacked);
     if (!read) return read.error();
+    read->evidence = evidence;
     return Volumes(*std::move(read));
   };
   const VolumeHeader& header = reader->file().header;
-  if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return labels();
+  if (read_as() == ReadAs::kLabels) return labels("");
+  if (read_as() != ReadAs::kScan) {
+    if (header.has_segments || header.layers > 1) return labels("it holds segments");
+    if (header.meaning == ValueMeaning::kLabels) return labels("its header says so");
+  }
+  std::string evidence;
   {
     auto scan = take_scan(*reader, file, progress, warn, unpacked);
     if (!scan) return scan.error();
-    const bool are_labels = names ? could_be_labels(scan->scan.voxels(), false) : looks_like_labels(*scan);
-    if (!are_labels) return Volumes(*std::move(scan));
+    const VolumeContent content = what_it_holds(*scan, file, names);
+    if (content.kind == VolumeContent::Kind::kUnclear) return unclear_content(file, content.evidence);
+    if (content.kind == VolumeContent::Kind::kScan) {
+      scan->evidence = content.evidence;
+      return Volumes(*std::move(scan));
+    }
+    evidence = content.evidence;
   }
   // the scan's memory is free again
-  return labels();
+  return labels(evidence);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }
@@ -437,13 +671,14 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, Unpacked unpacked,
-                              const GridGeometry* scan_grid, const Placing& placing) try {
+                              const GridGeometry* scan_grid, const Placing& placing,
+                              const std::optional<std::filesystem::path>& scan) try {
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan and not labels",
                      "give it as the scan, and a label map beside it");
   auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placing));
   if (!reader) return reader.error();
-  return take_labels(*reader, file, names, progress, warn, doubtful, unpacked);
+  return take_labels(*reader, file, names, scan, progress, warn, doubtful, unpacked);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }

@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <random>
 
 #include "base/test_files.h"
 #include "palpate/volume_io/volume_io.h"
@@ -12,6 +14,8 @@
 
 namespace palpate {
 namespace {
+
+using volume_io::VolumeContent;
 
 using test::TemporaryFolder;
 using test::write_text;
@@ -102,7 +106,7 @@ std::filesystem::path write_row(const TemporaryFolder& folder, const std::vector
                     nrrd("int16", std::to_string(values.size()) + " 1 1", "encoding: ascii\n", text));
 }
 
-TEST(ReadVolume, LabelsAreWholeFewAndInPatches) {
+TEST(ReadVolume, LabelsAreWholeAndInPatches) {
   const TemporaryFolder folder;
   const auto are_labels = [&](const std::vector<int>& values) {
     const auto volume = read_volume(write_row(folder, values));
@@ -112,7 +116,7 @@ TEST(ReadVolume, LabelsAreWholeFewAndInPatches) {
   EXPECT_TRUE(are_labels({0, 1, 1, 1, 2, 2, 2, 0}));
   EXPECT_FALSE(are_labels({0, 1, 2, 3, 4, 5, 6, 0})) << "they change from voxel to voxel";
   EXPECT_FALSE(are_labels({-1, 1, 1, 1, 2, 2, 2, 0}));
-  EXPECT_FALSE(are_labels({0, 5000, 5000, 5000, 0}));
+  EXPECT_TRUE(are_labels({0, 5000, 5000, 5000, 0})) << "by patches, whatever the numbers";
   EXPECT_FALSE(are_labels({0, 0, 0})) << "nothing is no label map";
 }
 
@@ -348,34 +352,192 @@ TEST(Read, WhatIsNoVolumeFileIsAClearError) {
   }
 }
 
-// Volumes of more than a million voxels are looked at in pieces, on several threads.
-TEST(Read, WhatCouldBeLabelsIsSeenInEveryPiece) {
-  using volume_io::could_be_labels;
+// Volumes of more than a million voxels are counted in pieces, on several threads.
+TEST(ContentOf, CountsEveryPiece) {
+  using volume_io::statistics_of;
   constexpr std::size_t kVoxels = (std::size_t{5} << 19) + 17, kPiece = std::size_t{1} << 20;
   std::vector<float> voxels(kVoxels);
-  EXPECT_FALSE(could_be_labels(voxels, false)) << "background alone";
+  EXPECT_EQ(statistics_of(voxels).distinct, 0u);
   for (const std::size_t at : {std::size_t{0}, kPiece - 1, kPiece, kVoxels - 1}) {
-    for (const float value : {1.F, 4096.F}) {
+    for (const float value : {1.F, 65535.F}) {
       voxels[at] = value;
-      EXPECT_TRUE(could_be_labels(voxels, true)) << value << " at " << at;
+      const volume_io::ValueStatistics one = statistics_of(voxels);
+      EXPECT_EQ(one.distinct, 1u);
+      EXPECT_TRUE(one.is_present[static_cast<std::size_t>(value)]) << value << " at " << at;
     }
-    for (const float value : {-1.F, 0.5F, 4097.F, std::numeric_limits<float>::quiet_NaN()}) {
+    for (const float value : {-1.F, 0.5F, 65536.F, std::numeric_limits<float>::quiet_NaN()}) {
       voxels[at] = value;
-      EXPECT_FALSE(could_be_labels(voxels, false)) << value << " at " << at;
+      EXPECT_FALSE(statistics_of(voxels).only_whole) << value << " at " << at;
     }
     voxels[at] = 0;
   }
-  // in patches neighbours are equal: here one pair is, and one across two pieces is not
+  // pairs within a piece and across two; a run across two pieces is one
   voxels[10] = voxels[11] = voxels[kPiece - 1] = 2;
   voxels[kPiece] = 3;
-  EXPECT_TRUE(could_be_labels(voxels, true));
-  voxels[kPiece + 1] = 4;
-  EXPECT_FALSE(could_be_labels(voxels, true));
-  EXPECT_TRUE(could_be_labels(voxels, false));
-  // labels that only one piece has count once all together
-  for (std::size_t n = 0; n < 300; ++n) voxels[n * 8000] = static_cast<float>(10 + n);
-  voxels[kPiece + 1] = 3;
-  EXPECT_FALSE(could_be_labels(voxels, true));
+  voxels[kPiece + 1] = 9;
+  for (std::size_t n = 0; n < 6; ++n) voxels[2 * kPiece - 3 + n] = 7;
+  const volume_io::ValueStatistics some = statistics_of(voxels);
+  EXPECT_EQ(some.distinct, 4u);
+  EXPECT_EQ(some.equal, 1u + 5u);
+  EXPECT_EQ(some.unequal, 2u);
+  EXPECT_EQ(some.near, 1u);
+  EXPECT_EQ(some.median_run, 1.5) << "2: 3 voxels in 2 runs, 3 and 9 one, 7 six in one: the upper median";
+}
+
+// ---- volumes as they are met ----------------------------------------------------------------------------
+
+// 48 voxels along each axis, indexed i first
+constexpr int kSide = 48;
+template <class Value>
+std::vector<int> cube(const Value& value) {
+  std::vector<int> values;
+  for (int k = 0; k < kSide; ++k)
+    for (int j = 0; j < kSide; ++j)
+      for (int i = 0; i < kSide; ++i) values.push_back(value(i, j, k));
+  return values;
+}
+
+VolumeContent::Kind kind_of_values(const std::vector<int>& values) {
+  return volume_io::content_by_values(volume_io::statistics_of({values.begin(), values.end()})).kind;
+}
+
+double radius(int i, int j, int k) {
+  const double middle = 0.5 * (kSide - 1);
+  return std::hypot(i - middle, j - middle, k - middle);
+}
+
+TEST(ContentOf, GreyValuesOfEightBitsAreAScan) {
+  using Kind = VolumeContent::Kind;
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 1);
+  const auto grey = [](double value) { return static_cast<int>(std::clamp(std::round(value), 0.0, 255.0)); };
+  // a micro-CT: saturated metal or bone, and noise in what is left, nothing outside of the field of view
+  const auto micro_ct = cube([&](int i, int j, int k) {
+    const double r = radius(i, j, k);
+    return r > 23 ? 0 : r < 19 ? 255 : grey(100 + 30 * noise(random));
+  });
+  EXPECT_EQ(kind_of_values(micro_ct), Kind::kScan);
+  // the same without noise, blurred: steps of a grey value or two
+  EXPECT_EQ(kind_of_values(cube([&](int i, int j, int k) {
+              const double r = radius(i, j, k);
+              return r > 23 ? 0 : grey(255 - 3 * r);
+            })),
+            Kind::kScan);
+  EXPECT_EQ(kind_of_values(cube([&](int i, int j, int k) {
+              const double r = radius(i, j, k);
+              return r > 23 ? 0 : grey(255 - 0.6 * r);
+            })),
+            Kind::kUnclear)
+      << "shells of two voxels, which an atlas may have as well";
+  // little noise on few tissues
+  EXPECT_EQ(kind_of_values(cube([&](int i, int j, int k) {
+              const double r = radius(i, j, k);
+              return r > 23 ? 0 : grey((r > 12 ? 90 : 160) + 0.6 * noise(random));
+            })),
+            Kind::kScan);
+}
+
+TEST(ContentOf, ParcelsAreLabelsHoweverMany) {
+  using Kind = VolumeContent::Kind;
+  // 512 parcels of 6 x 6 x 6 voxels with gaps, values in no order, up to 65533
+  const auto parcels = cube([](int i, int j, int k) {
+    if (i % 6 == 0 || j % 6 == 0) return 0;
+    const int parcel = i / 6 + 8 * (j / 6) + 64 * (k / 6);
+    return 1 + (parcel * 7919) % 65533;
+  });
+  EXPECT_EQ(kind_of_values(parcels), Kind::kLabels);
+  // numbered along i, so that neighbours differ by 1
+  EXPECT_EQ(kind_of_values(cube([](int i, int j, int k) { return 1 + i / 6 + 8 * (j / 6) + 64 * (k / 6); })),
+            Kind::kUnclear);
+  EXPECT_EQ(kind_of_values(cube([](int i, int, int) { return 1 + i / 6; })), Kind::kLabels);
+  // a fine atlas, two voxels wide
+  EXPECT_EQ(kind_of_values(cube(
+                [](int i, int j, int k) { return 1 + (i / 2 + 24 * (j / 8) + 144 * (k / 8)) * 97 % 6000; })),
+            Kind::kLabels);
+}
+
+TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
+  const TemporaryFolder folder;
+  const auto read_row = [&](const std::vector<int>& row) { return read_volume(write_row(folder, row)); };
+  const auto labels = read_row({0, 1, 1, 1, 2, 2, 2, 0});
+  ASSERT_TRUE(labels.ok());
+  EXPECT_EQ(std::get<LabelFile>(*labels).evidence, "its 2 values lie in patches");
+  const auto scan = read_row({0, 1, 2, 3, 4, 5, 6, 0});
+  ASSERT_TRUE(scan.ok());
+  EXPECT_EQ(std::get<ScanFile>(*scan).evidence, "its 6 values change from voxel to voxel");
+  const auto negative = read_row({-1, 1, 1, 1});
+  ASSERT_TRUE(negative.ok());
+  EXPECT_NE(std::get<ScanFile>(*negative).evidence.find("other than whole numbers"), std::string::npos);
+
+  std::vector<int> stairs;
+  for (int n = 0; n < 800; ++n) stairs.push_back(1 + n / 8);
+  const auto unclear = read_row(stairs);
+  ASSERT_FALSE(unclear.ok());
+  const std::string file = (folder / "row.nrrd").string();
+  EXPECT_NE(unclear.error().what.find("may be a label map or a scan: its 100 values"), std::string::npos);
+  EXPECT_NE(unclear.error().remedy.find("--labels " + file), std::string::npos) << unclear.error().message();
+  EXPECT_NE(unclear.error().remedy.find("--scan " + file), std::string::npos);
+
+  // who says it is believed, against the evidence too
+  set_read_as(ReadAs::kLabels);
+  EXPECT_TRUE(std::holds_alternative<LabelFile>(*read_row(stairs)));
+  EXPECT_TRUE(std::holds_alternative<LabelFile>(*read_row({0, 1, 2, 3, 4, 5, 6, 0})));
+  set_read_as(ReadAs::kScan);
+  EXPECT_TRUE(std::holds_alternative<ScanFile>(*read_row(stairs)));
+  EXPECT_TRUE(std::holds_alternative<ScanFile>(*read_row({0, 1, 1, 1, 2, 2, 2, 0})));
+  set_read_as(ReadAs::kByContent);
+}
+
+// an atlas changes from voxel to voxel where it is fine: its table says what it is
+TEST(ReadVolume, ATableBesideAVolumeSaysThatItHoldsLabels) {
+  const TemporaryFolder folder;
+  std::vector<int> fine;
+  for (int n = 0; n < 300; ++n) fine.push_back(1 + n * 13 % 4100);
+  std::string table;
+  for (const int value : fine)
+    table += std::to_string(value) + " gyrus_" + std::to_string(value) + " 1 2 3 255\n";
+  const auto file = write_row(folder, fine);
+  const auto is_labels = [&] {
+    const auto volume = read_volume(file);
+    EXPECT_TRUE(volume.ok()) << volume.error().message();
+    return volume.ok() && std::holds_alternative<LabelFile>(*volume);
+  };
+  EXPECT_FALSE(is_labels());
+  write_text(folder / "row.ctbl", table);
+  ASSERT_TRUE(is_labels());
+  const auto labels = std::get<LabelFile>(*read_volume(file));
+  EXPECT_NE(labels.evidence.find("row.ctbl names 300 of its 300 values"), std::string::npos)
+      << labels.evidence;
+  EXPECT_EQ(labels.name_source, NameSource::kOwnTable);
+  EXPECT_TRUE(labels.unnamed.empty());
+
+  // one of another name has to name every value
+  std::filesystem::rename(folder / "row.ctbl", folder / "gyri.ctbl");
+  EXPECT_TRUE(is_labels());
+  write_text(folder / "gyri.ctbl", table.substr(0, table.find('\n', table.size() / 2) + 1));
+  EXPECT_FALSE(is_labels());
+}
+
+// ids that a float holds alike stay two
+TEST(ReadVolume, LabelsAbove65535AreRefusedWithTheirNumber) {
+  const TemporaryFolder folder;
+  const auto write_ids = [&](const std::string& values, int count) {
+    return write_text(folder / "ids.nrrd",
+                      nrrd("uint32", std::to_string(count) + " 1 1", "encoding: ascii\n", values));
+  };
+  const auto file = write_ids("0 614454277 614454277 614454278 614454278 3 3 0", 8);
+  for (const auto& error : {read_labels(file).error(), read_volume(file).error()}) {
+    EXPECT_NE(error.what.find("has 2 labels above 65535 (614454277, 614454278)"), std::string::npos)
+        << error.message();
+    EXPECT_NE(error.remedy.find("--scan"), std::string::npos);
+  }
+  EXPECT_TRUE(read_scan(file).ok());
+  EXPECT_NE(read_labels(write_ids("0 65536 65536 1", 4)).error().what.find("has 1 label above 65535 (65536)"),
+            std::string::npos);
+  // a scan of 32 bits changes from voxel to voxel
+  const auto scan = read_volume(write_ids("70000 70010 70020 69000 68000 1", 6));
+  ASSERT_TRUE(scan.ok()) << scan.error().message();
+  EXPECT_TRUE(std::holds_alternative<ScanFile>(*scan));
 }
 
 // ---- NIfTI with two placements ------------------------------------------------------------------

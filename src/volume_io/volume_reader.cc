@@ -47,7 +47,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
 
 // what the header does not say in so many words
 void name_format(const Format& format, VolumeFile& volume) {
-  volume.header.format = volume.header.has_segments ? "Slicer segmentation (NRRD)" : format.name;
+  const bool is_slicer = volume.header.has_segments && format.writer == ItkFormat::kNrrd;
+  volume.header.format = is_slicer ? "Slicer segmentation (NRRD)" : format.name;
   volume.header.component_type = name_of(volume.voxels.component);
 }
 

@@ -37,7 +37,7 @@ class Render(cli.KneeTest):
         seen = {self.render(*arguments) for arguments in (
             [], ["--from", "left"], ["--from", "superior"], ["--turn", "30"], ["--tilt=-20"], ["--perspective"], ["--at", "5,5,5"],
             ["--cut", "anterior"], ["--size", "60"], ["--only", "femur"], ["--hide", "femur"], ["--hide", "femur", "--hide", "tibia"],
-            ["--scan", "1"], ["--scan", "0.6"], ["--scan", "1", "--window=0,100"])}
+            ["--scan-opacity", "1"], ["--scan-opacity", "0.6"], ["--scan-opacity", "1", "--window=0,100"])}
         self.assertEqual(len(seen), 15)
 
     def test_the_same_command_makes_the_same_picture(self):
@@ -113,8 +113,8 @@ class Render(cli.KneeTest):
 
     def test_what_cannot_be_drawn(self):
         for arguments, words in ((["--from", "above"], "--from"), (["--only", "femurr"], 'no structure is called "femurr"'),
-                                 (["--tilt", "91"], "--tilt"), (["--orbit", "1"], "--orbit"), (["--pixels", "100"], "--pixels"), (["--scan", "2"], "--scan"), (["--window=0,100"], "draw it with --scan"),
-                                 (["--scan", "1", "--window=5,5"], "--window")):
+                                 (["--tilt", "91"], "--tilt"), (["--orbit", "1"], "--orbit"), (["--pixels", "100"], "--pixels"), (["--scan-opacity", "2"], "--scan-opacity"), (["--window=0,100"], "draw it with --scan-opacity"),
+                                 (["--scan-opacity", "1", "--window=5,5"], "--window")):
             with self.subTest(arguments):
                 output = self.folder / "none.png"
                 done = cli.run("render", self.scene, "-o", output, *arguments)

@@ -148,7 +148,7 @@ class SceneTest(cli.PalpateTest):
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertRegex(said(scene), "^unknown; say side")
         write_nrrd(labels, lambda i, j, k: block(i, j, k) * (1 + (i > 6)), GEOMETRY.format(1, 1, 1, 0))
-        (self.folder / "names.ctbl").write_text("1 tibia 1 1 1 255\n2 fibula 1 1 1 255\n")
+        labels.with_suffix(".ctbl").write_text("1 tibia 1 1 1 255\n2 fibula 1 1 1 255\n")
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertIn("from the fibula", said(scene))
 

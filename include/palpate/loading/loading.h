@@ -51,6 +51,11 @@ struct LoadedScene {
   std::string proposed = {};
   /// How much of the labels lies inside the scan, where both were read.
   std::optional<LabelPlacement> label_placement = {};
+  /// Where the labels of files have their names from, in one line; empty where the scene or the file says it
+  /// itself.
+  std::string origin_of_names = {};
+  /// The same in a few words, without any file's name; empty without labels of files.
+  std::string names_from = {};
 };
 
 /// How much memory a scene takes, bytes, before it is taken.

@@ -26,6 +26,7 @@ struct ScoredTask {
 struct ReportParts {
   const RehearsedPlan* rehearsed = nullptr;
   const ScoredTask* scored = nullptr;
+  std::string names_from = {};  ///< where the labels have their names from, without a path; empty: not said
 };
 
 /// One self-contained HTML page about a run: sections through each contact, force, depth and speed over

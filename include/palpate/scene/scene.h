@@ -244,6 +244,7 @@ Result<std::vector<std::vector<LabelId>>> resolve_no_go(const Scene& scene, cons
 /// What a new scene is written for: a label map with `labels` naming its file, or a scan alone.
 struct NewSceneInput {
   std::optional<std::filesystem::path> scan = {}, labels = {}, names = {};
+  std::string names_from = {};  ///< where the labels have their names from, a comment of the scene
   const LabelMap* label_map = nullptr;
   const Volume<float>* scan_volume = nullptr;  ///< beside labels only its grid counts
   std::string title = {};

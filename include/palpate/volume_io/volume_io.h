@@ -51,13 +51,33 @@ struct VolumeHeader {
 struct ScanFile {
   VolumeHeader header;
   Volume<float> scan;  ///< integers up to 24 bits are exact
+  std::string evidence =
+      {};  ///< why read_volume() took it as a scan: "its 205 values change from voxel to voxel"
 };
+
+/// Where the names of a label map are from.
+enum class NameSource {
+  kNone,
+  kFile,        ///< the file itself
+  kFileName,    ///< words of its file's name, or of each file's in a folder of them
+  kGivenTable,  ///< the table that the caller named
+  kOwnTable,    ///< a table beside it with its name
+  /// The only table in its folder, where no other label map stands there and it names nine in ten values.
+  kOnlyTable,
+};
+/// "a table beside it with its name"; without any file's name, which may be a patient's.
+std::string_view words_of(NameSource source);
 
 struct LabelFile {
   VolumeHeader header;
   LabelMap labels;
   std::vector<LabelId> unnamed;  ///< labels present in the voxels and named nowhere
+  NameSource name_source = NameSource::kNone;
+  std::optional<std::filesystem::path> names_table = {};  ///< of a table
+  std::string evidence = {};  ///< why read_volume() took it as labels: "its 3 values lie in patches"
 };
+/// "2 of 3 labels have names from knee.tsv, a table beside it with its name"
+std::string origin_of_names(const LabelFile& labels);
 
 /// Whether voxels that take a while to unpack are kept unpacked for the next reading, and taken from there
 /// (palpate/cache/cache.h). Header, names and warnings are those of the files in either case.
@@ -152,8 +172,16 @@ Result<Study> find_study(const std::filesystem::path& scan,
 /// known.
 std::optional<Error> something_else(const std::filesystem::path& file);
 
-/// What a volume holds: of a file that says so, or whose values are whole, few and in patches, labels.
+/// How read_volume() takes a file, whatever its values are like.
+enum class ReadAs { kByContent, kLabels, kScan };
+/// For the whole process, as set_placing().
+void set_read_as(ReadAs kind);
+ReadAs read_as();
+
+/// What a volume holds, unless read_as() says it: labels where its header or a table beside it says so, or
+/// where its values are whole, not negative and in patches.
 /// @param names  as for read_labels; given, whole numbers are enough
+/// Errors: also where the values leave open which it is.
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
                                                       const Progress& progress = {}, const Warn& warn = {},
@@ -165,11 +193,10 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
                            const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew,
                            std::optional<int> volume = {}, const Placing& placing = {});
 
-/// Whether a scan's values are what labels are: by what its file says of them, else whole, few and in
-/// patches.
+/// Whether a scan's values are what labels are: by what its file says of them, else whole and in patches.
 bool looks_like_labels(const ScanFile& file);
-/// Whether labels are what a scan's values are: more than 64, and changing from voxel to voxel, or by small
-/// steps from every third one.
+/// Whether labels are what a scan's values are: more than 64 that change from voxel to voxel, that mostly
+/// stand in single voxels, or that change by small steps from every third voxel on.
 bool looks_like_scan(const LabelMap& labels);
 
 /// What becomes of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
@@ -179,18 +206,22 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// Reads a segmentation. Voxel values must be whole and in 0 ... 65535. DICOM's images are none.
 /// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
 ///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
-///               in the same folder. A single label that is named nowhere is called after the words
-///               of its file's name that are known to be anatomy (structure_in_name).
+///               in the same folder, where no other label map stands there and it names nine in ten values. A
+///               single label that is named nowhere is called after the words of its file's name that are
+///               known to be anatomy (structure_in_name). A given table that names none of the labels is an
+///               error.
 /// @param scan_grid  that of the scan, which the contours of a DICOM structure set are laid on; without one
 /// such a file is
 ///                   an error. Surfaces are laid on it too, and without one on a grid of their own. Other
 ///                   label maps have theirs.
 /// @param placing  what it leaves open is as placing() has it
+/// @param scan     file of the scan, which is no other label map in the folder
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
                               Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew,
-                              const GridGeometry* scan_grid = nullptr, const Placing& placing = {});
+                              const GridGeometry* scan_grid = nullptr, const Placing& placing = {},
+                              const std::optional<std::filesystem::path>& scan = {});
 
 /// One line of a colour table.
 struct NamedLabel {
