@@ -276,9 +276,8 @@ Result<LoadedScene> load_scene_or_data_set(const std::string& what, const Progre
   const auto placement = read->volumes.label_placement;
   auto model = build_model(read->scene, std::move(read->volumes), progress, warn, foretell);
   if (!model) return model.error();
-  return LoadedScene{std::move(read->scene),    *std::move(model),
-                     std::move(read->data_set), std::move(read->proposed),
-                     placement,                 std::move(read->origin_of_names),
+  return LoadedScene{std::move(read->scene),     *std::move(model), std::move(read->data_set),
+                     std::move(read->proposed),  placement,         std::move(read->origin_of_names),
                      std::move(read->names_from)};
 }
 

@@ -274,16 +274,17 @@ SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> 
 // two grids: three or more on one line are a shift.
 Vector shift_of_tilt(const std::vector<DicomFrame>& frames, const std::vector<double>& places_mm,
                      const Vector& normal) {
-  const auto [low, high] = std::ranges::minmax_element(places_mm);
-  const double length_mm = *high - *low;
+  const auto [lowest, highest] = std::ranges::minmax_element(places_mm);
+  const double low_mm = *lowest, high_mm = *highest;
+  const double length_mm = high_mm - low_mm;
   const bool between = std::ranges::any_of(places_mm, [&](double place_mm) {
-    return place_mm - *low > kSameSlice_mm && *high - place_mm > kSameSlice_mm;
+    return place_mm - low_mm > kSameSlice_mm && high_mm - place_mm > kSameSlice_mm;
   });
   if (!between) return Vector::Zero();
   const auto frame_at = [&](auto place) -> const DicomFrame& {
     return frames[static_cast<std::size_t>(place - places_mm.begin())];
   };
-  const Vector way = frame_at(high).position - frame_at(low).position;
+  const Vector way = frame_at(highest).position - frame_at(lowest).position;
   return (way - way.dot(normal) * normal) / length_mm;
 }
 

@@ -256,13 +256,17 @@ class LabelSink {
   std::set<std::uint64_t> large_ids_;       // above 65535
 };
 
-// Names from a table put over those that the file has.
+// Whether a line of a table names the segment.
 // @param by_colour  labels are the colours of pictures, which have no numbers of their own
+bool names_segment(const NamedLabel& named, const Segment& segment, bool by_colour) {
+  return by_colour && named.colour ? segment.colour == *named.colour : segment.id == named.value;
+}
+
+// names from a table put over those that the file has
 void apply_names(const std::vector<NamedLabel>& names, bool by_colour, std::vector<Segment>& segments) {
   for (const NamedLabel& named : names)
     for (Segment& s : segments) {
-      const bool meant = by_colour && named.colour ? s.colour == *named.colour : s.id == named.value;
-      if (!meant) continue;
+      if (!names_segment(named, s, by_colour)) continue;
       s.name = named.name;
       if (named.colour) s.colour = *named.colour;
     }
@@ -364,12 +368,14 @@ std::string some_of(const std::vector<LabelId>& values) {
 
 // Whether a table belongs to the label map. What is not used is warned of; one that was given and names
 // nothing is an error.
-Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& segments,
+Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& segments, bool by_colour,
                            const std::filesystem::path& labels, const Warn& warn) {
   if (!found.table || segments.empty()) return found.table.has_value();
-  const std::size_t named = count_named(found.names, [&](LabelId value) {
-    return std::ranges::find(segments, value, &Segment::id) != segments.end();
-  });
+  const auto named = static_cast<std::size_t>(std::ranges::count_if(found.names, [&](const NamedLabel& line) {
+    return line.value != 0 && std::ranges::any_of(segments, [&](const Segment& segment) {
+             return names_segment(line, segment, by_colour);
+           });
+  }));
   std::vector<LabelId> in_map, in_table;
   for (const Segment& segment : segments) in_map.push_back(segment.id);
   for (const NamedLabel& label : found.names)
@@ -497,7 +503,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
 
   auto segments = find_segments(file, sink);
   if (!segments) return segments.error();
-  const auto belongs = check_belongs(*found, *segments, path, warn);
+  const auto belongs = check_belongs(*found, *segments, file.header.format == kColouredPictures, path, warn);
   if (!belongs) return belongs.error();
   if (*belongs) apply_names(found->names, file.header.format == kColouredPictures, *segments);
   std::error_code unknown;

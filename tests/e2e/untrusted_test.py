@@ -280,6 +280,7 @@ class CanaryTest(PalpateTest):
         scene.write_text(f'title = "{in_toml}"\n[data]\nlabels = "{plain.name if name.isprintable() else "plain.nrrd"}"\n'
                          f'[tool]\nname = "{in_toml}"\n[[tissue]]\nname = "{in_toml}"\nlabels = [1]\npreset = "bone"\n')
         (folder / "plain.nrrd").write_bytes(plain.read_bytes())
+        (folder / "plain.tsv").write_bytes(table.read_bytes())
         script.write_text(f'title = "{in_toml}"\n[[step]]\napproach = "{in_toml}"\n')
         run, page = folder / f"{name}.h5", folder / f"{name}.html"
         picture, field = folder / f"{name}.svg", folder / f"{name}.nrrd"

@@ -111,8 +111,7 @@ struct LabelsLeft {
   std::vector<RemovedFigure> removed;
 };
 /// @param model   as the recording began with
-/// @param layers  the labels that the model was made from, on its grid, so that overlapping segments stay
-/// whole;
+/// @param layers  labels that the model was made from, on its grid, of which overlapping segments stay whole;
 ///                null: the labels left have one layer, the model's
 /// Errors: those of replay.
 Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
