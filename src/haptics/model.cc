@@ -27,6 +27,12 @@ std::string Model::name_of(LabelId id) const {
   return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
 }
 
+std::string Model::enclosing_in_words(LabelId id) const {
+  std::string names;
+  for (const LabelId larger : enclosing_of(id)) names += (names.empty() ? "" : ", ") + name_of(larger);
+  return names.empty() ? "" : " (within " + names + ")";
+}
+
 std::string burr_shape(const Tool& tool) {
   if (!tool.burr) return "";
   if (!(tool.burr->length_mm > 0)) return "ball";

@@ -66,6 +66,17 @@ TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
     }
 }
 
+TEST(Swing, IsFoundAtTheTurnThatEndsTheLastOfItsHalves) {
+  constexpr double kLeg_mm = 2, kLeg_s = 0.04;
+  const auto to_and_fro = [](double t) {
+    const double phase = std::fmod(t / kLeg_s, 2);
+    return Vector<World>(-2 + kLeg_mm * (phase < 1 ? phase : 2 - phase), 0, 0);
+  };
+  const double found_s = look_at(to_and_fro, wall_N, 1).found_s;
+  EXPECT_GT(found_s, kSwingFeel.halves * kLeg_s);
+  EXPECT_LT(found_s, (kSwingFeel.halves + 0.25) * kLeg_s);
+}
+
 TEST(Swing, WhatAHandDoesIsNone) {
   for (const double frequency_hz : {8.0, 10.0, 12.0}) {
     SCOPED_TRACE("a tremor of " + std::to_string(frequency_hz) + " Hz");

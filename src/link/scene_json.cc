@@ -94,7 +94,8 @@ Json structures_json(const ViewedScene& scene) {
     structures.push_back({{"label", structure.label},
                           {"name", shown(structure.name)},
                           {"colour", colour_json(structure.colour)},
-                          {"tissue", structure.tissue}});
+                          {"tissue", structure.tissue},
+                          {"within", structure.within}});
   return structures;
 }
 
@@ -190,7 +191,8 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["side"] = scene.side;
   json["oriented"] = scene.oriented;
   json["caveats"] = Json::array();
-  for (const std::string& caveat : scene.caveats) json["caveats"].push_back(shown(caveat));
+  for (const ViewedCaveat& caveat : scene.caveats)
+    json["caveats"].push_back({{"concerns", caveat.concerns}, {"text", shown(caveat.text)}});
   json["modality"] = scene.modality;
   json["volume"] = volume_json(scene, facts);
   json["world_from_patient"] = scene.world_from_patient;

@@ -33,9 +33,10 @@ TEST(SceneJson, HasTheDocumentsKeys) {
     "labels": {"type": "uint8"}})"));
   EXPECT_EQ(json["world_from_patient"],
             Json::parse("[[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]"));
-  EXPECT_EQ(json["structures"],
-            Json::parse(R"([{"label": 1, "name": "femur", "colour": [240, 220, 190], "tissue": 0},
-                            {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1}])"));
+  EXPECT_EQ(
+      json["structures"],
+      Json::parse(R"([{"label": 1, "name": "femur", "colour": [240, 220, 190], "tissue": 0, "within": []},
+                            {"label": 2, "name": "tibia", "colour": [10, 20, 30], "tissue": -1, "within": [1]}])"));
   EXPECT_EQ(json["tissues"], Json::parse(R"([
     {"name": "bone", "felt": true, "protection": "none", "colour": [240, 220, 190], "opacity": 1.0, "stiffness_N_per_mm": 1.5,
      "static_friction": 0.2, "dynamic_friction": 0.15, "viscosity_N_s_per_mm": 0.001, "rests_on": []},
@@ -73,9 +74,10 @@ TEST(SceneJson, WhatIsNotKnownIsNull) {
 
 TEST(SceneJson, HasTheCaveatsOfTheModel) {
   FakeHost host;
-  host.edit_scene().caveats = {"two tissues are felt as one\x1b[2J"};
+  host.edit_scene().caveats = {{"force", "two tissues are felt as one\x1b[2J"}};
   const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, {Role::kView, {}}, false));
-  EXPECT_EQ(json["caveats"], Json::parse(R"(["two tissues are felt as one\\u001b[2J"])"));
+  EXPECT_EQ(json["caveats"],
+            Json::parse(R"([{"concerns": "force", "text": "two tissues are felt as one\\u001b[2J"}])"));
 }
 
 TEST(SceneJson, TellsWhatKeepsAway) {

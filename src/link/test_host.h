@@ -86,7 +86,7 @@ class FakeHost : public ViewerHost {
     scene_.content_hash = 0x0f3a000000000001;
     scene_.window = {12, 480};
     scene_.world_from_patient = {{{1, 0, 0, 0}, {0, 0, 1, 0}, {0, -1, 0, 0}, {0, 0, 0, 1}}};
-    scene_.structures = {{1, "femur", {240, 220, 190}, 0}, {2, "tibia", {10, 20, 30}, -1}};
+    scene_.structures = {{1, "femur", {240, 220, 190}, 0}, {2, "tibia", {10, 20, 30}, -1, {1}}};
     scene_.tissues = {{"bone", true, {240, 220, 190}, 1, {}}, {"skin", false, {1, 2, 3}, 0.25, {0}}};
     scene_.tools = {{"point", 0, false, "cone", {{0, 0, 0}}, {{{0, 0, 0}, {0, 0, 40}, 1.5, 2}}},
                     {"drill", 2, true, "ball", {{0, 0, 0}}, {}, true}};

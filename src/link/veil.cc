@@ -104,6 +104,7 @@ void Veil::hide_structures(const ViewedScene& whole) {
     scene_.structures.push_back(structure);
     ViewedStructure& veiled = scene_.structures.back();
     veiled.name = "structure " + std::to_string(scene_.structures.size());
+    veiled.within.clear();
     if (veiled.tissue >= 0) veiled.tissue = tissue_place_[static_cast<std::size_t>(veiled.tissue)];
   }
 }

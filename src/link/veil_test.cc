@@ -55,15 +55,16 @@ void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
   scene.content_hash = scene.labels->content_hash();
   auto scan = std::make_shared<Volume<float>>(grid);
   scene.scan = scan;
-  scene.structures = {
-      {1, "soft_tissue", {240, 220, 190}, 0}, {2, "nodule", {10, 20, 30}, 1}, {3, "rib", {9, 9, 9}, -1}};
+  scene.structures = {{1, "soft_tissue", {240, 220, 190}, 0, {}},
+                      {2, "nodule", {10, 20, 30}, 1, {1}},
+                      {3, "rib", {9, 9, 9}, -1, {2}}};
   scene.tissues = {{"skin", true, {240, 220, 190}, 1, {}}, {"nodule", true, {1, 2, 3}, 0.25, {0}}};
   scene.tools = {{"point", 0, false, "", {{0, 0, 0}}, {}}};
   scene.tasks = {test_task()};
   scene.tasks[0].regions = {{"block", {}, 0, {}, ViewedTask::Region::Extent{{1, 2}, {}, {}, {}, 0, {}}},
                             {"ball", {}, 0, {}, ViewedTask::Region::Extent{{2}, {}, {}, {}, 0, {}}}};
   for (ViewedTask::Region& region : scene.tasks[0].regions) region = region_in(scene, region);
-  scene.caveats = {"tissues of 0.1 to 0.2 N/mm are felt as one"};
+  scene.caveats = {{"force", "tissues of 0.1 to 0.2 N/mm are felt as one"}};
   scene.no_go = {{"nodule", 1, LabelId{2}}};
   scene.told_reach_mm = 20;
 }
@@ -111,6 +112,7 @@ TEST(Veil, NothingThatIsToldNamesIt) {
   // it is not among structures and tissues, nor in anything that lists them
   ASSERT_EQ(json["structures"].size(), 2u);
   EXPECT_EQ(json["structures"][1]["label"], 3);
+  EXPECT_EQ(json["structures"][1]["within"], Json::array()) << "it may be within a hidden one";
   ASSERT_EQ(json["tissues"].size(), 1u);
   EXPECT_EQ(json["tasks"][0]["to_find"], Json::array());
   EXPECT_EQ(json["tasks"][0]["forces"][0]["labels"], Json({1}));
@@ -211,6 +213,22 @@ TEST(Veil, WhereATipIsPressedInItIsShownOnWhatIsThere) {
   tick.device[0].tip_patient_mm = {15, -5, 12};
   EXPECT_EQ(veil.of(tick).device[0].label, 0);
   EXPECT_EQ(veil.of(tick).device[0].unclamped_force_N, 1.25);
+}
+
+TEST(Veil, WhereAToolMayHaveCutNoContactIsTold) {
+  FakeHost host;
+  hide_a_ball(host);
+  host.edit_scene().tools = {{"burr", 0, true, "ball", {{0, 0, 0}}, {}}};
+  TickRecord tick;
+  tick.device[0].tip_patient_mm = {15, 5, 12};
+  tick.device[0].force_N = {0, 0, 1.25};
+  tick.device[0].limit_N = 3;
+  tick.device[0].label = 2;
+  const DeviceTick seen = Veil(host.scene()).of(tick).device[0];
+  EXPECT_EQ(seen.label, 0);
+  EXPECT_EQ(seen.flags, 0u);
+  EXPECT_TRUE(std::isnan(seen.depth_mm));
+  EXPECT_EQ(seen.proxy_patient_mm, tick.device[0].tip_patient_mm);
 }
 
 TEST(Veil, ARegionOfPlanesAloneIsToldAsItPushes) {

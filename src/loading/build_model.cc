@@ -128,15 +128,17 @@ std::vector<std::uint16_t> preferences(const LabelMap& labels, std::span<const S
   return preference;
 }
 
-// one label for each voxel
+// One label for each voxel.
+// @param enclosing  receives enclosing_segments
 Volume<LabelId> flatten_by_weight(LabelMap labels, const std::vector<std::uint8_t>& weight_of_label,
-                                  ModelParts& parts) {
+                                  ModelParts& parts, std::vector<std::vector<LabelId>>& enclosing) {
   if (labels.layers.size() == 1) {
     const bool as_it_is = std::all_of(labels.segments.begin(), labels.segments.end(),
                                       [](const Segment& s) { return s.id == s.value; });
     return as_it_is ? std::move(labels.layers.front()) : labels.flattened();
   }
   const std::vector<SegmentOverlap> overlaps = segment_overlaps(labels);
+  enclosing = enclosing_segments(overlaps);
   return flatten(labels, overlaps, preferences(labels, overlaps, weight_of_label, parts));
 }
 
@@ -234,11 +236,11 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
 }
 
 // one sentence for each contact layer that merges tissues of different stiffness
-std::vector<std::string> merged_layers(const Model& model) {
+std::vector<Caveat> merged_layers(const Model& model) {
   std::vector<double> stiffnesses;
   for (const Tissue& tissue : model.tissues)
     if (tissue.felt && !model.yields(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
-  std::vector<std::string> sentences;
+  std::vector<Caveat> caveats;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
     if (layer.most_N_per_mm <= kSameStiffness * layer.least_N_per_mm) continue;
     char text[160];
@@ -246,9 +248,9 @@ std::vector<std::string> merged_layers(const Model& model) {
                   "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
                   "contact has at most %d layers of stiffness",
                   layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMostLayers);
-    sentences.emplace_back(text);
+    caveats.push_back({CaveatKind::kForce, text});
   }
-  return sentences;
+  return caveats;
 }
 
 // Regions of the scene, a structure each where they are of structures.
@@ -312,7 +314,8 @@ ToldDistances told_distances_of(const DistanceSettings& settings, const ModelPar
 struct ReadyParts {
   ModelParts parts;
   std::shared_ptr<const Volume<float>> scan;
-  Volume<std::uint8_t> weights;  // of ramps none
+  Volume<std::uint8_t> weights;                 // of ramps none
+  std::vector<std::vector<LabelId>> enclosing;  // Model::enclosing
 };
 
 Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const Progress& progress,
@@ -371,7 +374,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
       }
     progress.report("weighing labels", 0);
     parts.segments = volumes.labels->segments;
-    flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label, parts);
+    flat = flatten_by_weight(*std::move(volumes.labels), weight_of_label, parts, ready.enclosing);
     volumes.labels.reset();
     // ramps read labels alone
     if (!ramps) weights = weights_of(flat, parts, stiffest);
@@ -508,6 +511,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   warn_of_thin(*made, warn);
   const std::shared_ptr<Model> model = made->model;
   model->caveats = merged_layers(*model);
+  model->enclosing = std::move(ready_made->enclosing);
 
   model->scan = ready_made->scan;
   model->oriented = volumes.oriented;
@@ -516,10 +520,11 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   model->side = model->side_from_anatomy ? anatomy : scene.side;
   if ((scene.side == Side::kLeft || scene.side == Side::kRight) && anatomy != Side::kUnknown &&
       anatomy != scene.side)
-    model->caveats.push_back("the scene says the other side than the anatomy: by the fibula this is a " +
-                             std::string(anatomy == Side::kLeft ? "left" : "right") + " leg");
+    model->caveats.push_back(
+        {CaveatKind::kSide, "the scene says the other side than the anatomy: by the fibula this is a " +
+                                std::string(anatomy == Side::kLeft ? "left" : "right") + " leg"});
   if (warn)
-    for (const std::string& caveat : model->caveats) warn(caveat);
+    for (const Caveat& caveat : model->caveats) warn(caveat.text);
   // those have been told as the files were read
   model->caveats.insert(model->caveats.begin(), volumes.caveats.begin(), volumes.caveats.end());
   if (warn && !volumes.oriented)

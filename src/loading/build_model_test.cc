@@ -389,6 +389,9 @@ TEST(BuildModel, NestedSegmentsKeepTheirVoxelsAndWithoutATissueTakeTheOuterOnes)
   EXPECT_EQ((*model)->tissue_of(2)->name, "bone")
       << "a region that no tissue takes is felt as what it lies in";
   EXPECT_EQ((*model)->labels->at(20, 15, 15), 3) << "the innermost is touched, and not the stiffest";
+  EXPECT_EQ((*model)->enclosing_in_words(1), "");
+  EXPECT_EQ((*model)->enclosing_in_words(2), " (within hard)");
+  EXPECT_EQ((*model)->enclosing_in_words(3), " (within hard)");
 }
 
 TEST(BuildModel, OfSegmentsThatCrossTheStiffestIsFeltAndOneThatIsNotFeltHidesNothing) {
@@ -604,10 +607,10 @@ TEST(BuildModel, TissuesMergedIntoOneContactLayerAreACaveat) {
   ASSERT_TRUE(model.ok()) << model.error().message();
   ASSERT_EQ((*model)->caveats.size(), 1u);
   EXPECT_EQ(
-      (*model)->caveats[0],
+      (*model)->caveats[0].text,
       "tissues of 0.156 to 0.172 N/mm are felt as one where they touch, up to 9 % too soft: contact has "
       "at most 12 layers of stiffness");
-  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), (*model)->caveats[0]), 1);
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), (*model)->caveats[0].text), 1);
 }
 
 TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {

@@ -63,7 +63,7 @@ std::string doubt_of_file(const char* what, const VolumeHeader& header) {
 void put_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
   if (doubt.empty()) return;
   if (warn) warn(doubt);
-  volumes.caveats.push_back(std::move(doubt));
+  volumes.caveats.push_back({CaveatKind::kPlacement, std::move(doubt)});
 }
 
 // what is read of a scene's files

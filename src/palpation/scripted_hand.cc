@@ -439,7 +439,8 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
     const double above_mm = felt_by_proxy(felt)              ? -model_->tool_of(0).radius_mm
                             : std::isfinite(device.depth_mm) ? device.depth_mm
                                                              : 0;
-    touches_.push_back({step.line, model_->name_of(device.label), device.label, at + normal * above_mm});
+    touches_.push_back({step.line, model_->name_of(device.label) + model_->enclosing_in_words(device.label),
+                        device.label, at + normal * above_mm});
     return true;
   }
   if (device.label != 0 && met_s_ >= kOther_s) {

@@ -235,6 +235,13 @@ std::string draw_structures(const Picture& p) {
   return svg;
 }
 
+std::string draw_side(const Picture& p) {
+  std::string marks = markup::side_mark(p.model.side, p.model.oriented);
+  for (const std::string& mark : markup::doubt_marks(p.model))
+    marks += (marks.empty() ? "" : " \u00b7 ") + mark;
+  return text("end", {kRight_px, kBottom_px + 18}, marks);
+}
+
 std::string draw_notes(const Picture& p) {
   const double left = kSectionCorner[0], top = kBottom_px + 54;
   return draw_structures(p) +
@@ -259,9 +266,8 @@ std::string draw(const Picture& p, const Progress& progress) {
          rectangle("page", {0, 0}, kWidth_px, kHeight_px) +
          picture(render_section(p.model, p.section, style), kSectionCorner) + draw_contours(p, progress) +
          draw_arrows(p, progress) + rectangle("frame", kSectionCorner, kSection_px, kSection_px) +
-         draw_heading(p) + draw_letters(p) + draw_scale_bar(p) +
-         text("end", {kRight_px, kBottom_px + 18}, markup::side_mark(p.model.side, p.model.oriented)) +
-         draw_force_scale(p) + draw_notes(p) + "</svg>\n";
+         draw_heading(p) + draw_letters(p) + draw_scale_bar(p) + draw_side(p) + draw_force_scale(p) +
+         draw_notes(p) + "</svg>\n";
 }
 
 }  // namespace palpate::force_arrows

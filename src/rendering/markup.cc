@@ -1,5 +1,7 @@
 #include "palpate/rendering/markup.h"
 
+#include <algorithm>
+
 #include "palpate/base/printable.h"
 
 namespace palpate::markup {
@@ -75,6 +77,16 @@ std::string side_mark(Side side, bool oriented) {
   if (!oriented) return "ORIENTATION UNKNOWN";
   const bool one_sided = side == Side::kLeft || side == Side::kRight;
   return (one_sided ? "Side: " : "") + side_text(side);
+}
+
+std::vector<std::string> doubt_marks(const Model& model) {
+  const auto concerns = [&](CaveatKind kind) {
+    return std::ranges::find(model.caveats, kind, &Caveat::kind) != model.caveats.end();
+  };
+  std::vector<std::string> marks;
+  if (concerns(CaveatKind::kPlacement)) marks.emplace_back("PLACEMENT IN DOUBT");
+  if (concerns(CaveatKind::kSide)) marks.emplace_back("SIDE IN DOUBT");
+  return marks;
 }
 
 }  // namespace palpate::markup

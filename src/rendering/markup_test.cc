@@ -39,5 +39,15 @@ TEST(SideMark, NeverGuesses) {
   EXPECT_EQ(side_mark(Side::kRight, false), "ORIENTATION UNKNOWN");
 }
 
+TEST(DoubtMarks, AreOfPlacementAndSideAlone) {
+  Model model;
+  model.caveats = {{CaveatKind::kForce, "two tissues are felt as one"}};
+  EXPECT_TRUE(doubt_marks(model).empty());
+  model.caveats.push_back({CaveatKind::kSide, "a left leg"});
+  model.caveats.push_back({CaveatKind::kPlacement, "half of the labels lie outside"});
+  model.caveats.push_back({CaveatKind::kPlacement, "two forms"});
+  EXPECT_EQ(doubt_marks(model), (std::vector<std::string>{"PLACEMENT IN DOUBT", "SIDE IN DOUBT"}));
+}
+
 }  // namespace
 }  // namespace palpate::markup

@@ -84,6 +84,9 @@ void draw_side(Pen& pen, const Model& model) {
   const bool known = model.oriented && model.side != Side::kUnknown;
   pen.text(pen.margin(), pen.margin(), markup::side_mark(model.side, model.oriented),
            known ? kText : kWarning);
+  int top = pen.margin();
+  for (const std::string& mark : markup::doubt_marks(model))
+    pen.text(pen.margin(), top += pen.line(), mark, kWarning);
 }
 
 void draw_place(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {

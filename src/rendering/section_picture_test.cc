@@ -115,6 +115,10 @@ TEST(SectionPicture, SaysTheSideOrThatNobodyKnowsIt) {
   EXPECT_TRUE(marked("SIDE UNKNOWN"));
   EXPECT_FALSE(marked("LEFT"));
   EXPECT_FALSE(marked("RIGHT"));
+  EXPECT_FALSE(marked("PLACEMENT IN DOUBT"));
+  model.caveats = {{CaveatKind::kPlacement, "half of the labels lie outside the scan"}};
+  EXPECT_TRUE(marked("PLACEMENT IN DOUBT"));
+  EXPECT_FALSE(marked("SIDE IN DOUBT"));
   // of both sides nothing is said
   model.side = Side::kBoth;
   for (const char* text : {"SIDE", "LEFT", "RIGHT", "Side"}) EXPECT_FALSE(marked(text));

@@ -178,7 +178,8 @@ std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& see
   }
   std::sort(names.begin(), names.end());
   std::string html = "<ul class=\"legend\" aria-label=\"Structures in view\"><li class=\"touched\">" +
-                     swatch(run.colour(touched)) + escape(run.name(touched)) + "</li>";
+                     swatch(run.colour(touched)) +
+                     escape(run.name(touched) + run.model.enclosing_in_words(touched)) + "</li>";
   for (const auto& [name, label] : names) html += "<li>" + swatch(run.colour(label)) + escape(name) + "</li>";
   return html + "</ul>";
 }
@@ -187,7 +188,8 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
                   double mm_per_N) {
   const ShownContact& shown = run.shown[index];
   const Contact& contact = shown.contact;
-  const std::string number_text = std::to_string(index), name = run.name(contact.label);
+  const std::string number_text = std::to_string(index),
+                    name = run.name(contact.label) + run.model.enclosing_in_words(contact.label);
   const auto& tip = shown.at_peak().tip_patient_mm;
 
   SectionMarks marks;
@@ -196,6 +198,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   marks.arrow_mm_per_N = mm_per_N;
   marks.side = run.side();
   marks.oriented = run.model.oriented;
+  marks.doubts = markup::doubt_marks(run.model);
   marks.ways = shown.ways;
 
   std::string html = "<section class=\"panel\" id=\"contact-" + number_text +

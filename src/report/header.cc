@@ -52,8 +52,8 @@ std::string callouts(const Run& run) {
                 "The files do not say how the volume lies in the patient: left and right, front and back, "
                 "head and feet may be any way round in the sections, which bear no letters for them.");
   }
-  for (const std::string& caveat : run.model.caveats)
-    html += callout("notice", "Limitation of the model:", escape(caveat) + ".");
+  for (const Caveat& caveat : run.model.caveats)
+    html += callout("notice", "Limitation of the model:", escape(caveat.text) + ".");
   if (!run.recording.summary) {
     html += callout("notice", "This recording was cut short.",
                     "It ends without a summary: everything below describes the part that was written, and "

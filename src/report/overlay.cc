@@ -256,8 +256,13 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
   svg += draw_scale_bar(plane);
   if (marks.oriented) svg += draw_letters(plane);
-  const std::string corner = markup::side_mark(marks.side, marks.oriented);
-  if (!corner.empty()) svg += text("side-mark", {plane.width_px - 10.0, plane.height_px - 12.0}, corner);
+  std::vector<std::string> corner = marks.doubts;
+  if (const std::string side = markup::side_mark(marks.side, marks.oriented); !side.empty())
+    corner.push_back(side);
+  constexpr double kLine_px = 16;
+  double base_px = plane.height_px - 12.0 + kLine_px;
+  for (auto line = corner.rbegin(); line != corner.rend(); ++line)
+    svg += text("side-mark", {plane.width_px - 10.0, base_px -= kLine_px}, *line);
   return svg + "</svg>\n";
 }
 

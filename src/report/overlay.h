@@ -56,7 +56,8 @@ struct SectionMarks {
   Vector<Patient> force_N;
   double arrow_mm_per_N = 5;
   Side side = Side::kUnknown;
-  bool oriented = true;  ///< false: how the volume lies in the patient is not known
+  std::vector<std::string> doubts;  ///< markup::doubt_marks
+  bool oriented = true;             ///< false: how the volume lies in the patient is not known
   std::vector<Way> ways;
   std::vector<ToolPart> tool;  ///< drawn as the plane cuts them
   /// Entry and target of a planned trajectory, which lie in the plane.

@@ -37,6 +37,17 @@ TEST(Overlay, MarksStandWhereTheyBelong) {
   EXPECT_THAT(svg, HasSubstr("aria-label=\"A &lt;section&gt;\""));
 }
 
+TEST(Overlay, DoubtsStandAboveTheSide) {
+  SectionMarks marks;
+  marks.contact = axial().centre;
+  marks.side = Side::kLeft;
+  marks.doubts = {"PLACEMENT IN DOUBT", "SIDE IN DOUBT"};
+  const std::string svg = section_svg(axial(), marks, "");
+  EXPECT_THAT(svg, HasSubstr("y=\"356.0\">PLACEMENT IN DOUBT</text>"));
+  EXPECT_THAT(svg, HasSubstr("y=\"372.0\">SIDE IN DOUBT</text>"));
+  EXPECT_THAT(svg, HasSubstr("y=\"388.0\">Side: LEFT</text>"));
+}
+
 TEST(Overlay, ForceAcrossThePlaneIsDrawnEndOn) {
   SectionMarks marks;
   marks.contact = axial().centre;

@@ -89,6 +89,7 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
   marks.contact = std::isnan(done.target_error_mm.value) ? planned.target : done.nearest.at;
   marks.side = run.side();
   marks.oriented = run.model.oriented;
+  marks.doubts = markup::doubt_marks(run.model);
   marks.ways = {{false, way}};
   marks.planned = {planned.entry, planned.target};
   std::string html = "<div class=\"sections\">\n";

@@ -206,7 +206,8 @@ TEST_F(Report, TouchesInPassingAreCountedApart) {
 
 TEST_F(Report, HasTheCaveatsOfTheModel) {
   EXPECT_EQ(count(page(), "Limitation of the model"), 0u);
-  model.caveats = {"tissues of 0.5 to 0.6 N/mm are felt as one", "<b>"};
+  model.caveats = {{CaveatKind::kForce, "tissues of 0.5 to 0.6 N/mm are felt as one"},
+                   {CaveatKind::kPlacement, "<b>"}};
   const std::string html = page();
   EXPECT_EQ(count(html, "Limitation of the model"), 2u);
   EXPECT_THAT(html, HasSubstr("tissues of 0.5 to 0.6 N/mm are felt as one."));

@@ -97,7 +97,8 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.force_N = norm(device.force_N);
   status.limit_N = device.limit_N;
   status.heat = device.heat;
-  if (device.label != 0) status.structure = session.model.name_of(device.label);
+  if (device.label != 0)
+    status.structure = session.model.name_of(device.label) + session.model.enclosing_in_words(device.label);
   status.flags = device.flags;
   status.method = static_cast<ForceMethod>(tick.method);
   status.skipped = health.skipped;

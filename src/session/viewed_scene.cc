@@ -10,6 +10,10 @@ namespace {
 // no unit of a scan but the Hounsfield has values as low: air is -1000
 constexpr float kOnlyHounsfield = -500;
 
+constexpr std::array kCaveatKinds{Word<CaveatKind>{CaveatKind::kPlacement, "placement"},
+                                  Word<CaveatKind>{CaveatKind::kSide, "side"},
+                                  Word<CaveatKind>{CaveatKind::kForce, "force"}};
+
 // what the scene says, else what the values do
 Modality modality_of(Modality said, const Volume<float>* scan) {
   if (said != Modality::kUnknown || !scan) return said;
@@ -81,7 +85,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   ViewedScene scene;
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
-  scene.caveats = model.caveats;
+  for (const Caveat& caveat : model.caveats)
+    scene.caveats.push_back({std::string(name_of(caveat.kind, kCaveatKinds)), caveat.text});
   scene.modality = name_of(modality_of(said, model.scan.get()), kModalities);
   scene.content_hash = hash_of_voxels(model);
   scene.scan = model.scan;
@@ -92,8 +97,12 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
   // names and colours
   for (const Segment& segment : model.segments) {
     const bool known = segment.id < model.tissue_of_label.size();
-    scene.structures.push_back({segment.id, model.name_of(segment.id), segment.colour,
-                                known ? model.tissue_of_label[segment.id] : -1});
+    scene.structures.push_back(
+        {segment.id,
+         model.name_of(segment.id),
+         segment.colour,
+         known ? model.tissue_of_label[segment.id] : -1,
+         {model.enclosing_of(segment.id).begin(), model.enclosing_of(segment.id).end()}});
   }
   for (std::size_t t = 0; t < model.tissues.size(); ++t) {
     const Tissue& tissue = model.tissues[t];

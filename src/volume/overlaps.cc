@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <tuple>
 
 namespace palpate {
@@ -74,6 +75,22 @@ std::vector<SegmentOverlap> segment_overlaps(const LabelMap& labels) {
                         static_cast<double>(voxels) / static_cast<double>(is_smaller.voxels(pair.first))});
   std::ranges::sort(overlaps, {}, [](const SegmentOverlap& o) { return std::pair(o.smaller, o.larger); });
   return overlaps;
+}
+
+std::vector<std::vector<LabelId>> enclosing_segments(std::span<const SegmentOverlap> overlaps) {
+  std::vector<std::vector<LabelId>> enclosing;
+  std::set<std::pair<LabelId, LabelId>> ordered;
+  for (const SegmentOverlap& overlap : overlaps) {
+    ordered.emplace(overlap.smaller, overlap.larger);
+    if (!overlap.is_nested()) continue;
+    if (overlap.smaller >= enclosing.size()) enclosing.resize(overlap.smaller + 1u);
+    enclosing[overlap.smaller].push_back(overlap.larger);
+  }
+  // two segments that hold 0.9 of a third one each share voxels, so that every pair of them has an overlap
+  static_assert(kNestedShare > 0.5);
+  for (std::vector<LabelId>& larger : enclosing)
+    std::ranges::sort(larger, [&](LabelId a, LabelId b) { return ordered.contains({a, b}); });
+  return enclosing;
 }
 
 Volume<LabelId> flatten(const LabelMap& labels, std::span<const SegmentOverlap> overlaps,

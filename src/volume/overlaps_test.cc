@@ -88,6 +88,28 @@ TEST(SegmentOverlaps, ASingleLayerHasNone) {
   EXPECT_TRUE(segment_overlaps(map_of({{"one", ball(kMiddle, 3)}}, {0})).empty());
 }
 
+TEST(EnclosingSegments, AreInTheOrderOfTheirSizeWhateverThatOfTheFile) {
+  const std::vector<NamedShape> shapes{{"GTV", ball(kMiddle, 2)},
+                                       {"CTV", ball(kMiddle, 4)},
+                                       {"PTV", ball(kMiddle, 5.5)},
+                                       {"crossing", half_space(2, 5)}};
+  std::vector<std::size_t> order = file_order(shapes.size());
+  do {
+    const LabelMap map = map_of(shapes, order);
+    const auto enclosing = enclosing_segments(segment_overlaps(map));
+    const auto names_around = [&](const std::string& name) {
+      std::vector<std::string> names;
+      if (const LabelId id = map.find(name)->id; id < enclosing.size())
+        for (const LabelId larger : enclosing[id]) names.push_back(map.find(larger)->name);
+      return names;
+    };
+    EXPECT_EQ(names_around("GTV"), (std::vector<std::string>{"CTV", "PTV"}));
+    EXPECT_EQ(names_around("CTV"), std::vector<std::string>{"PTV"});
+    EXPECT_TRUE(names_around("PTV").empty());
+    EXPECT_TRUE(names_around("crossing").empty());
+  } while (std::ranges::next_permutation(order).found);
+}
+
 TEST(Flatten, TheInnermostOfNestedSegmentsHasTheVoxelInAnyOrder) {
   // the outer ones are preferred, as bone around a soft tumour is
   const std::vector<NamedShape> shapes{

@@ -1806,6 +1806,13 @@ TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {
   auto contours = two();
   contours.structures[1].contours[0].said_points = 5;
   EXPECT_THAT(refusal(contours), HasSubstr("damaged DICOM structure set"));
+  for (const char* x : {"1.5x", "one", "1e7", ""}) {
+    SCOPED_TRACE(x);
+    contours = two();
+    contours.structures[1].contours[0].points.resize(3);
+    contours.structures[1].contours[0].data = std::string(x) + "\\1\\1\\2\\1\\1\\2\\2\\1";
+    EXPECT_THAT(refusal(contours), HasSubstr("damaged DICOM structure set"));
+  }
   contours = two();
   contours.structures[1].contours[0].points[1][2] += 3;
   EXPECT_THAT(refusal(contours), HasSubstr("contour 1 of liver is not planar"));

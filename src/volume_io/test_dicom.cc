@@ -428,7 +428,7 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
           std::to_string(contour.said_points.value_or(static_cast<int>(contour.points.size()))));
       std::string data;
       for (const auto& point : contour.points) data += (data.empty() ? "" : "\\") + in_text(point);
-      put(one, DCM_ContourData, data);
+      put(one, DCM_ContourData, contour.data.value_or(data));
     }
   }
   PALPATE_CHECK(format.saveFile(file.c_str(), EXS_LittleEndianExplicit).good());

@@ -98,7 +98,8 @@ struct DicomContours {
   struct Contour {
     std::vector<std::array<double, 3>> points;
     std::string type = "CLOSED_PLANAR";
-    std::optional<int> said_points = {};  ///< NumberOfContourPoints, where it is another number
+    std::optional<int> said_points = {};   ///< NumberOfContourPoints, where it is another number
+    std::optional<std::string> data = {};  ///< ContourData, where it is not that of the points
   };
   struct Structure {
     std::string name = {}, code = {}, scheme = {}, meaning = {};

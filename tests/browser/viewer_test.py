@@ -1707,7 +1707,7 @@ class WithRamp(Viewer):
         self.assertIn("Nur für Forschung und Lehre — nicht für den klinischen Einsatz", german)
         # names are the same, of what the scene has and of planes, and so are palpate's own sentences
         names = {"palpate", "Esc", "Maximum (MIP)", "English", "Deutsch", "Pause", "Motor", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)", "Training"}
-        names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"]) | set(self.scene["caveats"])
+        names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"]) | {c["text"] for c in self.scene["caveats"]}
         same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "p50 ", "LPS "))}
         self.assertEqual(same, set())
         self.assertGreater(len(german), 120)

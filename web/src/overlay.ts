@@ -46,13 +46,21 @@ export function drawLetters(frame: Frame, letters: Letters, oriented: boolean, h
   text(frame, shown.bottom, width / 2, height - 8 * ratio, 15, colour, "center", "bottom");
 }
 
-/** Lower right: clear of every letter. */
-export function drawSide(frame: Frame, scene: Scene): void {
+/**
+ * Lower right: clear of every letter. Above it whether placement or side is in doubt.
+ * @param slider  width of the slider at the right edge, which ends above the lowest line; CSS pixels
+ */
+export function drawSide(frame: Frame, scene: Scene, slider = 0): void {
   const { width, height, ratio } = frame;
-  const colour = scene.side === "unknown" ? "#f5c277" : "#eef3f5";
   const side = words.side[scene.side];
-  text(frame, scene.side === "unknown" ? side : words.sideInPicture(side), width - 10 * ratio, height - 10 * ratio, 12, colour, "right", "bottom");
+  const lines = [scene.side === "unknown" ? side : words.sideInPicture(side), ...doubts(scene).map((doubt) => words.doubt[doubt])];
+  lines.forEach((line, n) => {
+    const isWarning = n > 0 || scene.side === "unknown";
+    text(frame, line, width - (10 + (n > 0 ? slider : 0)) * ratio, height - (10 + 16 * n) * ratio, 12, isWarning ? "#f5c277" : "#eef3f5", "right", "bottom");
+  });
 }
+const doubts = (scene: Scene): ("side" | "placement")[] =>
+  (["side", "placement"] as const).filter((doubt) => scene.caveats.some(({ concerns }) => concerns === doubt));
 
 /** Lower left. */
 export function drawScale(frame: Frame, mmPerPixel: number): void {

@@ -9,7 +9,8 @@ import type { Task } from "./training.js";
 import { words, type Words } from "./words.js";
 
 export type Rgb = [number, number, number];
-export interface Structure { label: number; name: string; colour: Rgb; tissue: number }
+export type Concern = "placement" | "side" | "force";
+export interface Structure { label: number; name: string; colour: Rgb; tissue: number; within: number[] }
 export interface Tissue {
   name: string;
   felt: boolean;
@@ -38,7 +39,7 @@ export interface Scene {
   may: Right[];
   side: "left" | "right" | "both" | "unknown";
   oriented: boolean;
-  caveats: string[]; // limitations of the model that loading found, a sentence each
+  caveats: { concerns: Concern; text: string }[]; // limitations of the model that loading found, a sentence each
   modality: "ct" | "mr" | "unknown";
   volume: {
     hash: string;

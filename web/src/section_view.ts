@@ -259,7 +259,7 @@ export class SectionView {
     drawLetters(frame, orientationLetters(this.plane.right, this.plane.down), session.scene.oriented, this.kind === "oblique", SLIDER_PIXELS);
     drawScale(frame, mm);
     if (session.strain) drawStrainLegend(frame, session.yields);
-    drawSide(frame, session.scene);
+    drawSide(frame, session.scene, SLIDER_PIXELS);
     drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
     const normal = normalOf(this.plane);

@@ -229,11 +229,17 @@ export class Session {
     const around = place === null ? null : this.nameAt(place);
     const name = touches ? this.structureName(device.label) ?? words.unnamed(String(device.label)) : around;
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
-    return isFelt ? { label: device.label, words: readable(name) } : { label: 0, words: words.notFelt(readable(name)) };
+    return isFelt ? { label: device.label, words: this.withEnclosing(readable(name), device.label) } : { label: 0, words: words.notFelt(readable(name)) };
   }
   /** Of the structure at a place of the scene's list. */
   nameAt(place: number): string {
     return this.quiz ? words.someStructure : this.scene!.structures[place]!.name;
+  }
+  /** The name of a structure that is touched, with those in which it is nested. */
+  private withEnclosing(name: string, label: number): string {
+    const within = this.quiz ? [] : this.scene?.structures.find((structure) => structure.label === label)?.within ?? [];
+    const names = within.map((larger) => readable(this.structureName(larger) ?? words.unnamed(String(larger))));
+    return names.length > 0 ? words.within(name, names.join(", ")) : name;
   }
   structureName(label: number): string | null {
     if (this.quiz) return words.someStructure;

@@ -67,7 +67,7 @@ export class StructuresPanel {
     this.groups = scene.tissues.flatMap((tissue, place) => this.groupOf(scene, place, readable(tissue.name),
       tissue.felt ? this.feelOf(scene, place) : says(element("p", { className: "quiet" }), { text: "shownNotFelt" })));
     this.groups.push(...this.groupOf(scene, -1, null, null));
-    byId("caveats").replaceChildren(...scene.caveats.map((caveat) => element("li", {}, caveat)));
+    byId("caveats").replaceChildren(...scene.caveats.map(({ text }) => element("li", {}, text)));
     byId("caveats").hidden = scene.caveats.length === 0;
     byId("structures").replaceChildren(...this.groups.map(({ box }) => box));
     session.looks.forEach((look, place) => this.showLook(look, place));

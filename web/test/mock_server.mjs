@@ -152,7 +152,7 @@ const scene = (role) => ({
   volume: { hash, dims: servedDims, patient_from_voxel: X_PatientServed, scan: isRamp ? { scale: 1, offset: 32768, window: [1000, 1255], range: [0, 65535] } : { scale: 1, offset: 0, window: [12, 720], range: [-10, 745] }, labels: { type: "uint8" } },
   // supine, seen from the feet: right is the patient's left, forward superior, up anterior
   world_from_patient: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]],
-  structures: [...structures.map(({ shape, ...seen }) => seen), ...more],
+  structures: [...structures.map(({ shape, ...seen }) => seen), ...more].map((seen) => ({ within: [], ...seen })),
   tissues: tissues.map((tissue, i) => ({ ...tissue, ...state.tissues[i] })),
   tool, tools: [tool, ...second.map(({ tip, ...held }) => held)],
   methods: ["proxy", "trilinear"],
@@ -164,7 +164,7 @@ const scene = (role) => ({
   recording: null,
   tasks: [],
   distances: null,
-  caveats: ["tissues of 0.5 to 0.6 N/mm are felt as one where they touch"],
+  caveats: [{ concerns: "force", text: "tissues of 0.5 to 0.6 N/mm are felt as one where they touch" }],
   no_go: [],
 });
 const state = {

@@ -18,7 +18,7 @@ const sorted = (list: string[]) => [...list].sort();
 
 testsOf(page, "the page", () => {
   test("limitations of the model are listed above the structures", () => {
-    assert.deepEqual(page.shown("#caveats li").map(({ textContent }) => textContent), scene.caveats);
+    assert.deepEqual(page.shown("#caveats li").map(({ textContent }) => textContent), scene.caveats.map(({ text }: { text: string }) => text));
     assert.equal(scene.caveats.length, 1);
   });
 

@@ -31,6 +31,17 @@ test("what is touched is felt as long as there is a force, or nothing withholds 
   assert.deepEqual(contact(-9, 0, Flag.outside), { label: 0, words: "outside the volume" });
 });
 
+test("a nested structure is told with those around it, but not in a quiz", () => {
+  const made = session();
+  const structure = (label: number, name: string, within: number[]) => ({ label, name, within, colour: [0, 0, 0], tissue: 0 });
+  made.scene = { ...made.scene!, structures: [structure(7, "gross_tumour", [8, 9]), structure(8, "target", [9]), structure(9, "liver", [])] } as unknown as Scene;
+  const touched = () => made.contactOf(device(3, 7, Flag.contact, [0, 0, 0.4])).words;
+  assert.equal(touched(), "gross tumour (within target, liver)");
+  assert.equal(made.contactOf(device(3, 9, Flag.contact, [0, 0, 0.4])).words, "liver");
+  made.quiz = [9];
+  assert.equal(touched(), "some structure");
+});
+
 test("each device has its own tool, and the first is drawn over the others", () => {
   const made = session();
   const [ball, burr] = [{ name: "ball", cuts: false }, { name: "drill", cuts: true }];

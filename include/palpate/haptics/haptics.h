@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -126,6 +127,18 @@ std::string burr_in_words(const Tool& tool);
 /// Whose side a scan shows: of a limb, or of both (head, torso) where no side mark is needed.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
 
+/// What a limitation of a model concerns.
+enum class CaveatKind : std::uint8_t {
+  kPlacement,  ///< where labels or scan lie in the patient
+  kSide,       ///< which side of the patient the scan shows
+  kForce,      ///< what is felt
+};
+/// A limitation of a model that loading found.
+struct Caveat {
+  CaveatKind kind = CaveatKind::kForce;
+  std::string text;  ///< one sentence without file names, for report and page
+};
+
 class Carving;
 
 /// Everything a tick reads, prepared once and never edited: a new version replaces it. Parts that did
@@ -141,14 +154,16 @@ struct Model {
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
   bool oriented = true;            ///< false: the files do not say how the volume lies in the patient
-  /// Limitations of the model that loading found: one sentence each, without file names, for report and page.
-  std::vector<std::string> caveats;
+  std::vector<Caveat> caveats;
 
   std::shared_ptr<const Field> field;  ///< what the direct methods read: ramps, or smoothed labels
   /// Flattened, on the field's grid, background around it (label_bricks).
   std::shared_ptr<const Bricks<LabelId>> labels;
   std::shared_ptr<const Volume<float>> scan;  ///< on the same grid; may be null
   std::vector<Segment> segments;              ///< names and colours by id
+  /// The segments in which each one is nested (palpate/volume/overlaps.h), smallest first. Index by LabelId;
+  /// labels beyond the end are nested in none.
+  std::vector<std::vector<LabelId>> enclosing;
   std::vector<Tissue> tissues;
   std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1: belongs to no tissue
   /// Stiffness over the greatest, 0 ... 1; what smoothed labels have deep inside that label.
@@ -224,6 +239,13 @@ struct Model {
   double greatest_stiffness_N_per_mm() const;
   /// Its name, or "label 7" where it has none.
   std::string name_of(LabelId id) const;
+  /// The segments in which it is nested, to stand behind its name: " (within liver)"; empty where there are
+  /// none.
+  std::string enclosing_in_words(LabelId id) const;
+  /// The labels in which this one is nested, smallest first.
+  std::span<const LabelId> enclosing_of(LabelId id) const {
+    return id < enclosing.size() ? std::span<const LabelId>(enclosing[id]) : std::span<const LabelId>();
+  }
   bool is_felt(LabelId id) const {
     const Tissue* tissue = tissue_of(id);
     return tissue != nullptr && tissue->felt;

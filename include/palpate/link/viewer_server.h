@@ -40,7 +40,13 @@ struct ViewedStructure {
   LabelId label = 0;
   std::string name;
   Rgb colour;
-  int tissue = -1;  ///< -1: of none
+  int tissue = -1;              ///< -1: of none
+  std::vector<LabelId> within;  ///< Model::enclosing_of
+};
+/// A limitation of the model.
+struct ViewedCaveat {
+  std::string concerns;  ///< "placement", "side", "force"
+  std::string text;      ///< Caveat::text
 };
 /// A recording, as a time line shows it. Times are the recording's own.
 struct ViewedRecording {
@@ -101,7 +107,7 @@ struct ViewedNoGo {
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
-  std::vector<std::string> caveats;               ///< Model::caveats
+  std::vector<ViewedCaveat> caveats;
   std::string modality = "unknown";               ///< "ct", "mr", "unknown"
   std::uint64_t content_hash = 0;                 ///< of scan and labels: other voxels, another hash
   std::shared_ptr<const Volume<float>> scan;      ///< may be null

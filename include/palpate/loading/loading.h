@@ -112,7 +112,7 @@ struct SceneVolumes {
   std::optional<LabelMap> labels;             ///< freed as soon as the model has them in bricks
   std::shared_ptr<const Volume<float>> scan;  ///< the model shares it; may be null where there are labels
   bool oriented = true;                       ///< false: the files do not say how they lie in the patient
-  std::vector<std::string> caveats = {};      ///< Model::caveats of where they lie
+  std::vector<Caveat> caveats = {};           ///< Model::caveats of where they lie
   std::optional<LabelPlacement> label_placement = {};  ///< where both were read
 };
 

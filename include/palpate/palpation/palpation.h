@@ -79,8 +79,8 @@ std::vector<ProtectedFigure> protected_figures(const Model& model, const Removed
 
 /// Where an approach touched the structure that it asked for.
 struct TouchFigure {
-  int line = 0;  ///< of the script
-  std::string structure;
+  int line = 0;           ///< of the script
+  std::string structure;  ///< its name, and the segments in which it is nested
   LabelId label = 0;
   Point<Patient> point;
 };

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/haptics/haptics.h"
 
@@ -20,5 +21,8 @@ std::string css_colour(const Rgb& colour);
 std::string side_text(Side side);
 /// The same as a mark in a picture: "Side: LEFT". Without orientation a mark that says so.
 std::string side_mark(Side side, bool oriented);
+/// What a picture says of a model's caveats of placement and side: "PLACEMENT IN DOUBT", "SIDE IN DOUBT",
+/// each at most once.
+std::vector<std::string> doubt_marks(const Model& model);
 
 }  // namespace palpate::markup

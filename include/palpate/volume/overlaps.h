@@ -26,6 +26,10 @@ struct SegmentOverlap {
 /// All pairs of segments that share a voxel, ordered by `smaller`, then by `larger`.
 std::vector<SegmentOverlap> segment_overlaps(const LabelMap& labels);
 
+/// By segment id, the segments in which each one is nested, smallest first; as long as the greatest id of a
+/// nested segment demands. @param overlaps  segment_overlaps of one label map
+std::vector<std::vector<LabelId>> enclosing_segments(std::span<const SegmentOverlap> overlaps);
+
 /// One segment id for each voxel, independent of the order of layers and segments. Of the segments that share
 /// a voxel those are left out that another one of them is nested in, unless the nested one has preference 0.
 /// Of the others the one of highest preference gets the voxel; where that is equal, the smallest.
