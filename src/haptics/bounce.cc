@@ -17,19 +17,19 @@ double most_without_a_throw_N(const BounceInput& input, BounceState& state) {
   if (state.fell_mm_s < kBounceFeel.least_steps_per_s * input.step_mm) return kNone;
   if (state.time_s >= kBounceFeel.longest_s) return kNone;
 
-  // the force acted for the whole of the tick
+  // the force was constant during the tick
   state.pushed_N_s2 += (state.push_N_s + 0.5 * input.acted_N * input.dt_s) * input.dt_s;
   state.push_N_s += input.acted_N * input.dt_s;
   state.time_s += input.dt_s;
   state.depth_mm -= input.along_mm;
 
-  // what it has fallen short of where it would be unhindered, and for how much push
+  // lag behind unhindered motion, fitted against the double integral of the force
   const double back_mm = state.fell_mm_s * state.time_s - state.depth_mm;
   state.back_N_s2_mm += (back_mm + kBounceFeel.hidden_steps * input.step_mm) * state.pushed_N_s2;
   state.squares_N2_s4 += state.pushed_N_s2 * state.pushed_N_s2;
   if (back_mm < kBounceFeel.told_steps * input.step_mm || !(state.back_N_s2_mm > 0)) return kNone;
 
-  // mm/s by which a push of 1 N s changes its speed: 1000 over its mass in kg
+  // change of speed per impulse, mm/s per N s: 1000 over the apparent mass in kg
   const double lightness_mm_s_per_N_s = state.back_N_s2_mm / state.squares_N2_s4;
   const double out_mm_s =
       (state.push_N_s + std::max(0.0, input.pending_N_s)) * lightness_mm_s_per_N_s - state.fell_mm_s;

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// less what the sphere of that step is wider than the first one
+// distance of a step's sphere centre, minus the increase of its radius over the first sphere's
 double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
                         int steps, int step) {
   const double part = static_cast<double>(step) / steps;
@@ -32,7 +32,7 @@ class RowSearch {
     return distance_mm;
   }
 
-  // all steps from one to another; of what need not be looked at a bound is kept
+  // evaluates steps first ... last by bisection; keeps a lower bound of the distances it skips
   void search(int first, int last) {
     if (first > last) return;
     const int middle = (first + last) / 2;
@@ -57,7 +57,7 @@ class RowSearch {
   const Point<Patient>& centre_;
   const ToolSphere& shape_;
   const int steps_;
-  const double rise_mm_;  // from one step to the next, at most
+  const double rise_mm_;  // maximum change of the distance from one step to the next
   const double enough_mm_;
   NearestInRow nearest_{std::numeric_limits<double>::infinity(), 0};
   double left_out_mm_ = std::numeric_limits<double>::infinity();
@@ -68,8 +68,8 @@ class RowSearch {
 
 int row_steps(const ToolSphere& sphere) {
   if (sphere.along_mm == Vector<Patient>()) return 0;
-  // the outline of two spheres dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / 8 r * 1.04
-  // here
+  // between two spheres the outline dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / (8 r) *
+  // 1.04 for these values
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm =

@@ -16,7 +16,7 @@ constexpr double kDirections[14][3] = {{1, 0, 0},      {-1, 0, 0},     {0, 1, 0}
                                        {kD, -kD, kD},  {kD, -kD, -kD}, {-kD, kD, kD}, {-kD, kD, -kD},
                                        {-kD, -kD, kD}, {-kD, -kD, -kD}};
 
-// the felt label of the nearest voxel, 0 where nothing is felt
+// felt label of the voxel at a point; 0 if none is felt
 LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto& dims = labels.geometry().dims;
@@ -29,7 +29,7 @@ LabelId felt_label_at(const Model& model, const Point<Voxel>& p) {
   return model.is_felt(label) ? label : LabelId{0};
 }
 
-// walks through the labels from a point in steps of half a voxel
+// ray marching through the labels in steps of half a voxel
 class LabelWalk {
  public:
   LabelWalk(const Model& model, const Point<Patient>& x)
@@ -41,7 +41,7 @@ class LabelWalk {
   LabelId here() const { return felt_label_at(model_, start_); }
   double step_mm() const { return step_mm_; }
 
-  // the first felt label along a unit direction, x's own included
+  // first felt label along a unit direction, including that at x itself
   LabelId first_along(const Vector<Patient>& direction) const {
     const Vector<Voxel> step = model_.field->X_VoxelPatient() * (direction * step_mm_);
     Point<Voxel> p = start_;
@@ -50,7 +50,7 @@ class LabelWalk {
     return 0;
   }
 
-  // the nearest felt label along the axes and the diagonals of the patient
+  // nearest felt label along the patient's axes and diagonals
   LabelId nearest() const {
     std::array<Vector<Voxel>, 14> step;
     for (std::size_t d = 0; d < step.size(); ++d) {
@@ -63,7 +63,8 @@ class LabelWalk {
     return 0;
   }
 
-  // the signed way along a unit direction out of the voxels of `own`; negative from in front of them
+  // signed distance along a direction to the boundary of the voxels of `own`: positive inside them, negative
+  // outside
   double depth_in(LabelId own, const Vector<Patient>& outward) const {
     const bool inside = here() == own;
     const Vector<Voxel> per_mm = model_.field->X_VoxelPatient() * (inside ? outward : -outward);
@@ -82,7 +83,7 @@ class LabelWalk {
     return std::numeric_limits<double>::quiet_NaN();
   }
 
-  // the felt label that covers `own` on the way out of it, 0 for free space or none within reach
+  // felt label that covers `own` in the outward direction; 0 for free space or none within reach
   LabelId cover_of(LabelId own, const Vector<Patient>& outward) const {
     const Vector<Voxel> step = model_.field->X_VoxelPatient() * (outward * step_mm_);
     Point<Voxel> p = start_;
@@ -98,8 +99,8 @@ class LabelWalk {
   int steps_;
 };
 
-// the signed way from x to where the field crosses `level`, positive when x is beyond it; the field's value
-// at x tells which way to look, and the crossing is interpolated linearly within a step
+// signed distance along a direction to the isosurface of `level`, positive inside; the value at x determines
+// the search direction, the crossing is interpolated linearly within a step
 double depth_of_level(const Model& model, const Point<Patient>& x, const Vector<Patient>& outward,
                       double level, double step_mm) {
   const double value = sample_value(*model.field, x);
@@ -136,7 +137,7 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
   site.tissue = model.tissue_of_label[site.label];
   site.level = model.level_of_label[site.label];
 
-  // ramps begin at the surface of the structure's own voxels
+  // ramps begin at the boundary of the structure's own voxels
   if (model.ramp_width_mm > 0) {
     site.level *= std::min(1.0, kTouchFeel.whole_viscosity_mm / model.ramp_width_mm);
     site.depth_mm =
@@ -144,7 +145,7 @@ ContactSite find_contact_site(const Model& model, const Point<Patient>& x, const
     return site;
   }
 
-  // that of smoothed labels lies midway between its level and that of what covers it
+  // the surface of a smoothed label is midway between its level and that of its cover
   const LabelId cover =
       has_direction && walk.here() == site.label ? walk.cover_of(site.label, outward) : LabelId{0};
   const double cover_level = cover ? model.level_of_label[cover] : 0;

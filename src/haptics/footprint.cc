@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// 0 where `a` is higher by half a radius and more, 1 where it is as much deeper
+// smoothstep of the depth difference: 0 if a is shallower by half a radius or more, 1 if it is as much deeper
 double is_deeper(double a_mm, double b_mm, double radius_mm) {
   const double part = std::clamp((a_mm - b_mm) / radius_mm + 0.5, 0.0, 1.0);
   return part * part * (3 - 2 * part);
@@ -25,8 +25,8 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   const auto radius_mm = [&](std::size_t a, std::size_t b) {
     return std::min(places[a].radius_mm, places[b].radius_mm);
   };
-  // of each pair how far they are beside each other, squared: up to 276 roots and divisions are what all this
-  // costs, so only those are done that change something
+  // squared lateral distances of all pairs; up to 276 square roots and divisions dominate the cost of this
+  // function, so they are evaluated only where they affect the result
   std::array<double, kMostPressPlaces*(kMostPressPlaces - 1) / 2> aside_mm2;
   std::size_t pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
@@ -55,7 +55,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
     foot.arm_mm += (place.middle_mm - along * place.radius_mm) * force[n];
   }
   if (!(all > 0)) {
-    // so slight a touch that its force is 0 as a number
+    // the contact is so slight that its force rounds to 0
     foot.depth_mm = places[0].depth_mm;
     foot.radius_mm = places[0].radius_mm;
     foot.arm_mm = places[0].middle_mm - along * places[0].radius_mm;
@@ -66,7 +66,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   foot.stiffer = std::max(1.0, steep * work / (all * all));
   foot.arm_mm = foot.arm_mm * (1 / all);
   for (std::size_t n = 0; n < places.size(); ++n) force[n] /= all;
-  // what is less than its radius from another place is that one by so much
+  // two places closer than a radius count partly as one place
   pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
@@ -86,7 +86,8 @@ std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> 
   std::size_t count = 0;
   for (const ToolSphere& sphere : spheres) {
     const double length_mm = sphere.along_mm.norm();
-    // the same places of the axis however it lies, so that none comes or goes with a turn
+    // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
+    // in a rotation
     const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.least_radius_mm});
     const int steps =
         length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
@@ -99,7 +100,7 @@ std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> 
         const double depth_mm = place.radius_mm - felt.surface->distance_mm(tip + place.middle_mm);
         place.depth_mm = std::max(place.depth_mm, depth_mm);
       }
-      // a thinner part presses as one of that radius does, as deep
+      // a thinner part presses like a sphere of the minimum radius at the same depth
       place.radius_mm = std::max(place.radius_mm, kYieldFeel.least_radius_mm);
       if (place.depth_mm > 0) places[count++] = place;
     }

@@ -5,40 +5,48 @@
 
 #include "palpate/haptics/proxy.h"
 
-/// A tool of several parts, or one that lies along soft tissue, as what it presses with.
+/// Contact area of a tool with several parts, or of a capsule that lies along soft tissue, reduced to one
+/// equivalent Hertz sphere.
 namespace palpate {
 
-/// A sphere of the tool, or one of a row along a capsule, that would be below the surface at rest.
+/// Sphere of the tool, or of a capsule's row, that penetrates the undeformed surface.
 struct PressPlace {
-  Vector<Patient> middle_mm;  ///< of it, from the tip
-  double radius_mm = 0;       ///< above 0
-  double depth_mm = 0;        ///< of the sphere in the surface at rest; above 0
+  Vector<Patient> middle_mm;  ///< Centre relative to the tip
+  double radius_mm = 0;       ///< Radius; above 0
+  double depth_mm = 0;        ///< Penetration of the undeformed surface; above 0
 };
 inline constexpr std::size_t kMostPressPlaces = 24;
 
-/// What such places are together, as one sphere of the tick's law (yield.h).
+/// Sphere equivalent to several press places under the contact law of a tick (yield.h).
 struct Footprint {
   double depth_mm = 0, radius_mm = 0;
-  /// By so much more it gives way per newton than that sphere, times E*: each place sinks in where the others
-  /// press, 1 / (pi E* r) (Boussinesq).
+  /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the
+  /// others, 1 / (pi E* r) at a distance r (Boussinesq).
   double closeness_per_mm = 0;
-  double stiffer = 1;      ///< dF/dd of all that go down together, of that sphere's; at least 1
-  Vector<Patient> arm_mm;  ///< from the tip to where it acts on the surface: mean by the force
+  /// Ratio of dF/dd of all places moved together to that of the equivalent sphere; at least 1.
+  double stiffer = 1;
+  /// Force-weighted mean of the vectors from the tip to the points of action on the surface.
+  Vector<Patient> arm_mm;
 };
 
-/// Far from each other places press by Hertz's law, f ~ sqrt(R) d^1.5 each. So of one sphere with the mean
-/// depth by force, and with such a radius that it has the sum of the forces, force and energy are exact. What
-/// lies behind another place along the push presses nothing: a place that is less than its radius aside of
-/// one that is deeper counts by that part. No step comes in as a place goes down through the surface or
-/// passes another one. Bounded work; allocates, locks and throws nothing.
-/// @param places  at least one, at most kMostPressPlaces
-/// @param along   unit, the way on which the tissue pushes them back
+/// Equivalent sphere of several places. Places far apart follow Hertz's law independently, f ~ sqrt(R) d^1.5.
+/// A sphere with the force-weighted mean depth, and with the radius that gives the sum of the forces, then
+/// has the exact force and energy. A place behind a deeper one along the pressing direction is shielded: if
+/// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
+/// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
+/// throw.
+/// @param places  1 ... kMostPressPlaces
+/// @param along  direction in which the tissue pushes the tool back; unit
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along);
 
-/// The places of a tool whose tip is at `tip`: of every sphere one, of capsules rows that are no closer than
-/// their radius. Depths are those in the deepest of some surfaces.
-/// @param surfaces  that the tool leans on, by their places among `all`; each once
-/// @returns how many were found, the tool's order
+/// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
+/// are the maximum over the given surfaces.
+/// @param all  all surfaces of the model
+/// @param surfaces  indices of the surfaces in contact, without duplicates
+/// @param spheres  tool parts
+/// @param tip  position of the tip
+/// @param places  receives the places, in the order of the tool's parts
+/// @returns number of places written
 std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                          std::span<PressPlace> places);

@@ -6,9 +6,9 @@
 namespace palpate {
 namespace {
 
-// mm: rounding of a point that lies on a plane
+// mm; rounding error of a point on a plane
 constexpr double kOnPlane_mm = 1e-9;
-// of unit normals: below this two are one, or three lie in a plane
+// determinant of unit normals below which two are parallel or three are coplanar
 constexpr double kLeastDeterminant = 1e-12;
 
 // tries sets of half-spaces as active ones, in coordinates relative to x
@@ -54,7 +54,7 @@ class ActiveSet {
     normals << normal_[i], normal_[j], normal_[k];
     const double volume = normals.determinant();
     if (volume * volume < kLeastDeterminant) return std::nullopt;
-    // normals^T d = needed, d = normals pull
+    // KKT system: normals^T d = needed, d = normals * pull
     const Eigen::Vector3d needed(needed_mm_[i], needed_mm_[j], needed_mm_[k]);
     const Eigen::Matrix3d inverse = normals.inverse();
     const Eigen::Vector3d pull = inverse * (inverse.transpose() * needed);
@@ -81,7 +81,7 @@ class ActiveSet {
   double scale_mm_ = 0;
 };
 
-// what the search finds where there is one alone, as mostly there is
+// shortcut for a single half-space, the common case; same result as the enumeration
 std::optional<ClosestPoint> closest_to_one(const Point<Patient>& x, const HalfSpace& wall) {
   const double needed_mm = -wall.clearance(x);
   if (needed_mm <= kOnPlane_mm + 1e-9 * std::abs(needed_mm)) return ClosestPoint{x, {}, {}, 0};

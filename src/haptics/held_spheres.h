@@ -7,10 +7,10 @@
 
 namespace palpate {
 
-/// A tool's spheres as a proxy holds them: mostly as the hand does, and then they are not copied.
+/// Tool parts in a proxy's attitude. Without a copy in the common case that it equals the operator's.
 class HeldSpheres {
  public:
-  /// @param spheres  as the hand's attitude turns them; they outlive this
+  /// @param spheres  tool parts in the operator's attitude; must outlive this object
   HeldSpheres(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& hand,
               const Eigen::Quaterniond& proxy)
       : as_in_hand_(spheres) {

@@ -6,7 +6,7 @@ namespace palpate {
 
 namespace {
 
-// the centres of a shape's spheres, as a box of the patient
+// axis-aligned bounds of the centres of a part's spheres, in the patient frame
 struct AxisBox {
   Eigen::Array3d low, high;
 
@@ -18,7 +18,7 @@ struct AxisBox {
   }
 };
 
-// whether a surface's bounds say that no sphere of a shape comes within so many mm
+// whether the surface's bounding box excludes that any sphere of the part comes within a distance
 bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
                      double within_mm) {
   if (shape.along_mm == Vector<Patient>()) return surface.is_beyond(at + shape.offset_mm, within_mm);
@@ -43,7 +43,7 @@ void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!is_there(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
-    // what the way does not come to, and most are that, costs a look at its box
+    // early-out for the common case: the path does not reach the surface's bounding box
     const bool known_free = surface.outside_mm() > widest_mm + kProxyFeel.skin_mm;
     if (known_free && surface.is_beyond(tool.low, tool.high, reach_mm)) continue;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
@@ -113,7 +113,7 @@ void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
   for (std::size_t n = 0; n < count_; ++n) {
     const ToolSphere& turned = spheres[static_cast<std::size_t>(near_[n].sphere)];
     if (near_[n].steps > 0) {
-      // besides what its first sphere moves, its last one does this
+      // bound for the displacement of the last sphere beyond that of the first
       known_[n].clearance_mm -=
           (turned.along_mm - near_[n].shape.along_mm).norm() * near_[n].surface->steepest();
       known_[n].enough_mm = -std::numeric_limits<double>::infinity();
@@ -122,7 +122,7 @@ void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
   }
 }
 
-// in order of clearance, so that the nearest ones are kept
+// insertion sort by clearance, so that the nearest pairs are kept
 void NearSurfaces::insert(const Near& near, double clearance_mm, const Known& known) {
   if (count_ == kMostNear)
     left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMostNear - 1]));
@@ -156,7 +156,7 @@ void Walls::put(std::size_t place, const Near& near, int step, const HalfSpace& 
   step_.make(place, step);
 }
 
-// one that does the same work and leaves more room, or none
+// index of a parallel half-space that is less restrictive, or kMostHalfSpaces
 std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
   std::size_t n = 0;
   while (n < kMostHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&

@@ -9,14 +9,16 @@
 #include "haptics/room_for.h"
 #include "palpate/haptics/proxy.h"
 
-/// What the tool can meet in a tick, and how it is kept outside of that.
+/// Broad phase of the proxy: sphere-surface pairs within reach of a tick's path, with cached clearances, and
+/// the projection of a position out of the surfaces.
 namespace palpate {
 
-/// Pairs of a sphere or capsule and a surface that are looked at; where more are near at once the proxy goes
-/// no farther than the others allow.
+/// Capacity in pairs of a tool part and a surface. If more pairs are near, the nearest are kept and the path
+/// is limited to the distance within which they are complete.
 inline constexpr std::size_t kMostNear = 32;
 
-/// Whether the tool can meet a surface with the proxy of a layer.
+/// Whether a layer's proxy can touch surface `s`: it is in that layer, has geometry, and is neither punctured
+/// nor covered by a surface that is not punctured.
 inline bool is_there(std::span<const FeltSurface> surfaces, int layer, const SurfaceSet& punctured,
                      std::size_t s) {
   const FeltSurface& felt = surfaces[s];
@@ -24,24 +26,27 @@ inline bool is_there(std::span<const FeltSurface> surfaces, int layer, const Sur
   return felt.layer == layer && felt.surface != nullptr && !punctured[s] && !covered;
 }
 
-/// A sphere or capsule of the tool and a surface that it may meet in this tick.
+/// Pair of a tool part and a surface that it may touch in this tick.
 struct Near {
   const Surface* surface;
   int index, sphere;
   ToolSphere shape;
-  int steps;  ///< of a capsule's row of spheres; 0: a sphere
+  int steps;  ///< Number of intervals in a capsule's row of spheres. 0: a sphere
 
-  /// Where on a capsule's axis a step is, 0 ... 1.
+  /// Position of a step on the capsule's axis, 0 ... 1.
   double part(int step) const { return steps == 0 ? 0 : static_cast<double>(step) / steps; }
-  /// From the tip to the centre of a step's sphere.
+  /// Vector from the tip to the centre of a step's sphere.
   Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.along_mm * part(step); }
   double radius_mm(int step) const { return shape.radius_at_mm(part(step)); }
 
   struct Clearance {
-    double mm;  ///< negative: below the surface; in the surface's own measure of distance
-    int step;   ///< of the sphere that is nearest
+    double mm;  ///< Signed clearance by the distance field; negative: penetration
+    int step;   ///< Step of the nearest sphere
   };
-  /// Of a capsule a lower bound above `enough_mm` where that is cheaper to know.
+  /// Clearance with the tip's proxy at `proxy`. For a capsule that is nowhere nearer than `enough_mm` the
+  /// result may be any lower bound above that.
+  /// @param begin  step at which the search starts
+  /// @param looks  incremented by the number of surface queries
   Clearance clearance(const Point<Patient>& proxy, double enough_mm, int begin, int& looks) const {
     const Point<Patient> centre = proxy + shape.offset_mm;
     if (steps == 0) {
@@ -56,55 +61,55 @@ struct Near {
 
 class NearSurfaces {
  public:
-  /// None.
+  /// An empty set.
   NearSurfaces() = default;
   NearSurfaces(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
     gather(surfaces, spheres, layer, punctured, at, reach_mm);
   }
 
-  /// Those that a layer's proxy can reach from `at` on a way of `reach_mm`. Where they are too many, the way
-  /// is as long as the nearest ones allow. In place of those that were there.
-  /// @param spheres  as the proxy's attitude turns them
+  /// Replaces the set by the pairs that a layer's proxy can touch on a path of length `reach_mm` from `at`.
+  /// If there are more than kMostNear, reach_mm() is shorter.
+  /// @param spheres  tool parts in the proxy's attitude
   void gather(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
-  /// None, until pairs are gathered or recalled.
+  /// Empties the set.
   void clear() { count_ = 0; }
-  /// A pair that was gathered in an earlier tick: nothing is known of its clearance. No more than there is
-  /// room for.
+  /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMostNear.
   const Near& recall(const Near& near) { return near_.make(count_++, near); }
 
   std::size_t count() const { return count_; }
   const Near& operator[](std::size_t n) const { return near_[n]; }
   std::size_t place_of(const Near& near) const { return static_cast<std::size_t>(&near - near_.data()); }
   double reach_mm() const { return reach_mm_; }
-  /// The greatest slope of any of them, at least 1.
+  /// Maximum slope of the distance fields in the set; at least 1.
   double steepest() const;
-  /// Whether a sphere lay in a surface where they were gathered.
+  /// Whether any sphere was inside a surface at the position passed to gather().
   bool is_in_one() const { return count_ > 0 && clearances_mm_[0] <= -kProxyFeel.outside_mm; }
 
-  /// The clearance of pair n, or, where that is cheaper to know, a lower bound of it above `enough_mm`.
+  /// Clearance of pair n, or a lower bound above `enough_mm` where that is cheaper. Cached: a clearance
+  /// decreases by at most the surface's maximum slope times the displacement.
   double clearance(std::size_t n, const Point<Patient>& proxy,
                    double enough_mm = std::numeric_limits<double>::infinity());
-  /// Of a capsule: the step of its row that had the clearance which was asked for last.
+  /// Step of the capsule's row at which the last clearance of pair n was found.
   int step(std::size_t n) const { return known_[n].step; }
-  /// Where a capsule lies on the surface with one step of its row: the middle of that part of its axis, 0
-  /// ... 1.
+  /// Middle of the interval of a capsule's axis that touches the surface together with `step`, 0 ... 1.
   double middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step);
 
-  /// How often surfaces were asked, for all that was gathered and since: what a tick costs goes with that.
+  /// Number of surface queries since construction; the measure of a tick's work.
   int looks() const { return looks_; }
 
-  /// The same pairs of a tool that has turned: `spheres` as another attitude turns them.
+  /// Rotates the tool of the gathered pairs.
+  /// @param spheres  tool parts in the new attitude
   void turn(std::span<const ToolSphere> spheres);
 
  private:
-  // what is known of a pair's clearance: it falls no faster than its surface is steep
+  // last evaluation of a pair: the clearance decreases by at most the surface's maximum slope per mm
   struct Known {
     Point<Patient> centre;
     double clearance_mm = 0;
-    double enough_mm = 0;  // above this it may be a lower bound of the clearance
+    double enough_mm = 0;  // above this, clearance_mm may be a lower bound
     int step = 0;
   };
 
@@ -117,24 +122,27 @@ class NearSurfaces {
   RoomFor<Known, kMostNear> known_;
   std::size_t count_ = 0;
   int looks_ = 0;
+  // clearance of the nearest pair that did not fit
   double left_out_mm_ = std::numeric_limits<double>::infinity();
   double reach_mm_ = 0;
 };
 
-/// Whether no sphere lies in any surface of a layer that it can meet, but these.
+/// Whether no tool part penetrates any surface that the layer's proxy can touch.
+/// @param but  surfaces that are ignored
+/// @param at  position of the tip
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at);
 
-/// Half-spaces with what they belong to.
+/// Half-space constraints, each with the sphere-surface pair that it comes from.
 class Walls {
  public:
   bool full() const { return count_ == kMostHalfSpaces; }
   void clear() { count_ = 0; }
-  /// The tangent plane at a place whose clearance is known: the surface lies that much farther along it.
-  /// False where there is no direction, or no room.
-  /// @param step  of the sphere of the near capsule that has this clearance
+  /// Adds the tangent plane of the pair's surface at a position of the tip with a known clearance. A full set
+  /// replaces a weaker parallel plane. Returns false if the surface has no normal there, or there is no room.
+  /// @param step  step of the capsule's row that has this clearance
   bool add(const Near& near, int step, const Point<Patient>& at, double clearance_mm);
-  /// One of a sphere that was added in an earlier tick; where there is room.
+  /// Adds the half-space of a sphere from an earlier tick. Precondition: not full.
   void recall(const Near& near, const HalfSpace& wall) { put(count_++, near, 0, wall); }
   std::size_t count() const { return count_; }
   std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
@@ -152,8 +160,11 @@ class Walls {
   std::size_t count_ = 0;
 };
 
-/// Puts a place back outside every surface that it lies a little below, in steps of so much at most: walls
-/// that nearly face each other would send it far away. False where there is no such place near.
+/// Projects a position out of every surface of the set that it penetrates slightly, by repeated closest-point
+/// solves.
+/// @param step_mm  maximum length of each step, because nearly opposite planes have a distant intersection
+/// @param proxy  updated only on success
+/// @return false if no position outside was found within most_steps
 bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy);
 
 }  // namespace palpate

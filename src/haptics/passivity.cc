@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// speed along the force, from the shortest way that tells one; none after a turn
+// velocity along the force, from the shortest displacement that allows an estimate; reset on reversal
 void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
   if (along_mm * state.speed_mm_s < 0 && std::abs(along_mm) > 0.5 * step_mm)
     state.speed_mm_s = state.way_mm = state.time_s = 0;
@@ -19,7 +19,7 @@ void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& 
   state.way_mm = state.time_s = 0;
 }
 
-// where the tip has gone last along the force, however slowly
+// direction of the last motion along the force, at any speed
 void follow_direction(double along_mm, double step_mm, PassivityState& state) {
   const double half_mm = 0.5 * kPassivityFeel.turn_steps * step_mm;
   state.play_mm += along_mm;
@@ -28,22 +28,22 @@ void follow_direction(double along_mm, double step_mm, PassivityState& state) {
   state.play_mm = std::copysign(half_mm, state.play_mm);
 }
 
-// The part that is left of a wall's stiffness while energy is owed.
+// Factor for a wall's stiffness while energy is owed.
 double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
   if (state.energy_mJ >= 0 || step_N <= kPassivityFeel.owing_step_N) return 1;
   return std::max(kPassivityFeel.owing_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
 }
 
-// A damper whose force comes later makes a light tip swing by itself. Held for a tick, it is half a tick late
-// in the mean.
+// Limit of the damping. A delayed damper makes a light tip oscillate, and the zero-order hold adds half a
+// tick of mean delay.
 double most_damping_N_s_per_m(const PassivityInput& input) {
   return std::min(kPassivityFeel.most_damping_N_s_per_m,
                   kPassivityFeel.most_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
 }
 
-// The part of the force that is left to a damper that takes off what is not covered within the tick, as far
-// as it may.
+// Factor for the force with a damper that removes the energy not covered in this tick, within the damping
+// limit.
 double damped(const PassivityInput& input, double force_N, double step_mm, const PassivityState& state,
               double& damping_N_s_per_m) {
   if (state.speed_mm_s <= 0) return 1;
@@ -57,9 +57,9 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }
 
-// The part that is left on the way out where the energy does not cover the reserve: so motions that are too
-// slow for a damper pay back what they give out. What the hand feels of it is no more than a step of the
-// encoder is anyway.
+// Factor for the force during withdrawal where the energy does not cover the reserve, so that motions too
+// slow for the damper also repay what they gave out. The reduction is limited to the force of one encoder
+// step, which is below the force flicker of the encoder itself.
 double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double step_mm,
                            const PassivityState& state) {
   if (!state.gives_way) return 1;
@@ -71,10 +71,10 @@ double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double ste
 }  // namespace
 
 PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state) {
-  // what flowed in; no more of it is there than the contact can hold
+  // energy put in, limited to what the contact can store
   state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.way_mm), input.stored_mJ);
 
-  // in free space nothing is left but what is owed
+  // in free space only a debt remains
   const double force_N = input.force_N.norm();
   if (!(force_N > 0) || !(input.dt_s > 0)) {
     const double owed_mJ = std::min(state.energy_mJ, 0.0);

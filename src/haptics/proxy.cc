@@ -17,7 +17,7 @@
 namespace palpate {
 namespace {
 
-// how far surfaces that another tool lies in push it
+// upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
 constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
 
 int layers_of(std::span<const FeltSurface> surfaces) {
@@ -26,25 +26,27 @@ int layers_of(std::span<const FeltSurface> surfaces) {
   return std::min(most + 1, kMostLayers);
 }
 
-/// How much of a structure's stiffness its layer's surface gives: at most so much of all, less what the
-/// layers around it give. That is the layer's lower bound, or less where the structures around it are softer
-/// than their own layer's upper bound, which would otherwise be missing from every layer within.
+/// Stiffness that a layer contributes for a structure, clamped to the device's limit: the structure's
+/// stiffness up to the layer's upper bound, minus the part already provided by the outer layers. That part is
+/// the layer's lower bound, or the sum actually given if the surrounding structures are softer than their own
+/// layer's upper bound; the difference would otherwise be missing from every layer within.
 class StiffnessAround {
  public:
   explicit StiffnessAround(double most_N_per_mm) : most_N_per_mm_(most_N_per_mm) {}
 
+  /// Contribution of a layer's `surface` for `structure`; N/mm.
   double part(const FeltSurface& surface, const FeltSurface& structure) const {
     const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm_);
     const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
-    // but for rounding
+    // tolerance for rounding
     const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
     return up_to - std::min(own, less ? *given_N_per_mm_ : surface.from_N_per_mm);
   }
-  /// What the layer gives of which part() was asked.
+  /// Adds the mean contribution of a layer, from outside to inside.
   void add(double part_N_per_mm) {
     if (given_N_per_mm_) *given_N_per_mm_ += part_N_per_mm;
   }
-  /// It touches nothing on its way, or yields: what it would give is its bound.
+  /// Reverts to the layers' lower bounds, after a layer without contact or with a deformable structure.
   void forget() { given_N_per_mm_.reset(); }
 
  private:
@@ -52,16 +54,19 @@ class StiffnessAround {
   std::optional<double> given_N_per_mm_ = 0;
 };
 
-/// Where a proxy may go in one tick: its spring changes by no more than the tip's own way and what may slip.
+/// Displacement limit of a proxy in one tick: a ball around the position to which the tip's displacement
+/// alone would have carried it. It bounds the change of the spring's stretch to the tip's displacement plus
+/// the permitted slip.
 struct Leash {
-  Point<Patient> middle;  ///< where the proxy would be, had it gone with the tip
+  Point<Patient> middle;  ///< Proxy position of the last tick plus the tip's displacement
   double length_mm = std::numeric_limits<double>::infinity();
 
+  /// Whether a position is outside the ball, so that the limit applies.
   bool holds(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
   bool is_taut(const Point<Patient>& at) const {
     return (at - middle).norm() > length_mm - kProxyFeel.still_mm;
   }
-  // of a way the part until it holds
+  // largest fraction of a displacement that stays within the ball
   double free_part(const Point<Patient>& from, const Vector<Patient>& way) const {
     if (!holds(from + way)) return 1;
     const Vector<Patient> out = from - middle;
@@ -73,29 +78,33 @@ struct Leash {
   }
 };
 
-/// How a layer's proxy went.
+/// Result of advancing one layer's proxy by one tick.
 struct Walked {
-  bool wedged = false, lagging = false;  ///< as ProxyResult has them
-  Vector<Patient> stretched_mm;          ///< its spring before, from the tip
-  double hand_mm = 0;                    ///< what the tip went, and the turn carried the tool
-  double behind_mm = 0;  ///< that, and what it went while the proxy came after it without force
-  /// Of its spring, in this tick: that and what may slip.
+  bool wedged = false, lagging = false;  ///< As in ProxyResult
+  Vector<Patient> stretched_mm;          ///< Spring vector (tip to proxy) of the last tick
+  double hand_mm = 0;  ///< Displacement of the tip in this tick plus the arc of the tool's rotation
+  /// hand_mm plus the displacement accumulated while the proxy was catching up at zero force.
+  double behind_mm = 0;
+  /// Upper limit of the spring vector's change in this tick: hand_mm plus the permitted slip.
   double most_change_mm = std::numeric_limits<double>::infinity();
 };
 
-/// A spring's stiffness: it goes with the place and with what the proxy leans on, and no faster than the
-/// proxy may slip. What the hand's way does not explain of the force's change is not more than that.
-/// @param before  its stiffness then; none: nobody knows
-/// @param slip_N  by which a force may change, beside the hand's way
+/// Rate-limited spring stiffness. The stiffness depends on position and contacts and may change only as fast
+/// as the proxy may slip: the force change that is not explained by the tip's displacement is at most that of
+/// a slip.
+/// @param wanted  stiffness of the current contacts, N/mm
+/// @param before  stiffness of the last tick, N/mm; empty: unknown, no limit
+/// @param stretched_mm  current spring vector, tip to proxy
+/// @param slip_N  permitted force change in this tick beyond the tip's displacement
 double slow_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
                       double slip_N, const Walked& walked) {
   const double length_mm = stretched_mm.norm();
   if (!before || !(length_mm > 0)) return wanted;
-  // it gave nothing, and its proxy may be far from the tip
+  // the spring was inactive and may already be long
   const double beyond_mm = length_mm - walked.behind_mm;
   if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
   if (!std::isfinite(walked.most_change_mm)) return wanted;
-  // what lies in a ball round the force before
+  // stiffnesses whose force lies in a ball around the last force
   const double along = walked.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
   const double across = walked.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
   const double change = walked.most_change_mm / length_mm;
@@ -104,9 +113,9 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
 }
 
-/// What the walks of a tick work in, one after the other: to make it takes longer than many a walk.
+/// Working memory shared by the proxy updates of a tick; constructing it takes longer than many updates.
 struct WalkRoom {
-  /// Of each contact: the pair that it is of, and the step of its row.
+  /// Origin of a contact: index of its sphere-surface pair, and the sphere in the capsule's row.
   struct TouchedAt {
     std::size_t near = 0;
     int step = 0;
@@ -119,13 +128,14 @@ struct WalkRoom {
   RoomFor<TouchedAt, kMostContacts> touched_at;
 };
 
-/// The proxy's way in one tick.
+/// Update of one layer's proxy position in one tick: substeps towards the tip along the surfaces.
 class Walk {
  public:
-  /// @param spheres  as the proxy's attitude turns them
-  /// @param most_mm    how far it goes
-  /// @param stretched  its spring before, from the tip, mm
-  /// @param way        gets every corner of it; may be null
+  /// @param spheres  tool parts in the proxy's attitude
+  /// @param most_mm  maximum path length
+  /// @param leash  displacement limit
+  /// @param stretched  spring vector of the last tick, tip to proxy, mm
+  /// @param way  receives every vertex of the path; may be null
   Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
        const Leash& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
        const ProxyOptions& options, ProxyWay* way, WalkRoom& room)
@@ -155,7 +165,8 @@ class Walk {
     walls_.clear();
   }
 
-  /// False where the proxy lies in walls, as after the tool has become another one, and finds no way out.
+  /// Runs the update. Returns false if the proxy starts inside surfaces (e.g. after a tool change) and cannot
+  /// be pushed out.
   bool go(Walked& result) {
     bool moves = false, through_free_space = false;
     if (!rests_as_before()) {
@@ -167,7 +178,7 @@ class Walk {
       }
       note(proxy_);
       moves = !flies() && go_on(result);
-      // also where it has not arrived: a tick without force would be felt
+      // also if the proxy has not arrived, because a tick at zero force would be felt
       through_free_space = slips() && is_held_by_nothing();
       if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
     } else {
@@ -182,7 +193,8 @@ class Walk {
   }
 
  private:
-  // Straight to the tip, where nothing holds it and nothing is near, as of most layers in most ticks.
+  // Moves straight to the tip if the proxy is in free space with no surface nearby: the common case for most
+  // layers.
   bool flies() {
     const Vector<Patient> way = tip_ - proxy_;
     const double way_mm = way.norm();
@@ -196,7 +208,7 @@ class Walk {
     return true;
   }
 
-  // in strides; true where it could go farther
+  // moves in substeps; true if the work limit was reached before the goal
   bool go_on(Walked& result) {
     most_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
     int stride = 0;
@@ -217,8 +229,8 @@ class Walk {
     return moves;
   }
 
-  // Where it rested before it touches the same, and mostly the hand has not moved so far that it goes on:
-  // then no surface is looked at. Else nothing has changed.
+  // Checks the cached contacts of a proxy at rest. If the proxy still does not move (the common case), no
+  // surface is queried; otherwise the state is left unchanged.
   bool rests_as_before() {
     const auto touched = state_.at_rest.find(proxy_, state_.punctured, spheres_);
     if (touched.empty()) return false;
@@ -251,7 +263,7 @@ class Walk {
     return false;
   }
 
-  // what the next tick begins with, if all that was gathered was looked at from here
+  // caches the active contacts for the next tick, provided that all pairs were gathered at this position
   void remember_rest() {
     const bool stayed = proxy_ == state_.position && near_.count() < kMostNear && !has_capsules_;
     if (!stayed || walls_.count() == 0 || walls_.count() > TouchedAtRest::kMostWalls) return;
@@ -265,8 +277,9 @@ class Walk {
     state_.at_rest.remember(proxy_, state_.punctured, spheres_, std::span(touched).first(walls_.count()));
   }
 
-  // Gathers what the next part of the way may meet. From free space that is all of it; on surfaces the proxy
-  // mostly goes little of the way to the tip, and less of it has less to look at.
+  // Gathers the surfaces within reach of the next part of the path. In free space that is the whole path; in
+  // contact the proxy usually covers only a small part of the distance to the tip, and a shorter reach has
+  // fewer pairs.
   void look_around() {
     const double part_mm = state_.contacts == 0 ? to_go_mm_ : std::min(to_go_mm_, kProxyFeel.part_mm);
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, part_mm + kProxyFeel.stride_mm());
@@ -276,7 +289,7 @@ class Walk {
     to_go_mm_ -= part_mm;
   }
 
-  // out of what it lies in
+  // pushes the proxy out of surfaces that it starts in
   bool leave() {
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMostPush_mm);
     steepest_ = near_.steepest();
@@ -286,14 +299,15 @@ class Walk {
     return true;
   }
 
-  // on its way to another place, as far as its spring lets go in this tick
+  // whether the displacement limit stopped the proxy on its way to another position
   bool slips() const { return leashed_ && leash_.is_taut(proxy_); }
 
-  // one stride; false when the proxy has come to rest
+  // one substep; false when the proxy has come to rest
   bool step(Walked& result) {
     const double free_mm = touch_what_is_near();
     leashed_ = false;
-    // a try that fails has let nothing go: the next one is held as the proxy was before
+    // a failed attempt must not release friction: each attempt starts with the friction state before the
+    // first
     const bool sticking = state_.sticking, anchored = anchored_;
     for (int attempt = 0; attempt < kProxyFeel.most_tries; ++attempt) {
       state_.sticking = sticking;
@@ -310,7 +324,7 @@ class Walk {
         return false;
       }
       const Point<Patient> end = towards(goal, walls_.count() == 0 ? free_mm : stride_mm());
-      // a wall that was not seen from here holds from now on
+      // a surface first hit by this substep becomes a constraint, and the goal is solved again
       if (add_walls_below(end)) continue;
       return go_to(end);
     }
@@ -321,8 +335,9 @@ class Walk {
 
   double stride_mm() const { return kProxyFeel.stride_mm() / steepest_; }
 
-  // The goal, or as far towards it as a stride may go; half of it where the last one went the other way, as
-  // it does where the surface is hollow and bends more than the tip is deep.
+  // End of the next substep: the goal, or the point at the maximum substep length towards it. Half of that
+  // where the direction reversed, which occurs on concave surfaces whose radius of curvature is less than the
+  // depth.
   Point<Patient> towards(const Point<Patient>& goal, double most_mm) {
     const Vector<Patient> way = goal - proxy_;
     const double length_mm = way.norm();
@@ -334,19 +349,20 @@ class Walk {
     return part < 1 ? proxy_ + way * part : goal;
   }
 
-  // There, and back onto surfaces. A stride that leads away from the tip is not taken: so the proxy comes to
-  // rest where walls bend within a stride.
+  // Moves to the end of a substep and projects it back outside the surfaces. A substep that increases the
+  // distance to the tip is rejected, so that the proxy comes to rest where constraints turn within one
+  // substep.
   bool go_to(const Point<Patient>& asked) {
     Point<Patient> end = asked, there = end;
     if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
-    // put back, it may have come farther than its spring lets go
+    // the projection may have moved the point beyond the displacement limit
     if (leash_.holds(there)) {
       end = proxy_ + (end - proxy_) * leash_.free_part(proxy_, there - proxy_);
       there = end;
       if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
       leashed_ = true;
     }
-    // what comes in several steps is no way whose ends bound what lies between
+    // after a projection in several steps the end points no longer bound the penetration in between
     if ((there - end).norm() > stride_mm()) return false;
     const Vector<Patient> way = there - proxy_;
     if ((tip_ - there).norm() > (tip_ - proxy_).norm() + away_ * way.norm()) return false;
@@ -358,11 +374,12 @@ class Walk {
     return way.norm() > kProxyFeel.still_mm;
   }
 
+  // records a vertex of the path
   void note(const Point<Patient>& corner) {
     if (way_ != nullptr) way_->add(corner, state_.attitude);
   }
 
-  // walls that bend faster than a stride can follow: shorter ones
+  // constraints turn faster than a substep can follow: retries with shorter ones
   bool creep() {
     const auto nearest = closest_point(tip_, walls_.half_spaces());
     if (!nearest) return false;
@@ -375,14 +392,14 @@ class Walk {
     return false;
   }
 
-  // It rests although the tip is elsewhere, and no wall says why: where a slit closes, or thin tissue lies in
-  // a gap, normals may lead to the tip through the surface.
+  // Whether the proxy has stopped away from the tip without a contact. Where a gap closes, or thin tissue
+  // lies in a gap, normals may point towards the tip through the surface.
   bool is_held_by_nothing() const {
     return state_.contacts == 0 && (tip_ - proxy_).norm() > kProxyFeel.arrived_mm;
   }
 
-  // A stride that leads nearer to the tip and stays outside, by trying: straight on, then farther and farther
-  // aside. False where there is none.
+  // Searches for a substep that decreases the distance to the tip and stays outside: straight ahead, then on
+  // cones of increasing angle. Returns false if there is none.
   bool feel_for_a_way() {
     const Eigen::Vector3d ahead = (tip_ - proxy_).normalized().eigen();
     const Eigen::Vector3d right = ahead.unitOrthogonal(), up = ahead.cross(right);
@@ -403,9 +420,9 @@ class Walk {
     return false;
   }
 
-  // What it cannot pass holds it: without this there would be no force at all, however deep the tip. It gives
-  // what the tip is deep, and not the whole way to the proxy: so nothing pulls at a tip that came out
-  // elsewhere.
+  // Adds a contact with the blocking surface; otherwise there would be no force at any depth of the tip. The
+  // multiplier is the depth of the tip, not its distance to the proxy, so that a tip that has emerged
+  // elsewhere is not pulled back.
   void lean_on_what_is_nearest() {
     std::size_t nearest = 0;
     double least_mm = std::numeric_limits<double>::infinity(), deepest_mm = 0;
@@ -423,14 +440,14 @@ class Walk {
     state_.part = pull_mm / away.norm();
   }
 
-  // What the spring is stretched by goes over into what is wanted no faster than it may, also where that is
-  // less than the way to the proxy, or nothing.
+  // Rate limit of the spring's stretch: changes from the last value to the target by at most the displacement
+  // limit, also if the target is zero or less than the distance to the proxy.
   void let_go_slowly(bool through_free_space) {
     const Vector<Patient> away = proxy_ - tip_;
     const double away_mm = away.norm();
     if (!std::isfinite(leash_.length_mm) || away_mm <= kProxyFeel.arrived_mm) return;
     const double wanted_mm = through_free_space || state_.contacts > 0 ? state_.part * away_mm : 0;
-    // along the new way to the proxy, as far from what it was as the leash is long
+    // projected onto the new direction to the proxy, within the displacement limit of the last stretch
     const double before_mm = stretched_.dot(away) / away_mm;
     const double turned_squared = stretched_.squared_norm() - before_mm * before_mm;
     const double change_mm = std::sqrt(std::max(0.0, leash_.length_mm * leash_.length_mm - turned_squared));
@@ -450,10 +467,10 @@ class Walk {
     state_.contact[0].pull_mm = now_mm;
   }
 
-  // A capsule that lies along a surface leans on the middle of what touches, which does not wander with the
-  // voxels as the nearest place does.
+  // Places the contact of a capsule that lies along a surface at the middle of the touching interval, which
+  // does not jump between voxels as the nearest point does.
   void settle_along_capsules() {
-    // of a contact of the tick before it is known already
+    // contacts carried over from the last tick have it already
     if (!leant_) return;
     for (int n = 0; n < state_.contacts; ++n) {
       const WalkRoom::TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
@@ -461,7 +478,7 @@ class Walk {
     }
   }
 
-  // half-spaces of everything that is touched; the clearance of the rest
+  // builds half-spaces of all touched surfaces; returns the free distance if there are none
   double touch_what_is_near() {
     walls_.clear();
     double free_mm = std::numeric_limits<double>::infinity();
@@ -474,7 +491,7 @@ class Walk {
     return free_mm;
   }
 
-  // by friction, where nothing held it before
+  // sets the friction anchor when contact begins
   void hold_where_it_is() {
     if (anchored_) return;
     anchor_ = proxy_;
@@ -482,11 +499,11 @@ class Walk {
     state_.sticking = false;
   }
 
-  // how far no surface lies
+  // distance within which there is no surface
   double free_way_mm() {
     double free_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < near_.count(); ++n) {
-      // of one that is touched where it has no direction, half of what is left
+      // for a touched surface without a normal, half of the remaining clearance
       const double clearance_mm = near_.clearance(n, proxy_);
       const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxyFeel.skin_mm, 0.5 * clearance_mm});
       free_mm = std::min(free_mm, leaves_mm / near_[n].surface->steepest());
@@ -494,13 +511,14 @@ class Walk {
     return free_mm;
   }
 
+  // whether a position penetrates any surface by more than the tolerance
   bool is_below(const Point<Patient>& end) {
     for (std::size_t n = 0; n < near_.count(); ++n)
       if (near_.clearance(n, end, -kProxyFeel.dip_mm) < -kProxyFeel.dip_mm) return true;
     return false;
   }
 
-  // whether the end of a stride lies below a surface, whose tangent plane there is then a wall
+  // adds the tangent plane of every surface that the end of a substep penetrates; true if there is any
   bool add_walls_below(const Point<Patient>& end) {
     bool below = false;
     for (std::size_t n = 0; n < near_.count(); ++n) {
@@ -512,8 +530,8 @@ class Walk {
     return below;
   }
 
-  // Where on the walls friction lets the proxy go: it is dragged behind the place that would be nearest to
-  // the tip, from where it was held, as far as the cone allows.
+  // Applies the friction cone: the proxy is displaced from the frictionless goal towards the friction anchor,
+  // by at most the cone's radius at this depth.
   Point<Patient> with_friction(const ClosestPoint& nearest) {
     if (nearest.count == 0) anchored_ = false;
     if (nearest.count == 0 || !options_.friction) {
@@ -529,19 +547,20 @@ class Walk {
       sliding += pull_mm * friction.sliding;
       all_mm += pull_mm;
     }
-    // a wall's pull is the depth; in a corner the way is shorter than the pulls
+    // with one constraint the multiplier is the depth; in a corner the depth is less than the sum of
+    // multipliers
     const double depth_mm = (nearest.point - tip_).norm();
     const Vector<Patient> behind = along_walls(anchor_ - nearest.point, nearest);
     const double behind_mm = behind.norm();
     const bool stuck = state_.sticking;
     state_.sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
-    // what friction lets go it lets go at once
+    // what static friction releases beyond kinetic friction is exempt from the displacement limit
     if (stuck && !state_.sticking) leash_.length_mm = leash_mm_ + (still - sliding) / all_mm * depth_mm;
     if (state_.sticking) return nearest.point + behind;
     return nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);
   }
 
-  // without what the walls' normals take
+  // component in the tangent space of the active constraints
   Vector<Patient> along_walls(const Vector<Patient>& way, const ClosestPoint& nearest) const {
     if (nearest.count == 3) return {};
     const Vector<Patient>& first = walls_.half_space(static_cast<std::size_t>(nearest.active[0])).normal;
@@ -551,7 +570,7 @@ class Walk {
     return edge * edge.dot(way);
   }
 
-  // the contacts; walls that do the same work as one that holds share its pull, as two spheres on a plane do
+  // stores the contacts; parallel constraints share the multiplier, e.g. two spheres on one plane
   void remember(const ClosestPoint& nearest) {
     state_.contacts = 0;
     for (int n = 0; n < nearest.count; ++n) {
@@ -580,7 +599,7 @@ class Walk {
     touched_at_.make(n, near, step);
   }
 
-  // on an outer surface that of the place where the wall is met first in this tick
+  // friction of a pair; on a common surface, evaluated where the constraint is first met in this tick
   const Friction& friction_of(std::size_t wall) {
     const Near& near = walls_.near(wall);
     const std::size_t place = near_.place_of(near);
@@ -601,25 +620,25 @@ class Walk {
 
   std::span<const FeltSurface> surfaces_;
   Leash leash_;
-  const double leash_mm_;            // without what friction lets go
-  bool leashed_ = false;             // its last stride was
-  bool leant_ = false;               // its contacts are of this walk
-  const ProxyContact leant_on_;      // before, if it leant on anything
-  const Vector<Patient> stretched_;  // its spring before
+  const double leash_mm_;            // displacement limit before friction released any
+  bool leashed_ = false;             // the last substep was shortened by the displacement limit
+  bool leant_ = false;               // the contacts were set by this update
+  const ProxyContact leant_on_;      // first contact of the last tick
+  const Vector<Patient> stretched_;  // spring vector of the last tick, mm
   const ProxyOptions options_;
   const bool has_capsules_;
-  const double away_;  // part of a stride that may lead away from the tip
+  const double away_;  // maximum fraction of a substep by which the distance to the tip may increase
   std::span<const ToolSphere> spheres_;
   const int layer_;
   NearSurfaces& near_;
   int most_looks_ = 0;
-  double to_go_mm_;      // after this part of the way
-  double left_mm_ = 0;   // of this part
-  double steepest_ = 1;  // of what is near
+  double to_go_mm_;      // path length beyond the current part
+  double left_mm_ = 0;   // path length left in the current part
+  double steepest_ = 1;  // maximum slope of the gathered distance fields
   const Point<Patient> tip_;
   ProxyLayer& state_;
   Point<Patient> proxy_;
-  Point<Patient> anchor_;  // where friction holds it
+  Point<Patient> anchor_;  // position at which friction holds the proxy
   Vector<Patient> last_way_;
   bool anchored_;
   Walls& walls_;
@@ -629,8 +648,8 @@ class Walk {
   ProxyWay* way_;
 };
 
-// Surfaces that the hand's tool and the proxy's have left close again: the tip may have come out of a layer
-// below while the proxy is held within it.
+// Punctured surfaces that are still open: a surface closes when both the operator's and the proxy's tool have
+// left it. Both count because the tip may emerge from a deeper layer while the proxy is still inside it.
 SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                       const ToolPose& hand, const ProxyLayer& state) {
   SurfaceSet punctured = state.punctured;
@@ -650,7 +669,7 @@ SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const Too
   return punctured;
 }
 
-/// What structures that can be gone through give of the springs of all layers.
+/// Spring force that acts on each structure that can be punctured, summed over layers.
 class Given {
  public:
   void add(int structure, double force_N) {
@@ -668,23 +687,25 @@ class Given {
   double force_N(std::size_t n) const { return force_N_[n]; }
 
  private:
-  // more at once, as in no tissue, are gone through later
+  // capacity; structures beyond it, which do not occur in tissue, are punctured in later ticks
   std::array<int, 16> structure_;
   std::array<double, 16> force_N_;
   std::size_t count_ = 0;
 };
 
-/// What lies along the way in, from the layers' springs (docs/decisions/0018): their sum is also that of each
-/// layer's whole stiffness times the way from its proxy to that of the next one within.
+/// Structures along the penetration path, from the springs of all layers (docs/decisions/0018). Uses that the
+/// sum of the layers' forces equals the sum, over layers, of the cumulated stiffness times the distance from
+/// the layer's proxy to the next inner proxy.
 class WayIn {
  public:
-  /// @param stretched_mm  the layer's spring, from the tip
-  /// @param stiffness     the layer's part
+  /// @param stretched_mm  spring vector of the layer, tip to proxy
+  /// @param stiffness  stiffness of the layer, N/mm
   void begin_layer(const Vector<Patient>& stretched_mm, double stiffness) {
     layer_.make(layers_++, stretched_mm, stiffness, owners_);
     force_N_ += stretched_mm * stiffness;
   }
-  /// Of the layer that was begun last.
+  /// Adds a structure's share of the layer that was begun last.
+  /// @param part  0 ... 1
   void add_owner(int structure, double part) {
     const std::span own(owner_.data() + first(), owners_ - first());
     const auto same = std::find_if(own.begin(), own.end(),
@@ -695,6 +716,7 @@ class WayIn {
       owner_.make(owners_++, structure, part);
   }
 
+  /// Writes ProxyResult::felt.
   void tell(ProxyResult& result) const {
     const Vector<Patient> along = force_N_.normalized();
     RoomFor<FeltPart, kMostOwners> part;
@@ -706,7 +728,7 @@ class WayIn {
       const Vector<Patient> beneath_mm = innermost ? Vector<Patient>() : layer_[m + 1].stretched_mm;
       const std::size_t end = innermost ? owners_ : layer_[m + 1].first_owner;
       stiffness += layer.stiffness;
-      // an inner layer that is met from the side may pull farther than the one around it
+      // an inner layer touched from the side may have a longer spring than the layer around it
       const double depth_mm = std::max(0.0, layer.stretched_mm.norm() - beneath_mm.norm());
       const double force_N = std::max(0.0, stiffness * (layer.stretched_mm - beneath_mm).dot(along));
       all_N += force_N;
@@ -751,8 +773,8 @@ class WayIn {
   Vector<Patient> force_N_;
 };
 
-/// About the tip, of a layer's force where its contacts are: what the walls do not give is friction, which
-/// acts where they do.
+/// Torque about the tip of a layer's force. The part of the force that the normal forces do not explain is
+/// friction, and is distributed over the contacts by their multipliers.
 Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
                           const Vector<Patient>& force_N, double stiffness_N_per_mm) {
   Vector<Patient> torque_Nmm, along_N = force_N;
@@ -770,7 +792,7 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
   return torque_Nmm;
 }
 
-/// What the layers' springs give together.
+/// Sum of the spring forces of all layers.
 class Springs {
  public:
   Springs(std::span<const FeltSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
@@ -780,13 +802,14 @@ class Springs {
         around_(options.most_stiffness_N_per_mm),
         own_around_(std::numeric_limits<double>::infinity()) {}
 
-  /// Layers come outermost first.
-  /// @param spheres  as the layer's proxy holds them
-  /// @param yield    of the layer in which structures yield
-  /// @param slip_N   as of slow_stiffness
+  /// Adds a layer; layers are added from outside to inside.
+  /// @param spheres  tool parts in the proxy's attitude
+  /// @param slip_N  as in slow_stiffness()
+  /// @param yield  state of the deformable structures, used by the outermost layer only
+  /// @return the layer's force
   ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked, double slip_N,
                  YieldState& yield, RelaxationState& relaxation) {
-    // else the proxy is no measure of what the hand presses
+    // otherwise the spring does not measure the operator's force, and nothing may be punctured by it
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
     double all_mm = 0, stiffness = 0, own_stiffness = 0, friction = 0;
@@ -822,7 +845,7 @@ class Springs {
     around_.add(stiffness);
     own_around_.add(own_stiffness);
     const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
-    // what yields has its own laws of time
+    // deformable tissue has its own time constants
     if (!(pressed.pull_mm > 0))
       stiffness = slow_stiffness(stiffness, state.spring_N_per_mm, stretched_mm, slip_N, walked);
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
@@ -861,7 +884,7 @@ class Springs {
     return force;
   }
 
-  /// A tick of what relaxes, where add() has found nothing that presses.
+  /// Advances the relaxation state by one tick if add() found no relaxing contact.
   void recover(RelaxationState& relaxation) const {
     if (options_.relaxation_times == nullptr || relaxed_) return;
     advance_relaxation(*options_.relaxation_times, 0, nullptr, options_.dt_s, relaxation);
@@ -877,12 +900,12 @@ class Springs {
     around_.forget();
     own_around_.forget();
   }
-  // what yields of all that is leant on, as one sphere that leans in one place
+  // contacts with deformable tissue, averaged into one sphere pressing at one point
   struct Pressed {
     double pull_mm = 0;
-    double modulus = 0, radius_mm = 0;  // times the pull
-    Vector<Patient> arm_mm;             // likewise; from the tip
-    RelaxedParts relaxed;               // likewise
+    double modulus = 0, radius_mm = 0;  // weighted by the multipliers
+    Vector<Patient> arm_mm;             // weighted, from the tip
+    RelaxedParts relaxed;               // weighted
 
     void add(double pull, const FeltSurface& felt, const Vector<Patient>& arm, double radius) {
       pull_mm += pull;
@@ -894,10 +917,10 @@ class Springs {
   };
   struct Yielded {
     YieldForce felt;
-    double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: whatever a hand holds with its device
+    double secant_N_per_mm = 0, own_secant_N_per_mm = 0;  // own: without the device's stiffness limit
   };
-  // What a tool of several parts, or one that lies along tissue, presses with: it may lean in fewer places
-  // than it would press in. As deep as the spring says, wherever its deepest place is.
+  // Footprint of a tool with several parts, or of a capsule lying along tissue, which may have fewer contacts
+  // than places that press. The depths are offset so that the deepest equals the spring's length.
   Footprint footprint(const Pressed& pressed, std::span<const ProxyContact> contacts,
                       std::span<const ToolSphere> spheres, const Vector<Patient>& stretched_mm) const {
     const double per_pull = 1 / pressed.pull_mm, depth_mm = stretched_mm.norm();
@@ -950,7 +973,7 @@ class Springs {
     relax(tissue, contact, depth_mm, radius_mm, most, relaxation, yielded);
     return yielded;
   }
-  // what is left of an elastic force, and what it stores (docs/decisions/0040-relaxation.md)
+  // viscoelastic correction of an elastic force and of its stored energy (docs/decisions/0040-relaxation.md)
   void relax(const YieldingTissue& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
              double most, RelaxationState& state, Yielded& yielded) {
     const double elastic_N = yielded.felt.force_N;
@@ -969,7 +992,7 @@ class Springs {
     }
     yielded.felt.force_N = force_N;
     yielded.felt.stored_mJ = std::max(0.0, stored_mJ);
-    // so slight a touch that its force is 0 as a number has a secant of 0 as well
+    // a contact with a force that rounds to 0 also has a secant stiffness of 0
     const double left = elastic_N > 0 ? force_N / elastic_N : 1;
     yielded.secant_N_per_mm *= left;
     yielded.own_secant_N_per_mm *= left;
@@ -989,12 +1012,13 @@ class Springs {
   Given given_;
 };
 
+// whether the puncture of a structure opens a surface
 bool opens(const FeltSurface& felt, std::size_t surface, int structure) {
   return static_cast<int>(surface) == structure || felt.structure == structure ||
          std::find(felt.opened_by.begin(), felt.opened_by.end(), structure) != felt.opened_by.end();
 }
 
-// A structure that was gone through, with every surface that it is part of.
+// Marks a structure as punctured, and with it every surface that it is part of.
 void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& state) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     const FeltSurface& felt = surfaces[s];
@@ -1002,7 +1026,7 @@ void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& stat
   }
 }
 
-// visits every part of the tool that leans mostly on a structure, in whichever layer
+// visits every contact, in any layer, whose largest owner is the structure
 template <class Visit>
 void each_leaning(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
                   const ToolPose& hand, const ProxyState& state, const Visit& visit) {
@@ -1022,7 +1046,7 @@ void each_leaning(std::span<const FeltSurface> surfaces, std::span<const ToolSph
   }
 }
 
-// Holes that stay open: those that the tool is in follow it, and those that it leans over let it in.
+// Permanent holes: extends those that the tool is in, and lets the tool into those that it fits.
 void use_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                const ToolPose& hand, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kMost> seen;
@@ -1053,20 +1077,20 @@ void use_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere
   }
 }
 
-// where a structure that stays open was gone through
+// creates permanent holes where a structure with stays_open was punctured
 void leave_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
                  const ToolPose& hand, const ProxyState& state, Holes& holes) {
   std::bitset<kMostToolSpheres> done;
   each_leaning(surfaces, spheres, structure, hand, state,
                [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
-                 // what leans in several layers makes its hole in the outermost
+                 // a part in contact in several layers leaves one hole, in the outermost
                  if (done[static_cast<std::size_t>(contact.sphere)]) return;
                  done[static_cast<std::size_t>(contact.sphere)] = true;
                  holes.make({structure, middle, -contact.normal, 0, radius_mm});
                });
 }
 
-// What it leant on was gone through: it goes on at once.
+// whether a contact of the last tick was punctured; its proxy is released without a rate limit
 bool is_let_go(const ProxyLayer& state) {
   const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
   return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {
@@ -1074,7 +1098,7 @@ bool is_let_go(const ProxyLayer& state) {
   });
 }
 
-// how far a turn carries what is farthest from the tip
+// arc length of a rotation at the tool point farthest from the tip
 double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
                       const Eigen::Quaterniond& to) {
   if (from.coeffs() == to.coeffs()) return 0;
@@ -1085,15 +1109,18 @@ double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterni
   return farthest_mm * from.angularDistance(to);
 }
 
-/// @param state       after its turn, which has pushed it as far as was asked for
-/// @param turned_mm   by that turn
+/// Displacement limit of a layer's proxy.
+/// @param state  after the tool's rotation, which has already pushed the proxy
+/// @param tip_moved  displacement of the tip in this tick, mm
+/// @param turned_mm  arc length of that rotation
+/// @param most_slip_mm  permitted slip
 Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
                double most_slip_mm) {
   if (state.contacts == 0 || is_let_go(state)) return {};
   return {state.position + tip_moved, tip_moved.norm() + turned_mm + most_slip_mm};
 }
 
-// how much of the change of a layer's force is no slip: the hand went, or it may all come at once
+// force change of a layer that is not slip: explained by the tool's displacement, or exempt from the limit
 double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const Walked& walked) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
@@ -1102,7 +1129,7 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * walked.hand_mm;
 }
 
-// one layer's proxy turns and goes its way
+// rotates and moves one layer's proxy
 Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
             const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
             const ProxyOptions& options, ProxyWay* way, WalkRoom& room) {
@@ -1122,7 +1149,7 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
   const HeldSpheres held(spheres, hand.attitude, state.attitude);
 
-  // from free space it comes as far as the tip went; on a surface it is not led farther than a hand goes
+  // from free space the proxy covers any distance of the tip; in contact the path per tick is limited
   const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
   const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
@@ -1133,8 +1160,7 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, leash, result.stretched_mm, tip,
                               state, options, way, room)
                              .go(result);
-  // one that lies in walls, or was left behind where no wall showed the way, is found again where the hand is
-  // free
+  // a proxy inside surfaces, or stuck without a constraint, is reset to the tip where the tip is free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
   const bool lost =
       state.contacts == 0 && (in_walls || far) && is_free(surfaces, spheres, layer, state.punctured, {}, tip);
@@ -1148,15 +1174,15 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   return result;
 }
 
-// nothing keeps the layer's proxy from the hand's pose
+// whether the layer's proxy coincides with the operator's pose without contact
 bool follows(const ProxyLayer& layer, const ToolPose& hand) {
   return layer.contacts == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
          (hand.tip - layer.position).norm() <= kProxyFeel.arrived_mm;
 }
 
-// Whether the hand's tool is clear of the outermost layer and could be carried straight to another pose: the
-// tip on a line, while the attitude turns evenly. Sphere tracing (Hart 1996); where that takes more than a
-// tick's work, false.
+// Whether the tool is clear of the outermost layer and has a collision-free straight path to another pose
+// (linear tip motion, spherical interpolation of the attitude). Sphere tracing (Hart 1996); false if that
+// exceeds the work limit of a tick.
 bool is_clear_way(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                   const SurfaceSet& punctured, const ToolPose& hand, const ToolPose& to) {
   const Vector<Patient> way = to.tip - hand.tip;
@@ -1184,13 +1210,13 @@ bool is_clear_way(std::span<const FeltSurface> surfaces, std::span<const ToolSph
   return false;
 }
 
-// Whether the tool is free on the side on which it was free before contact began: what it leans on holds it
-// from elsewhere, as a pocket does into which the proxy was pressed.
+// Whether the tool is back in free space on the side from which contact began. The remaining contacts then
+// hold it from elsewhere, e.g. a pocket into which the proxy was pressed.
 bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
   if (state.contacts == 0 || (hand.tip - state.looked_tip).norm() < kProxyFeel.back_pitch_mm) return false;
   state.looked_tip = hand.tip;
-  // mostly the tip lies beneath what it leans on
+  // early-out: the tip usually lies below the surface in contact
   const ProxyContact& leant_on = state.contact[0];
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(leant_on.sphere)];
   const Surface& surface = *surfaces[static_cast<std::size_t>(leant_on.surface)].surface;
@@ -1199,9 +1225,9 @@ bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSp
   return is_clear_way(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
 }
 
-// What holds the layer has let go of the hand's pose, and so has all that lies within: the proxy takes it
-// without looking around. What its spring gave in the tick before is released, but for what the hand's own
-// way since then explains: a tool that is lifted off within a tick leaves nothing.
+// Resets a layer whose covering layer has released the tool: the proxy takes the operator's pose without
+// collision checks. The force of its spring in the last tick becomes a residual force, minus the part
+// explained by the tip's displacement since: a tool lifted off within one tick leaves none.
 void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
              const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
   const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
@@ -1229,7 +1255,7 @@ void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
   layer.punctured = still_open(surfaces, spheres, hand, layer);
 }
 
-// after a change of the surfaces, as keep_proxy says
+// keep_proxy() for one layer
 void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                 std::span<const SurfaceBefore> before, ProxyLayer& state) {
   const ProxyLayer old = state;
@@ -1245,7 +1271,7 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
     return;
   }
 
-  // what it leans on, in the places of now; what is not felt any more is let go
+  // remaps contacts to the new indices; contacts with surfaces that no longer exist are dropped
   state.punctured = punctured;
   state.at_rest.forget();
   state.spring_N_per_mm.reset();
@@ -1261,11 +1287,11 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
   state.sticking = old.sticking && state.contacts > 0;
 }
 
-// a layer's proxy for a tip that is inside
-// @param punctured  surfaces that the tool has gone through
+// initialises a layer's proxy for a tip that is inside tissue
+// @param punctured  surfaces that the tool has punctured
 bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                 const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
-  // a surface is looked for as far as the fields know of one; from there, others may be nearer
+  // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   constexpr double kFar_mm = 1000;
   constexpr int kMostSteps = 64, kMostGatherings = 4;
   Point<Patient> born = hand.tip;
@@ -1289,7 +1315,7 @@ OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Po
   const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
   if (felt.owners == nullptr) return OwnerShares(felt.structure < 0 ? index : felt.structure);
   if (felt.made == nullptr) return felt.owners->at(at);
-  // what tells labels apart beneath the surface is half a voxel deep at least
+  // labels below the surface differ only from a depth of half a voxel
   const double beneath_mm = 0.5 * felt.made_labels->geometry().min_spacing_mm();
   return felt.made->distance_mm(at) < -beneath_mm ? felt.owners->within(*felt.made_labels, at)
                                                   : felt.owners->at(at);
@@ -1352,7 +1378,7 @@ double ProxyRelease::fade(double most_N) {
 void ProxyRelease::limit(double most_N) {
   const double before_N = force_N.norm();
   if (!(before_N > most_N)) return;
-  // the end is exactly none
+  // exactly zero at the end
   if (!(most_N > 0)) {
     *this = {};
     return;
@@ -1360,7 +1386,7 @@ void ProxyRelease::limit(double most_N) {
   const double part = most_N / before_N;
   force_N = force_N * part;
   torque_Nmm = torque_Nmm * part;
-  // as a spring's of the same stiffness
+  // quadratic in the force, as for a spring of constant stiffness
   stored_mJ *= part * part;
 }
 
@@ -1371,7 +1397,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
   WalkRoom room;
-  // by what the forces of this layer and of those within may slip, and how they grow with their springs
+  // force change that slip may still cause in this layer and those within, and the stiffness that it acts on
   double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
   slip_N -= state.release.fade(slip_N);
   const Point<Patient> tip_before = state.tip;
@@ -1385,7 +1411,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
     if (!covered) {
       uncover(surfaces, spheres, hand, tip_before, layer, state.release);
-      // it is put there, and has gone no way
+      // the proxy was reset: a single vertex, no path
       if (n == 0 && way != nullptr) way->add(layer.position, layer.attitude);
       continue;
     }
@@ -1397,20 +1423,20 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {
-      // nobody knows how the tip got in
+      // the side from which the tip entered is unknown
       state.within = {};
       state.release = {};
       springs.recover(state.relaxation);
       return result;
     }
     const HeldSpheres held(spheres, hand.attitude, layer.attitude);
-    // structures yield in the outermost layer alone
+    // only the outermost layer contains deformable structures
     YieldState none;
     const ProxyForce force =
         springs.add(layer, held.spheres(), walked, slip_N, n == 0 ? state.yield : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.behind_mm = layer.contacts == 0 && walked.lagging ? walked.behind_mm : 0;
-    // what this one has not slipped those within may
+    // slip that this layer has not used is left to the layers within
     const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm.value_or(0)).norm();
     slip_N -= std::clamp(changed_N - explained_N(before_N_per_mm, force, walked), 0.0, slip_N);
     growth_N_per_mm = 0;
@@ -1488,7 +1514,7 @@ void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const Too
   state.within = {};
   state.yield = {};
   state.relaxation = {};
-  // nobody knew how the tip got in
+  // the side from which the tip entered was unknown
   if (!was_coupled) return;
   state.punctured = {};
   for (std::size_t s = 0; s < surfaces.size(); ++s)

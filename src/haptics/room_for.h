@@ -8,14 +8,15 @@
 
 namespace palpate {
 
-/// Room for up to so many objects, of which a tick makes the few that it needs: an array of them is written
-/// from end to end first, which takes longer than what is done with those few.
+/// Fixed-capacity uninitialised storage of which a tick constructs only the few elements it needs. A
+/// std::array would be initialised as a whole, which takes longer than the work on those elements.
 template <class T, std::size_t kMost>
 class RoomFor {
   static_assert(std::is_trivially_destructible_v<T>, "nothing ends what was made here");
 
  public:
-  // not by default: that would write it all where an object with room in it is made by {}
+  // user-provided: a defaulted constructor would zero the storage when an enclosing object is initialised by
+  // {}
   RoomFor() {}
   RoomFor(const RoomFor&) = delete;
   RoomFor& operator=(const RoomFor&) = delete;
@@ -25,7 +26,7 @@ class RoomFor {
   T& make(std::size_t n, Values&&... values) {
     return *::new (bytes_.data() + n * sizeof(T)) T{std::forward<Values>(values)...};
   }
-  /// Of those that were made.
+  /// Element n; make(n) must have been called.
   T& operator[](std::size_t n) { return data()[n]; }
   const T& operator[](std::size_t n) const { return data()[n]; }
   T* data() { return std::launder(reinterpret_cast<T*>(bytes_.data())); }

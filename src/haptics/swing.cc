@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// one half of a swing is over: from the turn before to the place farthest from it
+// evaluates a completed half cycle, from the last reversal to the extremum
 void end_half(double step_mm, SwingState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
   const bool by_itself = length_mm >= std::max(kSwingFeel.least_mm, kSwingFeel.least_steps * step_mm) &&
@@ -48,7 +48,7 @@ void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, d
   }
   if (std::abs(state.farthest_mm - state.way_mm) < kSwingFeel.turn_steps * step_mm) return;
   end_half(step_mm, state);
-  // the next one began where this one was farthest
+  // the next half cycle began at the extremum of this one
   state.way_mm -= state.farthest_mm;
   state.time_s -= state.farthest_s;
   state.farthest_mm = state.way_mm;

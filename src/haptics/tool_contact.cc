@@ -11,14 +11,16 @@
 namespace palpate {
 namespace {
 
-/// What a point of the tool meets, and how hard it is pushed along the normal.
+/// Contact of one point of the tool, and the magnitude of its normal force.
 struct PointForce {
   PointContact contact;
   double normal_N = 0;
 };
 
-/// @param full_force_N     where the field is 1
-/// @param most_N_s_per_mm  of all that damps at this point
+/// Contact of one point by a direct method.
+/// @param full_force_N  force at field value 1
+/// @param most_N_s_per_mm  limit of the total damping at this point
+/// @param x  position of the point
 PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_per_mm,
                  const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = tick.model.force_field(tick.method);
@@ -42,7 +44,7 @@ PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_p
   return met;
 }
 
-// of the voxel there; 0 outside the volume
+// label of the voxel at a point; 0 outside the volume
 LabelId label_at(const Model& model, const Point<Patient>& at) {
   const Point<Voxel> p = model.field->X_VoxelPatient() * at;
   const auto& dims = model.labels->geometry().dims;
@@ -54,6 +56,7 @@ LabelId label_at(const Model& model, const Point<Patient>& at) {
   return model.labels->at(index[0], index[1], index[2]);
 }
 
+// site of a felt label; empty for other labels
 ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
   ContactSite site;
   if (!model.is_felt(label)) return site;
@@ -64,12 +67,13 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
   return site;
 }
 
-// the structure that a contact leans on: where structures touch or overlap, the one whose voxels lie there
+// structure in contact; where structures touch or overlap, the one whose voxels are half a voxel below the
+// surface
 LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at,
                     OwnersMemo& owners) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
-  // what is softer than a layer within lies around it
+  // a tissue softer than the layer's lower bound belongs to an outer layer
   const FeltSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
   if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
     return label;
@@ -77,9 +81,9 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
   return model.label_of_surface[static_cast<std::size_t>(structure)];
 }
 
-// The normal of all that the proxies lean on together. Where one rests on an edge, or where the position
-// bends more than its smoother normals say, the walls' own are not all that hold it: then it is the direction
-// next to theirs from which the force is no farther than friction lets it be.
+// Normal of all contacts. On an edge, or where the surface has more curvature than its smoothed normals, the
+// contact normals do not explain the whole force. The result is then the direction closest to theirs for
+// which the force lies in the friction cone.
 Vector<Patient> normal_of(const ProxyResult& result) {
   const Vector<Patient>& walls = result.normal;
   const Vector<Patient> along = result.force_N.normalized();
@@ -91,28 +95,28 @@ Vector<Patient> normal_of(const ProxyResult& result) {
   return (along + aside * (result.friction / off)).normalized();
 }
 
-// of equal ones the first stays first; std::stable_sort may allocate
+// stable insertion sort; std::stable_sort may allocate
 template <class T, class Before>
 void sort_few(std::span<T> few, Before before) {
   for (auto next = few.begin(); next != few.end(); ++next)
     std::rotate(std::upper_bound(few.begin(), next, *next, before), next, next + 1);
 }
 
-// on the surface, where a sphere or capsule leans on it
+// contact point on the surface
 Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
                         std::span<const ToolSphere> spheres) {
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   return layer.position + arm_of(contact, sphere);
 }
 
-// how a layer's contacts share its force: each along its own normal, together the spring's
+// distribution of a layer's force over its contacts: along each normal, in sum the spring force
 struct LeansOn {
   ProxyLayer& layer;
-  double force_N_per_mm;  // of pull
+  double force_N_per_mm;  // force per multiplier
   std::span<const ToolSphere> spheres;
 };
 
-// the strongest first, as many as there is room for; how many stand there now
+// appends a layer's contacts by decreasing force, up to the capacity; returns their number
 std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<ContactPoint> told) {
   std::array<const ProxyContact*, kMostContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
@@ -129,7 +133,7 @@ std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<Conta
   return n;
 }
 
-// what the proxy leans on, as a contact of the direct methods: the structure on which it leans most
+// the proxy's contacts in the form of a direct method's contact: that of the strongest contact's structure
 PointContact strongest_of(const Model& model, const ProxyState& proxy, const ContactPoint& most,
                           const Point<Patient>& tip, const ProxyResult& result,
                           const Vector<Patient>& force_N) {
@@ -155,15 +159,15 @@ std::array<FeltStructure, kMostTold> felt_by_proxy(const Model& model, const Pro
     felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
                                          part.depth_mm, part.share};
   }
-  // within what was gone through nothing but viscosity is felt
+  // inside a punctured structure only viscosity acts
   if (result.felt_parts == 0) felt[0] = all_of_it(strongest);
   return felt;
 }
 
-// Between tip and proxy: the spring's force over that with the stiffness of what is touched. The stiffness
-// that is felt follows it slowly, so that the seam of two structures is no step; contact begins with it. The
-// damper's velocity is a mean over a window of time that free space is part of, so that it comes in with the
-// spring; it takes off what the spring gives and no more.
+// Ratio of the spring-damper force between tip and proxy to the spring force at the contacts' current
+// stiffness. The rendered stiffness is low-pass filtered, so that it is continuous across the seam of two
+// structures; it starts at the contacts' value. The damper's velocity is averaged over a window that includes
+// free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
 double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
                double dt_s, CouplingState& state) {
   if (damping_N_s_per_mm > 0) state.pull_velocity.push(pull_mm - state.pull_mm, dt_s);
@@ -174,7 +178,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double 
     return 1;
   }
   double& felt = state.stiffness_N_per_mm;
-  // what yields gets stiffer with the depth, and that at once
+  // deformable tissue stiffens with depth, without a filter
   felt = felt > 0 && !spring.yields ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s)
                                     : stiffness;
   const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
@@ -202,7 +206,7 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
   const DeviceParameters& gains = hand.device;
   const auto points = static_cast<double>(hand.tool.points_mm.size());
   ToolContact tool;
-  // points that touch together add up
+  // forces of points in contact at the same time add up
   const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
   const double most_N_s_per_mm = hand.most_damping_N_s_per_mm() / points;
   const double softer = FeltStiffness(gains).left_of_all(stiffness_N_per_mm);
@@ -263,7 +267,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   const double most_N_s_per_mm = hand.most_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
-  // the layers within are met as they are: what is felt of them comes in with the depth
+  // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
   const double part = coupled(outermost, pull_mm, damping_N_s_per_mm, tick.dt_s, coupling), less = 1 - part;
   ToolContact tool;
@@ -271,7 +275,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   for (int n = 0; n < kMostLayers; ++n) {
     ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
-    // as the proxy holds it
+    // tool parts in the proxy's attitude
     const HeldSpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
     const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
     told += tell_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},

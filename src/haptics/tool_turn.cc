@@ -6,24 +6,25 @@
 #include "haptics/capsule_row.h"
 #include "haptics/near_surfaces.h"
 
-/// The spheres of a tool that turns by an angle a about an axis through the tip go on arcs of a * r, where r
-/// is how far their centre lies from the axis. A step goes as far as every clearance allows, and a little
-/// farther:
+/// Swept rotation of the tool about its tip. In a rotation by an angle a about an axis through the tip, a
+/// sphere at distance r from the axis moves along an arc a * r. The step angle is the largest that every
+/// clearance allows, plus a small advance:
 ///
-///     a = min (clearance + kArc_mm) / (L r)        over pairs of a sphere and a surface as steep as L
+///     a = min (clearance + kArc_mm) / (L r)        over sphere-surface pairs; L: maximum slope
 ///
-/// so that a sphere which touches goes on, and its step may end below by kArc_mm. From there all is put back
-/// outside together, by a push p of the whole tool. The way of a sphere in such a step, turn and push at
-/// once, is at most a r + p, and both of its ends lie outside. A surface as steep as L is then at most
+/// so that a sphere in contact still advances; the step may end at a depth of kArc_mm. The tool is then
+/// pushed out of all surfaces by one common translation p. In such a step (rotation and translation at once)
+/// a sphere moves by at most a r + p, and both of its end positions are outside. In between, its depth below
+/// the surface is at most
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// above a sphere in between: a step is taken where that is at most half a stride, which is below
-/// ProxyFeel::most_dip_mm, and tried again with half of the angle where it is not.
+/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::most_dip_mm; otherwise
+/// it is retried with half the angle.
 namespace palpate {
 namespace {
 
-// the push of a wall that is met at a right angle is as long as the arc
+// arc length that a step advances beyond the clearance: the push of a perpendicularly hit surface is as long
 constexpr double kArc_mm = kToolTurnFeel.arc_strides * kProxyFeel.stride_mm();
 
 class Turn {
@@ -39,6 +40,7 @@ class Turn {
         left_looks_(has_capsules(spheres) ? kToolTurnFeel.most_looks_of_capsules : kToolTurnFeel.most_looks) {
   }
 
+  /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn go() {
     note();
     for (int leg = 0; leg < kToolTurnFeel.most_legs && left_steps_ > 0; ++leg)
@@ -48,14 +50,14 @@ class Turn {
   }
 
  private:
-  // false where the turn ends with it
+  // rotates by at most one leg, for which surfaces are gathered once; false if the rotation ends with it
   bool go_leg() {
     const Eigen::Quaterniond begun = state_.attitude;
     const Eigen::AngleAxisd rest(attitude_ * begun.conjugate());
     const TurnedTool tool(spheres_, attitude_, begun);
     farthest_mm_ = 0;
     for (std::size_t k = 0; k < tool.spheres().size(); ++k) {
-      // no place of a capsule's axis goes farther than one of its ends
+      // the ends of a capsule's axis bound the arcs of all points between them
       const ToolSphere& sphere = tool.spheres()[k];
       radius_mm_[k] = std::max(rest.axis().cross(sphere.offset_mm.eigen()).norm(),
                                rest.axis().cross((sphere.offset_mm + sphere.along_mm).eigen()).norm());
@@ -68,10 +70,10 @@ class Turn {
         whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
     NearSurfaces near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
                       kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
-    // a step's push is at most a stride: it comes on top
+    // the push of a step is at most a stride and is added to the arc
     room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
     double done_rad = 0;
-    // the next tick goes on where this one's work ends
+    // beyond the work limit, the next tick continues
     most_looks_ = near.looks() + left_looks_;
     while (left_steps_ > 0 && near.looks() < most_looks_ && done_rad < leg_rad &&
            room_mm_ > kProxyFeel.outside_mm) {
@@ -90,13 +92,13 @@ class Turn {
     return !result_.lagging;
   }
 
-  // with the attitude as it was given, to the last bit
+  // takes over the target attitude bit-exactly
   bool arrive() {
     state_.attitude = attitude_;
     return false;
   }
 
-  // one step of at most so much; the angle that was taken, 0 where there is none
+  // one step of at most most_rad; returns the angle that was taken, 0 if none
   double step(NearSurfaces& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun,
               double done_rad, double most_rad) {
     double angle_rad = std::min(most_rad, room_mm_ / farthest_mm_);
@@ -108,7 +110,8 @@ class Turn {
     }
     const double stride_mm = kProxyFeel.stride_mm() / near.steepest();
     for (int tries = 0; tries <= kToolTurnFeel.most_halvings; ++tries, angle_rad *= 0.5) {
-      // the first step of a tick is tried to its end: so the turn goes on however much is near
+      // the first step of a tick is always completed, so that the rotation progresses however many surfaces
+      // are near
       if (tries > 0 && has_turned_ && near.looks() >= most_looks_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
@@ -126,7 +129,7 @@ class Turn {
     return 0;
   }
 
-  // whether no sphere lies too deep between the ends of a step
+  // whether no sphere penetrates beyond the tolerance between the ends of a step
   bool is_safe(const NearSurfaces& near, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < near.count(); ++n) {
       const double way_mm = angle_rad * radius_mm_[static_cast<std::size_t>(near[n].sphere)] + push_mm;
@@ -146,13 +149,13 @@ class Turn {
   ProxyLayer& state_;
   ProxyWay* way_;
   ToolTurn result_;
-  std::array<double, kMostToolSpheres> radius_mm_{};  // of the spheres' arcs
-  double farthest_mm_ = 0;                            // the greatest of them
-  double room_mm_ = 0;                                // that the gathered surfaces allow any sphere
+  std::array<double, kMostToolSpheres> radius_mm_{};  // radii of the spheres' arcs
+  double farthest_mm_ = 0;                            // maximum of radius_mm_
+  double room_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
   std::array<double, kMostNear> clearance_mm_{};
   int left_steps_ = kToolTurnFeel.most_steps;
-  int left_looks_;      // of the tick's, after this leg
-  int most_looks_ = 0;  // of the surfaces gathered for this leg
+  int left_looks_;      // queries left in this tick after the current leg
+  int most_looks_ = 0;  // query count at which the current leg stops
   bool has_turned_ = false;
 };
 

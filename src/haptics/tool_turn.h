@@ -7,18 +7,20 @@
 
 namespace palpate {
 
-/// How a turn of the tool went.
+/// Result of rotating a proxy's tool by one tick.
 struct ToolTurn {
-  bool lagging = false;  ///< farther than one tick's work follows; it goes on in the next
-  bool blocked = false;  ///< walls leave the tool no place where it would turn on to
+  bool lagging = false;  ///< The rotation exceeds the work limit of a tick and continues in the next
+  bool blocked = false;  ///< Surfaces leave no position outside for the tool in a further rotated attitude
 };
 
-/// Turns a layer's proxy with its tool about the tip from its attitude towards another, along the shorter
-/// arc, and puts the proxy back outside of what the tool turns into: the attitude is the hand's, the place
-/// yields. In steps, between whose ends no sphere lies deeper than ProxyFeel::most_dip_mm. Where the place
-/// cannot yield, the attitude stays behind. Bounded work; allocates, locks and throws nothing.
-/// @param spheres  as `attitude` turns them
-/// @param way      gets the end of every step; may be null
+/// Rotates a layer's proxy about the tip towards an attitude, along the shorter arc, and pushes its position
+/// out of surfaces that the tool rotates into: the attitude follows the operator's, the position gives way.
+/// Swept in steps; between the ends of a step no sphere penetrates deeper than ProxyFeel::most_dip_mm. If the
+/// position cannot give way, the attitude stays behind. Bounded work; does not allocate, lock or throw.
+/// @param spheres  tool parts in `attitude`
+/// @param attitude  target attitude
+/// @param state  proxy of the layer, updated
+/// @param way  receives the pose after every step; may be null
 ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way);
 

@@ -17,7 +17,7 @@ void VelocityWindow::push(const Vector<Patient>& displacement_mm, double dt_s, d
   for (int axis = 0; axis < 3; ++axis) hash_double(pushed_, displacement_mm[axis]);
   hash_double(pushed_, dt_s);
 
-  // entries that the window does not need go; a little slack, because times are sums of rounded steps
+  // drops entries older than the window, with a tolerance because the times are sums of rounded steps
   while (count_ > 1 && now_.time_s - sums_[first_].time_s >= window_s - 1e-3 * dt_s) drop_oldest();
 }
 

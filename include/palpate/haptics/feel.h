@@ -2,76 +2,79 @@
 
 #include <cstddef>
 
-/// What decides how contact feels besides the scene and the parameters: the same in every run of one version
-/// of palpate. Recordings tell all of it (docs/reference/feel.md); lengths are mm in the patient where
-/// nothing else is said.
+/// Constants that determine the rendered contact besides the scene and the parameters; fixed for one version
+/// of palpate. Recordings contain all of them (docs/reference/feel.md). Lengths are mm in the patient unless
+/// stated otherwise.
 namespace palpate {
 
-/// Whether `visit` of a kind of settings names all of its members.
+/// Whether `visit` of a settings struct covers all members, judged by their total size.
 template <class Settings>
 constexpr bool names_every_member() {
   std::size_t bytes = 0;
   Settings{}.visit([&](const char*, auto value) { bytes += sizeof(value); });
-  // what is left is no more than the last member's padding
+  // the remainder may only be trailing padding
   return sizeof(Settings) - bytes < alignof(Settings);
 }
 
-/// The way of the proxy along surfaces. docs/decisions/0010, 0019 and 0023 have the choices.
+/// Proxy updates along surfaces. The choices are explained in docs/decisions/0010, 0019 and 0023.
 struct ProxyFeel {
-  /// What a sphere may lie deeper than a surface at any place of its way; above dip_mm.
+  /// Maximum penetration of a sphere at any point of the proxy's path; greater than dip_mm.
   double most_dip_mm = 0.05;
-  /// What a stride along surfaces may end below one, before it is put back onto it.
+  /// Maximum penetration at the end of a substep, before the projection back onto the surface.
   double dip_mm = 0.008;
-  /// Nearer than this a surface is a wall: then it has a half-space, before it a clearance.
+  /// Distance below which a surface becomes a half-space constraint; above it only its clearance limits the
+  /// substep.
   double skin_mm = 0.05;
-  /// Walls that hold the proxy together lie so near to each other.
+  /// Clearance below which a further parallel constraint shares the load of an active one.
   double beside_mm = 0.02;
-  /// So little below is outside.
+  /// Depth tolerance: a point less than this far below a surface still counts as outside.
   double outside_mm = 1e-5;
-  /// Walls whose normals are as near as this (the cosine of their angle) do the same work.
+  /// Cosine of the angle between normals above which two constraints count as parallel.
   double parallel = 0.999;
-  /// A shorter way counts as standing still.
+  /// Displacement below which the proxy counts as at rest.
   double still_mm = 2e-5;
-  /// So near to the tip the proxy is where it wants to be.
+  /// Distance from the tip below which the proxy counts as having arrived.
   double arrived_mm = 1e-3;
-  /// How far the proxy goes along surfaces in a tick, and beyond the tip's own way.
+  /// Maximum path length of a proxy in contact per tick, and path length allowed beyond the distance to the
+  /// tip.
   double most_way_mm = 3, slack_mm = 0.2;
-  /// Of which so much is looked at together.
+  /// Length of the part of that path for which surfaces are gathered at once.
   double part_mm = 0.5;
-  /// A stride that leads away from the tip by more than this part of itself is not taken: normals that are
-  /// smoother than the surface ask for less. What it leads away is energy that nobody put in: a tenth kept a
-  /// light grip swinging over an edge. With less than a surface rises by between voxels, the proxy lags
-  /// there: 0.02 turned the force by up to 4 degrees.
+  /// Maximum fraction of a substep by which the distance to the tip may increase; needed because the normals
+  /// are smoother than the surface. Every increase adds energy: at 0.1 a light grip kept oscillating over an
+  /// edge. Too small a value makes the proxy lag where the surface rises between voxels: at 0.02 the force
+  /// direction was off by up to 4 degrees.
   double away = 0.05;
-  /// Of a tool with capsules: with more a shaft wanders off over what bends between the spheres of its row.
+  /// The same limit for tools with capsules; a larger one lets a shaft drift over surfaces that curve between
+  /// the spheres of its row.
   double away_of_capsules = 0.02;
-  /// So far from a tip that has been free for so long it does not come back to it.
+  /// A proxy without contact farther than lost_mm from a tip in free space is reset to it after lost_s.
   double lost_mm = 2, lost_s = 0.25;
-  /// A tool that has so much clearance from the outermost layer, and a straight way of free space to where it
-  /// was free before contact began, has come back out of the tissue. It is looked for each time that the tip
-  /// has gone so far.
+  /// Clearance from the outermost layer that the tool needs, besides a straight free path to its last free
+  /// pose, to count as withdrawn from the tissue; and displacement of the tip after which this is tested
+  /// again.
   double back_clearance_mm = 0.5, back_pitch_mm = 0.05;
-  /// A tool that has gone through a surface is out of it when it has left it by so much.
+  /// Distance from a punctured surface at which the tool counts as having left it, so that it closes.
   double sealed_mm = 0.2;
-  /// A part of a tool finds a hole that stayed open from so far aside of where it fits, and from so far
-  /// before its ends.
+  /// Tolerance by which a tool part enters a permanent hole laterally beside its fit, and axially before its
+  /// ends.
   double hole_play_mm = 0.5;
-  /// A wall that lies across a capsule stands at most so far above its outline between two of the spheres as
-  /// which it is felt, which are so far apart at least.
+  /// Rows of spheres that represent capsules: maximum depth of the outline between two spheres below the
+  /// capsule's, and minimum spacing.
   double row_dip_mm = 0.01, least_pitch_mm = 0.15;
-  /// A proxy that slips, off an edge or over a ridge, lets its springs go by no more than this in a second
-  /// beyond what the tip's own way changes them by: 20 mN in a millisecond are not felt as a click.
+  /// Limit of the rate at which slip (off an edge or over a ridge) changes the spring force beyond the change
+  /// caused by the tip's displacement: 20 mN per millisecond are not perceived as a click.
   double most_slip_N_per_s = 19;
-  /// Work of one tick, at most: strides, tries of each, halvings of a try, corrections that put the tool back
-  /// outside, ways that are felt for where no normal shows one, and places of a way back.
+  /// Work limits per tick: substeps, attempts per substep, halvings per attempt, projection steps back
+  /// outside, searches for a direction where no normal gives one, and samples of the return path.
   int most_strides = 48, most_tries = 4, most_halvings = 8, most_corrections = 8, most_feelings = 4,
       most_back_places = 160;
-  /// No stride begins after so many looks at surfaces beyond the first gathering's, which are what strides of
-  /// several spheres among many walls cost; a capsule is looked at in many places.
+  /// No substep starts after this number of surface queries beyond those of the first gathering; queries
+  /// dominate the cost of tools with several spheres among many constraints. Capsules need more queries.
   int most_looks = 150, most_looks_of_capsules = 1000;
 
-  /// A stride along surfaces. Between two ends that lie at most dip_mm below, a surface as steep as a
-  /// distance can rise by half a stride.
+  /// Substep length along surfaces. Between end points at most dip_mm below it, a surface whose distance
+  /// field has unit slope can rise by at most half of it.
   constexpr double stride_mm() const { return 2 * (most_dip_mm - dip_mm) - 0.004; }
 
   template <class Visit>
@@ -109,18 +112,18 @@ struct ProxyFeel {
   }
 };
 
-/// The turn of a tool with parts aside of its tip (docs/decisions/0019).
+/// Rotation of a tool with parts away from its tip (docs/decisions/0019).
 struct ToolTurnFeel {
-  /// A step of a turn goes on beyond the clearance by an arc of so much of a stride: the push of a wall that
-  /// is met at a right angle is as long as the arc.
+  /// Arc that a rotation step advances beyond the clearance, as a fraction of a substep; a surface hit at a
+  /// right angle pushes the tool by as much.
   double arc_strides = 0.45;
-  /// Surfaces are gathered for so long an arc of the sphere that goes farthest, with room for being pushed
-  /// (so many times as long), and then anew: of a longer one too many would be near.
+  /// Arc length (of the farthest sphere) for which surfaces are gathered at once, and the gathering reach as
+  /// a multiple of it, which leaves margin for pushes. A longer leg would gather too many surfaces.
   double leg_mm = 2, room = 2.2;
-  /// Work of one tick, at most: legs, steps of all, halvings of a step.
+  /// Work limits per tick: legs, steps of all legs, halvings per step.
   int most_legs = 8, most_steps = 48, most_halvings = 4;
-  /// No step begins after so many looks at surfaces, nor a second try of one that is not the first; of a tool
-  /// with capsules, which is looked at in many places.
+  /// No step starts after this number of surface queries, nor a retry of a step that is not the tick's first.
+  /// Tools with capsules need more queries.
   int most_looks = 350, most_looks_of_capsules = 3000;
 
   template <class Visit>
@@ -136,17 +139,17 @@ struct ToolTurnFeel {
   }
 };
 
-/// What contact gives the hand and what of it is told.
+/// Rendering and reporting of contact.
 struct TouchFeel {
-  /// Of the direct methods: below this the halo of a smoothed structure is not called a touch.
+  /// Direct methods: force below which the halo of a smoothed structure does not count as a touch.
   double least_N = 0.02;
-  /// A velocity is that of the way within this time (MERL c. 1997).
+  /// Averaging window of velocities (MERL c. 1997).
   double velocity_window_s = 0.01;
-  /// Viscosity is whole from this far inside.
+  /// Depth from which viscosity is fully applied.
   double whole_viscosity_mm = 1;
-  /// Time constant with which the stiffness that is felt follows that of the surfaces touched.
+  /// Time constant of the low-pass filter of the rendered stiffness.
   double seam_s = 0.015;
-  /// What gives a smaller part of the force than this is not told.
+  /// Fraction of the force below which a structure is not reported.
   double least_share = 0.01;
 
   template <class Visit>
@@ -159,30 +162,30 @@ struct TouchFeel {
   }
 };
 
-/// The passivity controller (docs/concepts/passivity.md). Steps are those of the device's encoder.
+/// Passivity controller (docs/concepts/passivity.md). Steps are encoder steps of the device.
 struct PassivityFeel {
-  /// A way of one step tells no speed: it may be the encoder's own. One for which the tip needs longer is
-  /// rest.
+  /// Minimum displacement for a velocity estimate, because a single step may be encoder flicker; and the time
+  /// after which a tip without such a displacement counts as at rest.
   double telling_steps = 1.5, longest_untold_s = 0.007;
-  /// What stays covered: as much as the encoder hides (F 2 steps, methods of Hannaford & Ryu with
-  /// quantisation).
+  /// Energy reserve: the force times this number of steps must stay covered, to account for quantisation by
+  /// the encoder (F 2 steps, methods of Hannaford & Ryu with quantisation).
   double reserve_steps = 2;
-  /// Slower than a speed is told the tip still has a direction: it turns where it has gone back so far, which
-  /// is less than one step and more than what a turning object adds to none.
+  /// Hysteresis of the direction of a tip too slow for a velocity estimate: displacement after which it
+  /// counts as reversed. Less than one step, and more than a rotating object adds to zero steps.
   double turn_steps = 0.8;
-  /// So much of the force is taken off at most on the way out, besides an encoder step's worth.
+  /// Maximum fraction of the force that is removed during withdrawal; also limited to the force of one
+  /// encoder step.
   double most_hysteresis = 0.5;
-  /// While energy is owed a step of the encoder makes no more force than this: less than what friction a
-  /// device with coarse encoders has, so that the tip does not bounce within a step, of which the encoder
-  /// tells nothing.
+  /// Maximum force change per encoder step while energy is owed. It is below the friction of devices with
+  /// coarse encoders, so that the tip does not bounce within a single step, which the encoder cannot detect.
   double owing_step_N = 0.15;
-  /// An encoder without a known step counts as one that is coarse among those that are known; mm of the
+  /// Encoder step assumed if the device's is unknown: that of a coarse one among known devices; mm of the
   /// device.
   double coarse_step_mm = 0.06;
-  /// Half of what a tick is longer counts as delay: what a shorter one's hold gives out the reserve covers,
-  /// s.
+  /// Tick length beyond which half of the excess counts as delay; s. For shorter ticks the reserve covers the
+  /// energy of the zero-order hold.
   double covered_tick_s = 1e-3;
-  /// More damping than this makes a firmly held tip swing by itself.
+  /// Limit of the damping: more makes a firmly held tip oscillate.
   double most_damping_N_s_per_m = 20;
   /// Nor is it more than this over the time by which its force is late, T/2 + t_d: at pi/2 m over that time
   /// a mass m swings by itself, and a Touch, the lightest known device, has 0.045 kg.
@@ -203,22 +206,22 @@ struct PassivityFeel {
   }
 };
 
-/// A hand that swings by itself (swing.h). Lengths are mm of the device, steps its encoder's.
+/// Detection of a self-sustained oscillation of the operator's hand (swing.h). Lengths are mm of the device,
+/// steps those of its encoder.
 struct SwingFeel {
-  /// Half of a swing takes no longer, and is as fast in the mean.
+  /// Maximum duration of a half cycle, and its minimum mean speed.
   double longest_half_s = 0.075, least_speed_mm_s = 15;
-  /// It is as long, in mm and in steps: a swing and no flicker.
+  /// Minimum amplitude of a half cycle in mm and in steps, above encoder flicker.
   double least_mm = 0.2, least_steps = 5;
-  /// So many steps back it has turned.
+  /// Displacement back from the extremum, in steps, after which the motion counts as reversed.
   double turn_steps = 2;
-  /// Of the half before: less, and it dies down.
+  /// Minimum ratio to the amplitude of the previous half cycle; below it the oscillation decays.
   double kept = 0.75;
-  /// Out of contact for so long, and nothing is left of it.
+  /// Time out of contact after which the detection is reset.
   double forgotten_s = 0.1;
-  /// What is added each time to how late the force is taken to act, most of it, and how much of it is
-  /// forgotten in a second.
+  /// Increase of the assumed force delay per detected half cycle, its maximum, and its decrease per second.
   double later_s = 1e-3, most_later_s = 5e-3, forget_later = 1e-4;
-  /// So many halves one after the other are a swing by itself.
+  /// Number of consecutive half cycles that count as a self-sustained oscillation.
   int halves = 3;
 
   template <class Visit>
@@ -237,17 +240,18 @@ struct SwingFeel {
   }
 };
 
-/// A tip that falls against something (bounce.h).
+/// Impact of a falling tip (bounce.h).
 struct BounceFeel {
-  /// It leaves with no more than this part of the speed with which it came.
+  /// Maximum ratio of the rebound speed to the impact speed.
   double most_out = 0.95;
-  /// Falls that are slower, in steps of the encoder, are a hand that comes down. Three steps in 4 ms.
+  /// Minimum impact speed in encoder steps per second; slower ones are deliberate approaches. Three steps in
+  /// 4 ms.
   double least_steps_per_s = 750;
-  /// So many steps it has been held back before it shows what it weighs, and so many more it may have been:
-  /// then it is lighter, and thrown out faster.
+  /// Encoder steps of deceleration needed before the apparent mass is estimated, and steps added to account
+  /// for quantisation, which makes the estimated mass lighter and the predicted rebound faster.
   double told_steps = 2, hidden_steps = 0.5;
-  /// What is in contact longer does not bounce: a bare Premium takes 25 ms on the wall that it is
-  /// recommended.
+  /// Duration of contact after which a rebound is excluded: a bare Premium takes 25 ms on its recommended
+  /// wall.
   double longest_s = 0.03;
 
   template <class Visit>
@@ -260,20 +264,19 @@ struct BounceFeel {
   }
 };
 
-/// Soft tissue that yields (yield.h).
+/// Deformable soft tissue (yield.h).
 struct YieldFeel {
-  /// A point would sink in without resistance: thinner tools press like a sphere of this radius.
+  /// Minimum radius of the pressing sphere; a point would sink in without resistance.
   double least_radius_mm = 0.5;
-  /// Time in which what a new solution says takes the place of what the one before said: a frame's.
+  /// Blending time between two published elastic solutions: one solver frame.
   double blend_s = 1.0 / 64;
-  /// Along the surface W is carried on by its slope, to no less and no more than these parts of it.
+  /// Limits of the extrapolation of the compliance W along the surface by its slope, as fractions of W.
   double least_carried = 0.5, most_carried = 2;
-  /// Nothing is stiffer than 1 N / mm over this, whatever a solution says.
+  /// Lower limit of the compliance of any solution; 1 N over it is the maximum stiffness.
   double least_give_mm_per_N = 0.01;
-  /// What a neo-Hookean solution makes stiffer or softer at its force is no more than this part of W.
+  /// Limit of the stiffening or softening of a neo-Hookean solution at its force, as a fraction of W.
   double most_stiffening = 0.2;
-  /// A dent that is left in tissue that relaxes reaches so many of the tool's radii from where it was
-  /// pressed.
+  /// Radius of the dent that is left in relaxing tissue, in radii of the tool that pressed it.
   double dent_radii = 2;
 
   template <class Visit>

@@ -15,78 +15,93 @@
 #include "palpate/haptics/yield.h"
 #include "palpate/sampling/surface.h"
 
-/// Contact that keeps the tool out: a proxy of the tip stays on the surfaces while the tip goes inside, and
-/// a spring pulls the hand towards it (Zilles & Salisbury 1995; on implicit surfaces Salisbury & Tarr 1997).
-/// Positions in the patient frame, so that a proxy that sticks rides on a turning object.
+/// God-object / proxy contact. A proxy of the tool tip is constrained to stay outside the surfaces while the
+/// device's tip penetrates them, and a virtual spring from the tip to the proxy generates the force (Zilles &
+/// Salisbury 1995; on implicit surfaces Salisbury & Tarr 1997). Positions are in the patient frame, so a
+/// proxy that sticks by friction moves along with a rotating object.
 namespace palpate {
 
-/// A surface with how it feels: a structure's own, or one that structures which touch have in common. Two
-/// surfaces side by side are both rounded where they meet, and a tool falls into the crack.
+/// A surface with its contact properties: the surface of one structure, or a common surface of structures
+/// that touch. Touching structures share a surface because two separate surfaces side by side are both
+/// rounded at the seam and a tool would fall into the crack between them.
 ///
-/// What is stiffer than what lies around it is a layer within: fat and bone that touch have one surface, on
-/// which the tool leans with fat's stiffness, and the bone has another one a layer deeper, with what it is
-/// stiffer than fat. Each layer holds the tool out by itself, so that the force is the stiffness summed up
-/// along the way in, as in the inward ramp (docs/decisions/0011-inward-ramps.md), and each layer's spring
-/// stores the energy that it gives.
+/// Structures that are stiffer than their surroundings form layers. Where fat and bone touch, the outer layer
+/// is their common surface, with the stiffness of fat; the surface of bone lies in the next layer, with the
+/// difference between the stiffness of bone and that of fat. Each layer constrains its own proxy, so the
+/// total force is the stiffness integrated along the penetration path, as in the inward ramp
+/// (docs/decisions/0011-inward-ramps.md), and each layer's force is that of a conservative spring.
 ///
-/// A structure that yields gives what soft tissue gives at that depth (yield.h) in place of its stiffness. It
-/// belongs to the outermost layer of those that it touches, and what is hard within has all of its own.
+/// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
+/// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
+/// touches; rigid structures within keep their whole stiffness.
 struct FeltSurface {
-  std::shared_ptr<const Surface> surface;  ///< null: the structure is met by common surfaces alone
+  /// Signed-distance surface. null: the structure is only touched through common surfaces.
+  std::shared_ptr<const Surface> surface;
   double stiffness_N_per_mm = 1;
-  double static_friction = 0.1;   ///< coefficient up to which the proxy sticks; at least dynamic_friction
-  double dynamic_friction = 0.1;  ///< coefficient with which it slides
-  /// Force that makes the tool go through; infinite: never.
+  double static_friction = 0.1;   ///< Static friction coefficient; at least dynamic_friction
+  double dynamic_friction = 0.1;  ///< Kinetic friction coefficient while sliding
+  /// Normal force above which the tool punctures the structure; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
-  bool stays_open = false;  ///< where it was gone through
-  /// Of a common surface: by whose shares it feels in place of its own values.
+  bool stays_open = false;  ///< Whether a puncture leaves a permanent hole (holes.h)
+  /// Ownership of a common surface: contact properties there are averaged over the owning structures by their
+  /// shares and replace the values above. null: not a common surface.
   std::shared_ptr<const Owners> owners = nullptr;
-  /// The structure whose surface this is besides the one that stands at its own place. -1: none.
+  /// Index of the structure that this additional surface belongs to, in a layer other than that structure's
+  /// own entry. -1: the entry's own index is the structure.
   int structure = -1;
-  /// The common surface that it is part of: it is met only while the tool has gone through that. -1: of none.
+  /// Index of the common surface that covers this one; this surface is only tested for contact while the tool
+  /// has punctured that one. -1: not covered.
   int beneath = -1;
-  /// Structures of a common surface that open it when they are gone through.
+  /// Indices of the structures whose puncture also opens this common surface.
   std::vector<std::int16_t> opened_by = {};
-  /// 0: outermost. Of a structure the layer that gives the last of its stiffness.
+  /// Layer index, 0 is the outermost. The entry of a structure has the innermost layer that contributes to
+  /// its stiffness.
   int layer = 0;
-  /// The part of its structures' stiffness that the layer gives; of those whose own layer it is, all that is
-  /// above the lower bound.
+  /// Stiffness interval that this layer contributes, N/mm. For a structure whose own layer this is, the
+  /// contribution is everything above the lower bound.
   double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
-  /// What a burr's motor works to take a cubic millimetre away (palpate/tissue/removal.h); infinite: it
-  /// cannot.
+  /// Specific cutting energy: work of a burr's motor per volume removed (palpate/tissue/removal.h). Infinite:
+  /// a burr cannot cut it.
   double cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
-  /// Where something was taken from it (palpate/tissue/carving.h): the surface as prepared, and the labels
-  /// that it was prepared from. A place that lies beneath that surface belongs to whom these say.
+  /// After removal of tissue (palpate/tissue/carving.h): the surface before removal, and the labels it was
+  /// built from. Ownership of a point below that original surface follows these labels. null: nothing was
+  /// removed.
   std::shared_ptr<const Surface> made = nullptr;
   std::shared_ptr<const Bricks<LabelId>> made_labels = nullptr;
-  /// Of a structure: no burr takes anything from it (palpate/tissue/removal.h).
+  /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
   bool kept = false;
-  /// So much nearer than it was cut it may be read where something was taken from it
+  /// Maximum error by which the distance to a carved part of the surface is underestimated
   /// (CarvedSurface::short_mm).
   double short_mm = 0;
-  double yield_modulus_N_per_mm2 = 0;  ///< of a structure that yields: E / (1 - nu2); 0: it is a spring
-  RelaxedParts relaxed = {};           ///< of a structure that yields, by the model's times
+  /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
+  double yield_modulus_N_per_mm2 = 0;
+  /// Relaxation fractions of a deformable structure, one per time constant of the model.
+  RelaxedParts relaxed = {};
 };
-/// A felt structure that a burr is to spare.
+/// A touchable structure that a burr should spare.
 struct ProtectedStructure {
   LabelId label = 0;
-  std::shared_ptr<const Surface> surface;  ///< its own, as prepared
-  bool kept = false;                       ///< a burr is held out of it
+  std::shared_ptr<const Surface> surface;  ///< The structure's own surface before any removal
+  bool kept = false;                       ///< Whether burrs are blocked from removing it
 };
-/// Whose a place on a surface is: of a common surface the shares of its structures there.
-/// @param index  of the surface
+/// Ownership of a surface point: on a common surface the shares of its structures at that point, otherwise
+/// the one structure with share 1.
+/// @param index  index into `surfaces`
 OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at);
-/// Whose the last four places were: a tool that rests on a few asks for the same ones in every tick.
+/// Cache of the last four owner lookups. A tool at rest on a few contacts looks up the same points in every
+/// tick.
 class OwnersMemo {
  public:
-  /// As owners_at().
+  /// Cached owners_at().
   OwnerShares at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& place);
 
  private:
   struct Known {
-    std::uint64_t owners = 0;  ///< number(); 0: nothing
+    std::uint64_t owners = 0;  ///< Owners::number(). 0: empty entry
     int surface = -1;
-    bool cut = false;  ///< it has been; what it was made of stays the same then
+    /// Whether tissue had been removed from the surface; the original surface and labels do not change
+    /// afterwards.
+    bool cut = false;
     Point<Patient> place;
     OwnerShares shares;
   };
@@ -96,54 +111,54 @@ class OwnersMemo {
 inline constexpr std::size_t kMostSurfaces = 1024;
 using SurfaceSet = std::bitset<kMostSurfaces>;
 
-/// A part of the tool: a sphere, or a capsule, which is a sphere swept along a line, on which it may widen
-/// evenly. A point is the smallest sphere there is.
+/// A collision primitive of the tool: a sphere, or a capsule (a sphere swept along a segment) whose radius
+/// may change linearly along its axis. A point tool is a sphere of radius 0.
 struct ToolSphere {
-  Vector<Patient> offset_mm;  ///< from the tip, as the tool is turned now
+  Vector<Patient> offset_mm;  ///< Centre relative to the tip, in the tool's current attitude
   double radius_mm = 0;
-  /// Of a capsule: from offset_mm, one end of its axis, to the other end. 0: a sphere.
+  /// Axis of a capsule, from the end at offset_mm to the other end; mm. 0: a sphere.
   Vector<Patient> along_mm = {};
-  /// Of a capsule: by so much its radius is greater at the other end; below 0: less. The radius stays above
-  /// 0.
+  /// Radius at the other end of a capsule minus radius_mm; negative where it tapers. Both radii are above 0.
   double widens_mm = 0;
-  /// Of a capsule: the row of spheres that it is felt as is that of so thin a one. 0: as thin as it is. One
-  /// whose radii change is felt at the same places of its axis.
+  /// Radius that determines the spacing of the row of spheres by which a capsule is represented. 0: its own
+  /// radius. With a fixed value the spheres stay at the same positions of the axis when the radius changes.
   double row_radius_mm = 0;
 
-  /// @param part  of the axis, 0 at offset_mm ... 1 at the other end
+  /// @param part  position on the axis, 0 at offset_mm ... 1 at the other end
   double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
 };
 inline constexpr std::size_t kMostToolSpheres = 4;
 
-/// Where a part of the tool lies nearest to a surface.
+/// Closest approach of a tool part to a surface.
 struct NearestPart {
-  /// Of the sphere's centre there, in the surface's own measure, less what the capsule has widened by: with
-  /// radius_mm taken off it is the clearance.
+  /// Signed distance of the sphere centre there, minus the increase of the capsule's radius up to that point;
+  /// mm. Clearance is distance_mm - radius_mm.
   double distance_mm = 0;
-  double part = 0;  ///< of the axis, 0 ... 1
+  double part = 0;  ///< Position on the axis, 0 ... 1
 };
-/// Found as a proxy finds it, on the row of spheres that a capsule is felt as. Allocates, locks and throws
-/// nothing.
-/// @param at         the tip
-/// @param enough_mm  of a capsule that is nowhere nearer a lower bound above that
+/// Closest approach, evaluated on the same row of spheres that the proxy uses for a capsule. Does not
+/// allocate, lock or throw.
+/// @param at  position of the tip
+/// @param enough_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
+/// lower bound above it
 NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
                          double enough_mm = std::numeric_limits<double>::infinity());
 
-/// Where the hand holds the tool.
+/// Pose of the tool as held by the operator.
 struct ToolPose {
-  Point<Patient> tip;           ///< finite
-  Eigen::Quaterniond attitude;  ///< from the tool's axes to the patient's, unit
+  Point<Patient> tip;           ///< Position of the tip; finite
+  Eigen::Quaterniond attitude;  ///< Rotation from tool axes to patient axes; unit quaternion
 
-  /// A tool that never turns is where its tip is.
-  /// @param turned  a rotation, of any length but 0
+  /// A tool without rotation has the identity attitude.
+  /// @param turned  rotation; any non-zero norm, normalised here
   ToolPose(const Point<Patient>& at, const Eigen::Quaterniond& turned = Eigen::Quaterniond::Identity())
       : tip(at), attitude(turned.normalized()) {}
 };
 
-/// A tool's spheres as another attitude turns them; the same bits where it is the same.
+/// Tool parts rotated from one attitude to another. Bit-identical to the input if both attitudes are equal.
 class TurnedTool {
  public:
-  /// @param spheres  as attitude `from` turns them, at most kMostToolSpheres
+  /// @param spheres  parts in attitude `from`; at most kMostToolSpheres
   TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
              const Eigen::Quaterniond& to);
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
@@ -153,36 +168,39 @@ class TurnedTool {
   std::size_t count_;
 };
 
-/// Where a sphere or capsule of the tool leans on a surface.
+/// A contact between a sphere or capsule of the tool and a surface.
 struct ProxyContact {
   int surface = -1;
   int sphere = 0;
-  double part = 0;         ///< of a capsule: where on its axis, 0 at offset_mm ... 1 at the other end
-  Vector<Patient> normal;  ///< outward, unit
-  double pull_mm = 0;      ///< along the normal: what it adds to the way from the tip to the proxy
+  double part = 0;         ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
+  Vector<Patient> normal;  ///< Outward surface normal; unit
+  /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
+  double pull_mm = 0;
 };
-/// From the tip to where it acts.
+/// Lever arm: vector from the tip to the contact point.
 inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
   return sphere.offset_mm + sphere.along_mm * contact.part -
          contact.normal * sphere.radius_at_mm(contact.part);
 }
-/// Coefficients of what is touched.
+/// Friction coefficients of a contact.
 struct Friction {
   double still = 0, sliding = 0;
 };
-/// What a proxy that rests touches: while the same tool stays where it is and can meet the same surfaces, a
-/// tick need not look again. Of tools without capsules.
+/// Cache of the active contacts of a proxy at rest. It is valid while the same tool remains at the same
+/// position with the same punctured surfaces; a tick then needs no surface queries. Not used for tools with
+/// capsules.
 class TouchedAtRest {
  public:
   struct Wall {
-    Vector<Patient> normal;  ///< outward, unit
-    double offset_mm = 0;    ///< the tip's proxy may be where normal . p is at least that
+    Vector<Patient> normal;  ///< Outward normal; unit
+    double offset_mm = 0;    ///< Half-space of allowed tip proxies: normal . p >= offset_mm
     int surface = -1, sphere = 0;
-    std::optional<Friction> friction = std::nullopt;  ///< where somebody asked for it
+    /// Friction coefficients; empty unless they were evaluated.
+    std::optional<Friction> friction = std::nullopt;
   };
   static constexpr std::size_t kMostWalls = 4;
 
-  /// What was touched; none where nothing is known of this place.
+  /// Cached half-spaces; empty if the cache does not match these arguments.
   std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
                              std::span<const ToolSphere> spheres) const;
   void remember(const Point<Patient>& position, const SurfaceSet& punctured,
@@ -200,184 +218,204 @@ class TouchedAtRest {
   SurfaceSet punctured_;
   std::array<Sphere, kMostToolSpheres> sphere_;
 };
-/// A corner of three walls, each of which may be met by every sphere of the tool.
+/// Up to three active half-spaces (a corner), each shared by every sphere of the tool.
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
 inline constexpr int kMostLayers = 12;
 
-/// What is remembered of a layer between two ticks.
+/// State of one layer's proxy between ticks.
 struct ProxyLayer {
-  /// False: the tip has not been free since contact began anew (start, clutch, pause, jump, a surface that
-  /// has grown over it), so that nobody knows on which side it is. No force then.
+  /// Whether the proxy constrains the tip. False until the tip has been in free space since the contact was
+  /// reset (start, clutch, pause, jump, a surface that grew over the tip): the side of the surface on which
+  /// the tip belongs is unknown until then, and the force is zero.
   bool coupled = false;
   bool sticking = false;
-  Point<Patient> position;  ///< of the tip's proxy
-  /// Of its tool, as ToolPose has it: the hand's, or what walls and a tick's work have left of its turn.
+  Point<Patient> position;  ///< Position of the tip's proxy
+  /// Attitude of the proxy's tool, as in ToolPose. Differs from the operator's while contacts block the
+  /// rotation or the work limit of a tick was reached.
   Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
-  Vector<Patient> last_way;  ///< its last stride, mm: the next one is not to go to and fro
-  SurfaceSet punctured;      ///< the tool has gone through surface n and not come out yet
-  /// How much of the way from the tip to it the spring is stretched by; below 1 where it leans on what it
-  /// cannot pass and no wall says why.
+  Vector<Patient> last_way;  ///< Last substep displacement, mm; used to damp oscillation between substeps
+  SurfaceSet punctured;      ///< Bit n: the tool has punctured surface n and not left it yet
+  /// Fraction of the vector from tip to proxy that stretches the spring. Below 1 where the proxy is blocked
+  /// by a surface although no half-space constraint explains it.
   double part = 1;
-  /// Force over length of its spring; 0: it gave nothing. None: nobody knows, as after a change of the
-  /// surfaces.
+  /// Spring stiffness of the last tick (force over length). 0: the spring was inactive. Empty: unknown, e.g.
+  /// after the surfaces changed.
   std::optional<double> spring_N_per_mm;
-  double behind_mm = 0;  ///< that the hand went while it came after it through free space, without force
-  double lost_s = 0;     ///< that it has been left behind by a free tip
+  /// Displacement of the device while the proxy was catching up through free space at zero force.
+  double behind_mm = 0;
+  double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
   int contacts = 0;
   std::array<ProxyContact, kMostContacts> contact;
-  // these change nothing but how long a tick takes
+  // caches: they affect the time of a tick but not its result
   OwnersMemo owners;
   TouchedAtRest at_rest;
 };
 
-/// What is left of the forces of layers that have been let go because the tool has left the layer around
-/// them.
+/// Residual force of layers whose proxies were released because the tool has left the covering layer. It
+/// fades out at a limited rate.
 struct ProxyRelease {
-  Vector<Patient> force_N;     ///< on the tip
-  Vector<Patient> torque_Nmm;  ///< about the tip
+  Vector<Patient> force_N;     ///< Force on the tip
+  Vector<Patient> torque_Nmm;  ///< Torque about the tip
   double stored_mJ = 0;
 
-  /// Shortens the force by at most so much. Returns by how much.
+  /// Reduces the magnitude of the force by at most `most_N`. Returns the reduction, N.
   double fade(double most_N);
-  /// Shortens the force to at most so much.
+  /// Limits the magnitude of the force to `most_N`.
   void limit(double most_N);
 };
 
-/// What is remembered between two ticks: of the outermost layer, and of those within. Small and without
-/// pointers.
+/// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
+/// copyable, without pointers.
 struct ProxyState : ProxyLayer {
   std::array<ProxyLayer, kMostLayers - 1> within;
-  Point<Patient> tip;             ///< where it was
-  double stiffness_N_per_mm = 0;  ///< of all springs then, as it grew; 0: nothing was touched
-  YieldState yield;               ///< of what yields of the outermost layer
-  RelaxationState relaxation;     ///< likewise
+  Point<Patient> tip;             ///< Tip position of the last tick
+  double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
+  YieldState yield;               ///< State of the deformable structures of the outermost layer
+  RelaxationState relaxation;     ///< Relaxation state of the outermost layer
   ProxyRelease release;
-  Point<Patient> free_tip;  ///< where the tip last was free: the outermost proxy followed the hand there
-  Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< of the tool then
-  Point<Patient> looked_tip;  ///< from where a free way to that pose was looked for last
+  /// Last tip position in free space, where the outermost proxy coincided with the tip.
+  Point<Patient> free_tip;
+  Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< Attitude of the tool at free_tip
+  Point<Patient> looked_tip;  ///< Tip position at the last search for a free path back to the free pose
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
 };
 
+/// Parameters of advance_proxy.
 struct ProxyOptions {
   bool friction = true;
-  /// Stiffer surfaces are felt as this stiff: the most that a hand holds with the device.
+  /// Upper limit of the rendered stiffness: the largest at which the device is stable in an operator's hand.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-  double dt_s = 0.001;  ///< since the last call
-  /// On the tip: so fast springs let go where the proxy slips.
+  double dt_s = 0.001;  ///< Time since the last call
+  /// Limit of the rate at which the force on the tip changes while the proxy slips.
   double most_slip_N_per_s = kProxyFeel.most_slip_N_per_s;
-  /// What is known of structures that yield, and which of its spots; null: nothing, they are half spaces.
+  /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
+  /// of this tool. null: no solution yet, each structure is an elastic half-space.
   const YieldFrame* yields = nullptr;
   std::size_t device = 0;
-  const RelaxationTimes* relaxation_times = nullptr;  ///< of the model; null: nothing relaxes
-  Holes* holes = nullptr;         ///< of all tools, in tissue that stays open; null: everything closes
-  double away = kProxyFeel.away;  ///< part of a stride that may lead away from the tip
-  /// On the tip: more is not sent, and a release does not begin with more.
+  /// Relaxation times of the model. null: nothing relaxes.
+  const RelaxationTimes* relaxation_times = nullptr;
+  /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
+  Holes* holes = nullptr;
+  /// Maximum fraction of a substep by which the distance to the tip may increase.
+  double away = kProxyFeel.away;
+  /// Limit of the force sent to the device; a release starts with at most this force.
   double most_force_N = std::numeric_limits<double>::infinity();
 };
 
-/// What the springs from the tip to the proxies give.
+/// Force of the springs from the tip to the proxies.
 struct ProxyForce {
-  Vector<Patient> force_N;     ///< on the tip
-  Vector<Patient> torque_Nmm;  ///< about the tip, of the tool as the proxy holds it
-  /// Force over depth of what is touched: in a layer weighted by pulls and shares, summed over the layers.
+  Vector<Patient> force_N;     ///< Force on the tip
+  Vector<Patient> torque_Nmm;  ///< Torque about the tip, with lever arms in the proxy's attitude
+  /// Secant stiffness (force over depth), averaged over contacts by their multipliers and shares and summed
+  /// over layers.
   double stiffness_N_per_mm = 0;
-  /// How the force grows with the depth: the same, but of what yields.
+  /// Tangent stiffness (derivative of the force by depth). Differs from the secant for deformable structures.
   double tangent_N_per_mm = 0;
   double stored_mJ = 0;
-  bool yields = false;  ///< something that yields is touched
+  bool yields = false;  ///< Whether a deformable structure is in contact
 };
 
-/// What lies along the tip's way in: the force is the stiffness summed up along it, so that each structure
-/// gives its own stiffness times the way within it.
+/// Contribution of one structure along the penetration path. The force is the stiffness integrated along the
+/// path, so each structure contributes its stiffness times the length of the path within it.
 struct FeltPart {
-  int structure = -1;  ///< its place among the surfaces
-  /// Of the way that lies within it; at a seam its share of that, so that all add up.
+  int structure = -1;  ///< Index into the surfaces
+  /// Length of the path within the structure; at a seam its share of that length, so that the depths add up
+  /// to the whole path.
   double depth_mm = 0;
-  double share = 0;  ///< of the force, 0 ... 1
+  double share = 0;  ///< Fraction of the force, 0 ... 1
 };
 inline constexpr std::size_t kMostFeltParts = 6;
 
-/// Of all layers, with what is still being released.
+/// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {
-  std::array<ProxyForce, kMostLayers> of_layer;  ///< each layer's part of it
-  ProxyRelease release;                          ///< likewise; no contact is told for it
-  /// Outermost first; none without contact. Of more than there is room for, those that give most.
+  std::array<ProxyForce, kMostLayers> of_layer;  ///< Contribution of each layer
+  ProxyRelease release;                          ///< Residual force included in the total; it has no contacts
+  /// Structures along the penetration path, outermost first; empty without contact. If there are more than
+  /// fit, those with the largest shares.
   std::array<FeltPart, kMostFeltParts> felt;
   int felt_parts = 0;
-  /// Mean coefficient of what is touched, static where it sticks; 0 where friction is off.
+  /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
+  /// disabled.
   double friction = 0;
-  Vector<Patient> normal;  ///< of all walls of all layers together, unit; 0 without contact
-  /// The tool is wider than the gap that it is in: no place is left by all walls, and the proxy stays, or its
-  /// attitude does while the hand's turns on. Where the tool has become another one and lies in walls,
-  /// without force, until the tip is free.
+  /// Force-weighted mean of the contact normals of all layers; unit. 0 without contact.
+  Vector<Patient> normal;
+  /// The half-spaces have no common point, i.e. the tool is wider than the gap it is in. The proxy keeps its
+  /// position, or its attitude if the rotation is blocked. A proxy that starts inside surfaces after a tool
+  /// change gives no force until the tip is in free space.
   bool wedged = false;
-  bool ruptured = false;  ///< it went through a surface in this tick
-  /// The hand moved or turned farther than one tick's work follows, or the proxy slips; it goes on in the
-  /// next. What it leans on is not gone through meanwhile.
+  bool ruptured = false;  ///< Whether a structure was punctured in this tick
+  /// Whether the proxy has not reached its goal: the tool moved or turned farther than the work limit of one
+  /// tick allows, or the proxy slips. It continues in the next tick. Contacts cannot be punctured meanwhile.
   bool lagging = false;
 };
 
-/// One tick: the proxy turns from its attitude to the hand's and goes from where it was towards the tip,
-/// along surfaces and never through them. The whole way is looked at, in steps that the clearance allows: at
-/// no place of it does a sphere lie deeper than ProxyFeel::most_dip_mm below a surface. Then the spring.
-/// Bounded work; allocates, locks and throws nothing.
+/// Advances the proxies by one tick: rotates each proxy from its attitude to the operator's, moves it towards
+/// the tip along the surfaces without passing through them, then evaluates the springs. The whole path is
+/// collision-checked in substeps bounded by the clearance: at no point does a sphere penetrate a surface by
+/// more than ProxyFeel::most_dip_mm. Bounded work; does not allocate, lock or throw.
 ///
-/// - A capsule is felt as a row of spheres, so close that their outline is at most 0.01 mm within its own, or
-///   0.15 mm apart where it is thin (docs/decisions/0023). It leans where it touches, and in the middle of
-///   that where it lies along.
-/// - A turn: the attitude is the hand's, which no force holds back, and the place yields, so that what the
-///   tool turns into pushes the tip away and is felt there (docs/decisions/0019).
-/// - Free space is crossed in strides of the clearance (sphere tracing, Hart 1996).
-/// - On surfaces the goal is the point nearest to the tip in the half-spaces of all that is touched, by
-///   active set; so corners, gaps and both walls of a notch hold.
-/// - A proxy that slips, where the nearest place is suddenly another, goes there no faster than its springs
-///   may let go (most_slip_N_per_s), through free space too; what was gone through lets go at once
-///   (docs/decisions/0033). Nor does the stiffness change faster, where the proxy comes from one structure to
-///   another under a long spring.
-/// - A layer holds the tool only while the layer around it does. Once the outer proxy follows the hand, the
-///   tip is outside all inner layers: their proxies are put at the tip as well, and their force fades at the
-///   pace of a slip (docs/decisions/0076-layers-hold-while-covered.md).
-/// - The outermost layer holds the tool until it has come back out of the tissue: it is clear of the layer,
-///   and nothing lies on the straight way to the pose in which it was free before. A proxy that is held
-///   elsewhere then, as by a pocket into which it was pressed, is put at the tip in the same way.
-/// - Friction: the proxy sticks while its way to the goal is at most static_friction times the depth, and
-///   slides to dynamic_friction times the depth (friction cone: Harwin & Melder 2002).
-/// - Stiffness and friction are those of the structures touched, weighted by their pulls, and on a common
-///   surface by their shares of the place. Every layer has a proxy of its own, and the forces add up.
-/// - A structure is gone through when what it gives of the springs' force, friction aside and before any
-///   limit, stiffness included, is above its puncture force. It opens the common surfaces that it is part of,
-///   so that what lies beneath is met by surfaces of its own; each closes again when tip and proxy have left
-///   it. One that stays open keeps a hole: where all that leans on it lies in its holes, it is gone through
-///   again without force.
-/// @param surfaces  at most kMostSurfaces; the same ones in every call with one state
-/// @param spheres   1 ... kMostToolSpheres
-/// @param hand      the attitude by which `spheres` are turned
+/// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
+/// capsule's, or 0.15 mm apart if that is larger (docs/decisions/0023). The contact point is the nearest
+/// point, or the middle of the touching interval where the capsule lies along the surface.
+/// - Rotation: the attitude follows the operator's, which no force resists; when the tool rotates into a
+/// surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
+/// (docs/decisions/0019).
+/// - Free space is crossed in substeps of the clearance (sphere tracing, Hart 1996).
+/// - In contact the goal is the point nearest to the tip in the intersection of the half-spaces of all
+/// touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
+/// alike.
+/// - Slip: where the nearest point jumps, e.g. at an edge, the proxy moves there at a speed at which the
+/// spring force changes by at most most_slip_N_per_s, through free space too. A punctured surface releases at
+/// once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from one
+/// structure to another with a stretched spring.
+/// - A layer constrains the tool only while the covering layer does. Once the outer proxy coincides with the
+/// tip, the tip is outside all inner layers: their proxies are reset to the tip and their residual force
+/// fades at the slip rate (docs/decisions/0076-layers-hold-while-covered.md).
+/// - The outermost layer constrains the tool until it has returned from the tissue, i.e. it is clear of the
+/// layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example in
+/// a pocket of the surface, is then reset in the same way.
+/// - Friction: the proxy sticks while its distance to the goal is at most static_friction times the depth,
+/// and otherwise slides to a distance of dynamic_friction times the depth (friction cone: Harwin & Melder
+/// 2002).
+/// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
+/// and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
+/// - Puncture: a structure is punctured when its contribution to the spring force exceeds its puncture force.
+/// This excludes friction and uses the unlimited stiffness. Puncture also opens the common surfaces that the
+/// structure is part of, so that surfaces beneath are then touched individually; each closes again when tip
+/// and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact with it
+/// fit into its holes, it is passed again without force.
+///
+/// @param surfaces  at most kMostSurfaces; the same in every call with one `state`
+/// @param spheres  1 ... kMostToolSpheres tool parts, in the attitude of `hand`
+/// @param hand  pose of the tool
+/// @param state  state of this tool, updated
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
 
-/// After a change of the surfaces. What has not changed shape keeps the proxy as it is: where it is, what it
-/// sticks to, what it has gone through. A structure that was gone through and has another shape now is still
-/// gone through. A proxy that lies inside a surface that is new or has another shape is let go: nobody knows
-/// on which side of that it is.
-/// @param hand    the attitude by which `spheres` are turned
-/// @param before  one for each of `surfaces`; empty where nothing is known of those before: all are new
+/// Transfers the state to a changed set of surfaces. Proxies are unaffected by surfaces whose shape is
+/// unchanged: position, sticking and punctures stay. A structure that was punctured and has changed shape
+/// stays punctured. A proxy inside a surface that is new or changed shape is uncoupled, because the side on
+/// which it belongs is unknown.
+/// @param hand  pose of the tool, in whose attitude `spheres` are given
+/// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
 void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                 const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
 
-/// Couples a tip that is inside: its proxy is born at the nearest place outside all surfaces. False where
-/// there is none within their reach. The caller lets the force ramp in.
+/// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
+/// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
+/// in.
 bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                          const ToolPose& hand, ProxyState& state);
 
-/// After a change of the surfaces by which structures lie in other layers. The outermost proxy stays where
-/// keep_proxy leaves it. Where that lets it go, and in the layers within, one is born at the nearest place
-/// outside of what the tool has not gone through; what it has gone through stays open. What yields is pressed
-/// anew. A tip of which nobody knew on which side it is stays without force until it is free. The caller
-/// blends the force.
-/// @param before  as of keep_proxy
+/// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
+/// proxy is treated as by keep_proxy. If it was uncoupled, and for all inner layers, a proxy is initialised
+/// at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The deformation
+/// and relaxation states are reset. A tip that was uncoupled before stays without force until it is in free
+/// space. The caller blends the force.
+/// @param before  as for keep_proxy
 void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                       const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
 

@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-/// The corners of a proxy's way in one tick, for who looks whether it went through something. Between two it
-/// goes straight and turns evenly.
+/// Path of a proxy in one tick, recorded for collision checks: vertices with attitudes. Between vertices the
+/// position is interpolated linearly and the attitude at constant angular velocity.
 struct ProxyWay {
   std::array<Point<Patient>, 192> corner;
   std::array<Eigen::Quaterniond, 192> attitude;
@@ -20,7 +20,8 @@ struct ProxyWay {
   }
 };
 
-/// As palpate/haptics/proxy.h, and tells its way.
+/// advance_proxy() of palpate/haptics/proxy.h that also records the path of the outermost proxy.
+/// @param way  receives the path; may be null
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
                           ProxyWay* way);

@@ -11,92 +11,101 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/haptics/proxy.h"
 
-/// A tool in a hand meets the model: by a direct method, or by the proxy.
+/// Contact of a device's tool with the model, by a direct force method or by the proxy.
 namespace palpate {
 
-/// What all devices of a tick share.
+/// Tick inputs common to all devices.
 struct TickContext {
   const Model& model;
   ForceMethod method = ForceMethod::kTrilinear;
   bool friction = true, viscosity = true;
   double dt_s = 0.001;
-  Transform<World, Patient> X_WorldPatient;  ///< with the object's rotation
+  /// Pose of the patient in the world, including the object's rotation.
+  Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
-  const YieldFrame* yields = nullptr;  ///< of tissue that yields; null: nothing is known of it
-  Holes* holes = nullptr;              ///< ProxyOptions::holes
+  const YieldFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
+  Holes* holes = nullptr;              ///< As ProxyOptions::holes
 };
 
-/// What belongs to one device in a tick.
+/// Tick inputs of one device.
 struct HandContext {
   const Tool& tool;
   const DeviceParameters& device;
   Eigen::Matrix3d R_WorldTool;
-  Point<Patient> tip;             ///< the tool's origin
-  Vector<Patient> velocity_mm_s;  ///< of the tip, relative to the object
-  std::size_t number = 0;         ///< of the device
+  Point<Patient> tip;             ///< Position of the tool's origin
+  Vector<Patient> velocity_mm_s;  ///< Velocity of the tip relative to the object
+  std::size_t number = 0;         ///< Index of the device
 
-  /// What is fixed to the tool, as the hand holds it now, in the patient.
+  /// Transforms a vector from tool axes to patient axes.
+  /// @param of_tool  vector in the tool's frame
   Vector<Patient> in_patient(const TickContext& tick, const Eigen::Vector3d& of_tool) const {
     return tick.X_PatientWorld * Vector<World>(R_WorldTool * of_tool);
   }
-  /// N/mm in the patient that are felt at most, with the device's gains; at least 0.
+  /// Maximum rendered stiffness in the patient, from the device's limit and gains; N/mm, at least 0.
   double most_stiffness_N_per_mm() const;
-  /// Likewise, of all that damps, N s/mm; infinite where nothing is known of it.
+  /// Maximum total damping in the patient; N s/mm. Infinite if the device has no limit.
   double most_damping_N_s_per_mm() const;
 };
 
-/// What one point of the tool meets.
+/// Contact of one point of the tool.
 struct PointContact {
+  /// Value and gradient of the force field; with the proxy, the gradient is the inward contact normal.
   FieldSample sample;
+  /// Structure in contact.
   ContactSite site;
-  Vector<Patient> force_N;  ///< surface effects included
-  Point<Patient> proxy;     ///< of the tool's origin
+  Vector<Patient> force_N;  ///< Force on the tool, friction and viscosity included
+  Point<Patient> proxy;     ///< Proxy of the tool's origin; its own position for a direct method
 
-  /// Felt, or so deep inside that there is no direction to push in.
+  /// Whether it counts as a touch: the force is perceptible, or the point is so deep inside a structure that
+  /// the field has no direction.
   bool is_touch() const;
 };
 
-/// Where a part of the tool leans on a structure.
+/// Contact of a part of the tool with a structure.
 struct ContactPoint {
-  LabelId label = 0;     ///< 0: none
-  int part = 0;          ///< of the tool: its points, then its capsules
-  Point<Patient> place;  ///< on the surface; by a direct method, of the point that is inside
-  double force_N = 0;    ///< along the surface's normal, in the patient
+  LabelId label = 0;     ///< Structure in contact. 0: unused entry
+  int part = 0;          ///< Index of the tool part: its points, then its capsules
+  Point<Patient> place;  ///< Contact point on the surface; for a direct method the position of the tool point
+  double force_N = 0;    ///< Magnitude of the force along the surface normal, in the patient
 };
 
-/// A structure along the tip's way in.
+/// Structure along the penetration path.
 struct FeltStructure {
   LabelId label = 0;
-  double depth_mm = 0;  ///< of the way that lies within it; NaN: deeper than is measured
-  double share = 0;     ///< of the force, 0 ... 1
+  double depth_mm = 0;  ///< Length of the path within the structure; NaN: deeper than is measured
+  double share = 0;     ///< Fraction of the force, 0 ... 1
 };
 
-/// What all of the tool asks for together, multiplied by the device's gains, and what it leans on.
+/// Contact of the whole tool: requested force with the device's gains applied, and its contacts.
 struct ToolContact {
+  /// Force and torque about the tool's origin requested at the device, in world axes.
   Wrench asked;
-  PointContact strongest;  ///< of the outermost layer
-  /// Those of the outermost layer first, in each the strongest first; those after the last have label 0. Of
-  /// more than there is room for, these.
+  PointContact strongest;  ///< Strongest contact of the outermost layer
+  /// Contacts, outermost layer first, within a layer by decreasing force. Unused entries have label 0.
+  /// Contacts beyond the capacity are dropped.
   std::array<ContactPoint, kMostContactsTold> contacts;
-  /// Outermost first; those after the last have label 0.
+  /// Structures along the penetration path, outermost first. Unused entries have label 0.
   std::array<FeltStructure, kMostTold> felt;
-  /// Energy at the device that the contact can hold as a spring does; infinite: not known.
+  /// Elastic energy of the contact at the device, an upper bound of what it can return; infinite: unknown.
   double stored_mJ = std::numeric_limits<double>::infinity();
-  double stiffness_N_per_mm = 0;  ///< of it, at the device, where it is stiffest
-  std::uint32_t flags = 0;        ///< of the proxy: kFlagInside, kFlagWedged, kFlagRuptured
-  /// The proxy was let go, because what was put back is where it was: the force that it gave fades out.
+  double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
+  std::uint32_t flags = 0;  ///< Flags of the proxy: kFlagInside, kFlagWedged, kFlagRuptured, kFlagRelease
+  /// Whether the proxy was reset because tissue was put back over it; its force fades out.
   bool let_go = false;
 };
 
+/// Contact by a direct force method: sum over the tool's points.
+/// @param tick  inputs common to all devices
+/// @param hand  inputs of this device
 ToolContact touch_directly(const TickContext& tick, const HandContext& hand);
 
-/// The tool's spheres and capsules as the hand holds it now, in the patient.
+/// The tool's spheres and capsules in the operator's pose, in the patient frame.
 class HeldTool {
  public:
   HeldTool(const TickContext& tick, const HandContext& hand);
   const ToolPose& pose() const { return pose_; }
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
-  /// In place of the first sphere, which a burr is.
+  /// Replaces the first sphere, which is the head of a burr.
   void set_first(const ToolSphere& sphere) { spheres_[0] = sphere; }
 
  private:
@@ -105,19 +114,22 @@ class HeldTool {
   ToolPose pose_;
 };
 
-/// What the spring and the damper between tip and proxy remember.
+/// State of the spring and damper between tip and proxy.
 struct CouplingState {
-  double stiffness_N_per_mm = 0;  ///< that is felt; 0: without contact
-  Vector<Patient> pull_mm;        ///< from the tip to the proxy
-  VelocityWindow pull_velocity;   ///< of its change, free space included; empty without damping
+  double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
+  Vector<Patient> pull_mm;        ///< Vector from the tip to the proxy
+  VelocityWindow pull_velocity;   ///< Velocity of pull_mm, including free space; unused without damping
 };
 
-/// With what a proxy is advanced for a hand.
+/// Options of advance_proxy() for a device in this tick.
 ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);
 
-/// What an advanced proxy gives the hand. Friction is the proxy's own, viscosity that of the direct methods.
-/// @param held   as the proxy was advanced with
-/// @param proxy  as it is now
+/// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
+/// the direct methods.
+/// @param held  tool with which the proxy was advanced
+/// @param proxy  state after the advance
+/// @param result  result of the advance
+/// @param coupling  spring and damper, updated
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
