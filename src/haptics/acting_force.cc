@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// so much of a command sent `age_s` ago lies between two ages
+// duration for which a command sent `age_s` ago is between two ages
 double overlap_s(const DelayLine::Held& held, double age_s, double from_s, double to_s) {
   return std::max(0.0, std::min(age_s, to_s) - std::max(age_s - held.time_s, from_s));
 }
@@ -18,7 +18,7 @@ Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double dela
     line.forgot = dt_s > 0;
     return sent_N;
   }
-  // a full line forgets its oldest command
+  // a full line drops its oldest command
   if (line.count == static_cast<int>(line.held.size())) {
     std::move(line.held.begin() + 1, line.held.end(), line.held.begin());
     --line.count;
@@ -26,7 +26,7 @@ Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double dela
   }
   line.held[static_cast<std::size_t>(line.count++)] = {sent_N, dt_s};
 
-  // from the newest to the oldest: what acted, and what will be needed again
+  // from the newest to the oldest: sums the part that acted, counts the commands still needed
   Vector<World> acted_N_s;
   double age_s = 0;
   int needed = 0;

@@ -29,7 +29,7 @@ std::vector<Rgb> colours_of_labels(const Model& model) {
   std::size_t labels = model.tissue_of_label.size();
   for (const Segment& segment : model.segments) labels = std::max(labels, std::size_t{segment.id} + 1);
   std::vector<Rgb> colours(labels);
-  // all of them by colour_of would look through the segments for each of 65536 labels
+  // colour_of() for each of up to 65536 labels would search the segments every time
   for (std::size_t label = 0; label < model.tissue_of_label.size(); ++label)
     if (const Tissue* tissue = model.tissue_of(static_cast<LabelId>(label))) colours[label] = tissue->colour;
   for (const Segment& segment : model.segments) colours[segment.id] = segment.colour;

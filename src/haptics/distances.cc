@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-/// Looks at places of one part after the other and keeps the nearest.
+/// Evaluates points on the axes of tool parts and records the nearest.
 class NearestOfTool {
  public:
   NearestOfTool(const SurfaceTree& tree, const Point<Patient>& tip, double within_mm)
@@ -25,7 +25,7 @@ class NearestOfTool {
       look_at(sphere, 0, 0);
       return;
     }
-    // places' distances differ by no more than this for the whole axis
+    // Lipschitz bound of the clearance over the whole axis
     const double whole_mm = length_mm + std::abs(sphere.widens_mm);
     if (!look_at(sphere, 0.5, 0.5 * whole_mm)) return;
     look_at(sphere, 0, 0);
@@ -38,11 +38,11 @@ class NearestOfTool {
 
  private:
   struct Place {
-    double part, distance_mm;  // where none is near, the least that it can be
+    double part, distance_mm;  // lower bound if no surface is near
     std::optional<Point<Patient>> on_surface;
   };
 
-  // from the nearest place so far to where the axis is nearest to what it is near to, and so on
+  // fixed-point iteration: projects the nearest surface point onto the axis and evaluates there
   void follow_nearest(const ToolSphere& sphere, double length_mm) {
     constexpr int kFollowed = 4;
     constexpr double kStill_mm = 0.01;
@@ -58,7 +58,7 @@ class NearestOfTool {
     }
   }
 
-  // halves the stretch that may hold the nearest place of all
+  // bisects the interval with the smallest lower bound until it cannot contain a nearer point
   void look_between(const ToolSphere& sphere, double whole_mm) {
     while (count_ < kMostAlong) {
       const auto least_mm = [&](std::size_t n) {
@@ -74,7 +74,7 @@ class NearestOfTool {
     }
   }
 
-  // whether something is nearer than that; the places stay in order
+  // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
   bool look_at(const ToolSphere& sphere, double part, double farther_mm) {
     const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.along_mm * part;
     const double radius_mm = sphere.radius_at_mm(part);
@@ -155,8 +155,8 @@ std::array<NearStructure, kMostNearTold> nearest_structures(const Distances& dis
   const ToolBox tool = box_of_tool(spheres, tip);
   const std::vector<TrackedStructure>& structures = distances.structures();
   std::size_t count = 0;
-  // What is likely to be near is looked at first: of more than there is room for, what is farther than the
-  // last need not be known.
+  // Structures whose boxes are nearest are evaluated first: once the list is full, its last distance bounds
+  // the search for the others.
   double within_mm = distances.reach_mm(), looked_mm = -1;
   for (const double part : {0.1, 0.4, 1.0}) {
     const double ring_mm = part * distances.reach_mm();

@@ -8,8 +8,9 @@
 namespace palpate {
 namespace {
 
-// Slopes below this are rounding, of a spline whose coefficients are equal; a step of a field of 16 bits,
-// from one voxel to the next, is some ten times as steep. Their direction would get the full force.
+// Gradients below this are rounding errors, e.g. of a spline with equal coefficients; one step of a 16-bit
+// field between adjacent voxels is about ten times as steep. Normalising them would give a full force in a
+// random direction.
 constexpr double kFlat_per_mm = 1e-6;
 
 Error nothing_felt() {
@@ -22,12 +23,12 @@ Result<GaussianSphere> gaussian_of(const Model& model, LabelVoxels voxels) {
 }
 
 Result<SmoothSphere> smooth_of(const Model& model, LabelVoxels voxels) {
-  // a field that is not smoothed at all still has spheres of the least radius
+  // an unsmoothed field still has spheres of the minimum radius
   constexpr double kLeastSigma_mm = 1e-6;
   return SmoothSphere::make(std::move(voxels), std::max(model.sigma_mm, kLeastSigma_mm));
 }
 
-// felt labels by how much of the full scale they are
+// felt labels by level
 std::map<double, LabelSet> labels_by_level(const Model& model) {
   std::map<double, LabelSet> by_level;
   for (std::size_t id = 1; id < model.level_of_label.size(); ++id)
@@ -46,7 +47,7 @@ Result<LevelledSphere<Sphere>> make_levelled(const Model& model, const Make& mak
     for (auto harder = level; harder != by_level.end(); ++harder)
       for (const LabelRange& range : harder->second.ranges())
         for (int id = range.first; id <= range.last; ++id) this_and_harder.insert(static_cast<LabelId>(id));
-    // every run of labels is asked of every voxel: of several a mask is made
+    // every range of labels is tested for every voxel, so several ranges are replaced by a mask
     auto sphere = make(this_and_harder.ranges().size() > 1 ? LabelVoxels::mask(*model.labels, this_and_harder)
                                                            : LabelVoxels(model.labels, this_and_harder));
     if (!sphere) return sphere.error();
@@ -65,7 +66,7 @@ Result<std::shared_ptr<const ForceField>> make_gaussian(const Model& model) {
   auto sphere = make_levelled<GaussianSphere>(
       model, [&](LabelVoxels voxels) { return gaussian_of(model, std::move(voxels)); });
   if (!sphere) return sphere.error();
-  // its sigma is in voxels: steepest across the narrow side of one
+  // its sigma is in voxels, so the maximum slope is along the minimum spacing
   const GridGeometry& grid = model.labels->geometry();
   const double ramp = ramp_mm(model.method_settings.sphere_sigma_voxels * grid.min_spacing_mm(), grid);
   return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
@@ -116,7 +117,8 @@ FieldSample ForceField::sample(const Point<Patient>& x) const {
     FieldSample operator()(const std::shared_ptr<const Field>& field) const {
       return sample_central_differences(*field, x);
     }
-    // where it overshoots below 0, a direction would pull; a rounded coefficient is no value
+    // negative overshoots of the spline would pull; a value within rounding error of a coefficient counts as
+    // 0
     FieldSample operator()(const SplineField& field) const {
       const FieldSample sample = sample_spline(field, x);
       const double rounding = field.bytes_per_voxel() == 2 ? field.scale() : 0;
@@ -176,11 +178,11 @@ std::uint64_t memory_of_force_field(const Model& model, ForceMethod method) {
     case ForceMethod::kProxy:
       return 0;
     case ForceMethod::kSpline:
-      // numbers twice, and their steps twice
+      // two copies of the coefficients and two of their quantised steps
       return 12 * voxels;
     case ForceMethod::kGaussianSphere:
     case ForceMethod::kSmoothSphere:
-      // a mask of a byte a voxel for every level at most
+      // at most one mask of one byte per voxel for each level
       return labels_by_level(model).size() * model.labels->bytes() / sizeof(LabelId);
     case ForceMethod::kStoredNormals:
       return (static_cast<std::uint64_t>(model.field->bytes_per_voxel()) + 4) * voxels;

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// how far a place lies aside of the hole's axis
+// lateral distance of a point from the hole's axis
 double aside_mm(const Hole& hole, const Vector<Patient>& from_entry) {
   return (from_entry - hole.inward * from_entry.dot(hole.inward)).norm();
 }
@@ -18,7 +18,7 @@ double aside_mm(const Hole& hole, const Vector<Patient>& from_entry) {
 bool Hole::lets_in(const Point<Patient>& middle, double part_radius_mm) const {
   const Vector<Patient> from_entry = middle - at;
   const double along_mm = from_entry.dot(inward), play_mm = kProxyFeel.hole_play_mm;
-  // what fits in may lie anywhere within, and what leans on a rim beside it a little aside
+  // a part may be anywhere in the hole, with a tolerance for one in contact with the rim beside it
   const double room_mm = radius_mm - part_radius_mm + play_mm;
   return part_radius_mm <= radius_mm + kProxyFeel.skin_mm && along_mm >= -play_mm &&
          along_mm <= length_mm + play_mm && aside_mm(*this, from_entry) <= room_mm;
@@ -46,7 +46,7 @@ void Holes::lead(int structure, const Point<Patient>& middle) {
 void Holes::keep(std::span<const SurfaceBefore> before) {
   const Holes old = *this;
   *this = {};
-  // the oldest first, as they were made
+  // in order of creation
   for (std::size_t n = 0; n < old.count_; ++n) {
     Hole hole = old.hole_[(old.oldest_ + n) % old.count_];
     const auto now = std::find_if(before.begin(), before.end(),

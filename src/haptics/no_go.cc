@@ -10,16 +10,16 @@
 namespace palpate {
 namespace {
 
-/// A region that pushes.
+/// An active region.
 struct Push {
   int region = -1;
   Vector<Patient> outward;  // unit
-  Vector<Patient> arm_mm;   // from the tip to where it pushes
+  Vector<Patient> arm_mm;   // from the tip to the point of action
   double depth_mm = 0;
-  double stiffness_N_per_mm = 0;  // that is felt of it alone
+  double stiffness_N_per_mm = 0;  // stiffness of the region alone
 };
 
-/// Where a tool is nearest to something, and the way out there.
+/// Closest approach of a tool to a region, and the outward direction there.
 struct NearRegion {
   double distance_mm;
   Point<Patient> centre;
@@ -36,7 +36,7 @@ void keep_nearest(const NearRegion& one, MetRegion& nearest) {
 MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
   MetRegion nearest;
   for (const ToolSphere& sphere : spheres)
-    // a radius that widens evenly is least deep at one of the ends
+    // with a linearly changing radius the extremum is at one of the ends
     for (const double part : {0.0, 1.0}) {
       const Point<Patient> centre = tip + sphere.offset_mm + sphere.along_mm * part;
       const double radius_mm = sphere.radius_at_mm(part);
@@ -46,7 +46,7 @@ MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres
   return nearest;
 }
 
-// of a capsule that widens: where the line from the place to its outline is square to the outline
+// position on a tapered capsule's axis where the line from the point is perpendicular to its outline
 double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_place) {
   const double length2 = sphere.along_mm.squared_norm();
   if (!(length2 > 0)) return 0;
@@ -88,7 +88,7 @@ MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
   return nearest_to(*std::get_if<NoGoStructure>(&region.place), distances, spheres, tip, region.keep_away_mm);
 }
 
-/// The deepest regions, deepest first.
+/// Active regions in order of decreasing depth, up to the capacity.
 class Pushes {
  public:
   void add(const Push& push) {
@@ -108,12 +108,12 @@ class Pushes {
   std::size_t count_ = 0;
 };
 
-/// The springs of all regions behind the one that leads to the tip.
+/// Energy of all active springs in series with the spring to the tip.
 class Envelope {
  public:
   Envelope(std::span<const Push> pushes, double most_N_per_mm)
       : pushes_(pushes), most_N_per_mm_(most_N_per_mm) {
-    // in series with the one before it, a region's spring is felt as stiff as it is to be
+    // spring that, in series with the spring to the tip, has the region's own stiffness
     for (std::size_t n = 0; n < pushes_.size(); ++n) {
       const double felt = pushes_[n].stiffness_N_per_mm;
       spring_[n] = felt * most_N_per_mm_ / (most_N_per_mm_ - felt);
@@ -129,7 +129,7 @@ class Envelope {
     return energy_mJ;
   }
 
-  // Newton's method on a function that is convex and quadratic in pieces
+  // Newton's method with line search; the function is convex and piecewise quadratic
   Eigen::Vector3d find_least() const {
     constexpr int kSteps = 32, kHalvings = 24;
     constexpr double kEnough_mm = 1e-9, kEnoughOfSlope = 1e-4;
@@ -166,7 +166,7 @@ class Envelope {
   std::array<double, kMostNoGoMet> spring_;
 };
 
-// each by itself
+// regions without series spring: forces add up
 void add_up(std::span<const Push> pushes, NoGoForce& all) {
   for (const Push& push : pushes) {
     const Vector<Patient> force_N = push.outward * (push.stiffness_N_per_mm * push.depth_mm);
@@ -223,10 +223,10 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double most_stiffness_N_per_mm) {
-  // a spring as stiff as the one before it would be a wall
+  // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
   constexpr double kMostOfIt = 0.9;
   NoGoForce all;
-  // not a number: nothing is known of it, which caps nothing
+  // NaN: the limit is unknown, and nothing is limited
   const bool capped = most_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
   if (capped && !(most_stiffness_N_per_mm > 0)) return all;
   Pushes pushes;

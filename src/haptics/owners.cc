@@ -22,7 +22,7 @@ std::int16_t joined(std::int16_t a, std::int16_t b) {
   return b == kNobody ? a : kSeveral;
 }
 
-// calls body(i, j, k, structure) for every voxel of a slice that has a face outside of all structures
+// calls body(i, j, k, structure) for every outer voxel of a slice
 template <class Body>
 void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
                           const std::vector<std::int16_t>& structure_of_label, const Body& body) {
@@ -40,7 +40,7 @@ void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
   for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, look);
 }
 
-// a block's outer voxel
+// an outer voxel with its block
 struct InBlock {
   std::size_t block;
   std::int16_t structure;
@@ -59,13 +59,13 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
   PALPATE_CHECK(structure_of_label[labels.outside()] == kNobody);
   std::size_t count = 1;
   for (std::size_t a = 0; a < 3; ++a) {
-    // a place is up to half a voxel from the nearest one, whose block it counts as in
+    // a point is at most half a voxel from the centre of the voxel that determines its block
     block_[a] = static_cast<int>(std::ceil(reach_mm_ / spacing_mm_[static_cast<int>(a)] + 0.5));
     blocks_[a] = (dims_[a] + block_[a] - 1) / block_[a];
     count *= static_cast<std::size_t>(blocks_[a]);
   }
 
-  // whose voxels each block has; a layer of blocks is one thread's work
+  // structures of each block; threads work on layers of blocks
   const int layers = blocks_[2], workers = worker_count(0, layers);
   only_.assign(count, kNobody);
   std::vector<std::int16_t> any_of_layer(static_cast<std::size_t>(layers), kNobody);
@@ -82,7 +82,7 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
   PALPATE_CHECK(any_ >= 0);
   spread(only_, joined);
 
-  // their voxels, where some place sees several structures
+  // outer voxels of the blocks that a point with several structures in reach may need
   std::vector<std::uint8_t> is_seen(count);
   std::transform(only_.begin(), only_.end(), is_seen.begin(), [](auto only) { return only == kSeveral; });
   spread(is_seen, [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
@@ -128,7 +128,7 @@ std::size_t Owners::block_of(int i, int j, int k) const {
          static_cast<std::size_t>(i / block_[0]);
 }
 
-// each block's value with those of its neighbours
+// joins each block's value with those of its neighbours
 template <class Value, class Join>
 void Owners::spread(std::vector<Value>& of_block, const Join& join) const {
   std::size_t stride = 1;
@@ -144,7 +144,7 @@ void Owners::spread(std::vector<Value>& of_block, const Join& join) const {
   }
 }
 
-// the sum of (1 - r^2 / R^2)^2 over a run's voxels within R of a place
+// sum of (1 - r^2 / R^2)^2 over a run's voxels within R of a point
 double Owners::weight_of(std::size_t run, const std::array<float, 3>& place,
                          const std::array<float, 3>& per_reach) const {
   using Several = Eigen::Array<float, kAtOnce, 1>;
@@ -168,7 +168,7 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   std::array<int, 3> nearest{}, low{}, high{};
   for (std::size_t a = 0; a < 3; ++a) {
     const double at = p[static_cast<int>(a)], voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)];
-    // not finite, or out of everything's reach
+    // not finite, or out of reach of all voxels
     if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerShares(any_);
     nearest[a] = std::clamp(static_cast<int>(std::lround(at)), 0, dims_[a] - 1);
     low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
@@ -178,7 +178,7 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   if (seen != kSeveral) return OwnerShares(seen == kNobody ? any_ : seen);
 
   OwnerShares shares;
-  std::array<float, 3> place{}, per_reach{};  // in parts of the reach
+  std::array<float, 3> place{}, per_reach{};  // as a fraction of the radius
   for (std::size_t a = 0; a < 3; ++a) {
     place[a] = static_cast<float>(p[static_cast<int>(a)]);
     per_reach[a] = static_cast<float>(spacing_mm_[static_cast<int>(a)] / reach_mm_);
@@ -186,14 +186,14 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   const auto add = [&](std::int16_t structure, double weight) {
     std::size_t n = 0;
     while (n < shares.count_ && shares.share_[n].structure != structure) ++n;
-    // no tissue has more beside one another
+    // more structures than that do not meet in tissue
     if (n == OwnerShares::kMost) return;
     if (n == shares.count_) shares.share_[shares.count_++] = {structure, 0};
     shares.share_[n].part += weight;
   };
   for (int c = low[2]; c <= high[2]; ++c)
     for (int b = low[1]; b <= high[1]; ++b) {
-      // blocks of a row follow one another
+      // blocks of a row are consecutive
       const std::size_t row =
           (static_cast<std::size_t>(c) * static_cast<std::size_t>(blocks_[1]) + static_cast<std::size_t>(b)) *
           static_cast<std::size_t>(blocks_[0]);
@@ -233,7 +233,7 @@ OwnerShares Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& 
   return shares.count_ > 0 ? in_order(shares) : at(x);
 }
 
-// largest first, and one in all
+// normalises the shares and sorts them by decreasing size
 OwnerShares Owners::in_order(OwnerShares shares) {
   double all = 0;
   for (std::size_t n = 0; n < shares.count_; ++n) all += shares.share_[n].part;

@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-// a dent that would push by less is forgotten
+// dents with a smaller elastic force are dropped
 constexpr double kLeastRemembered_N = 1e-6;
 
 }  // namespace
@@ -64,13 +64,13 @@ void RelaxationState::hash_into(std::uint64_t& hash) const {
 }
 
 Decay decay(double x) {
-  // of a longer time by halves, put together again
+  // repeated halving of the interval, then doubling formulas
   constexpr double kMost = 700, kShort = 1.0 / 64;
   x = std::min(x, kMost);
   double y = x;
   int halved = 0;
   for (; y > kShort; y *= 0.5) ++halved;
-  // (1 - exp(-y)) / y by its series: what is left out is below 1e-19
+  // series of (1 - exp(-y)) / y; the truncation error is below 1e-19
   constexpr double kParts[] = {1.0 / 8, 1.0 / 7, 1.0 / 6, 1.0 / 5, 1.0 / 4, 1.0 / 3, 1.0 / 2};
   double mean = 1;
   for (const double part : kParts) mean = 1 - y * mean * part;
@@ -84,7 +84,7 @@ Decay decay(double x) {
 
 double advance_relaxation(const RelaxationTimes& times, double elastic_N, const RelaxingContact* contact,
                           double dt_s, RelaxationState& state) {
-  // how much of its dent there is where the tool is
+  // fraction of the dent's depth at the tool
   double near = 1;
   if (contact != nullptr && elastic_N > 0) {
     if (!state.presses) near = 1 - (contact->at - state.at).norm() / contact->reach_mm;
@@ -99,7 +99,7 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
     }
   }
 
-  // p after the tick is past + now F_e
+  // p after the tick is past + now * F_e
   std::array<double, kMostRelaxationTimes> past{}, now{};
   double lost_N = 0, lost_part = 0;
   for (std::size_t n = 0; n < times.count; ++n) {
@@ -109,7 +109,7 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
     lost_N += state.parts.of_time[n] * past[n];
     lost_part += state.parts.of_time[n] * now[n];
   }
-  // where the tissue would pull, it lies as it does without the tool
+  // a negative force: the tissue separates from the tool and recovers freely
   const double free_N = lost_N / (1 - lost_part);
   state.presses = elastic_N > near * free_N;
   state.elastic_N = state.presses ? elastic_N : free_N;

@@ -12,7 +12,8 @@ namespace {
 constexpr int kMostRootSteps = 40;
 constexpr double kSameRoot = 1e-13;
 
-/// Depth at the force F = s3: b F + k F^(2/3) - c F2, from F = first_N on - c first_N (2 F - first_N).
+/// Depth at the force F = s^3: b F + k F^(2/3) - c F^2, and -c first_N (2 F - first_N) instead of the last
+/// term for F above first_N.
 struct DepthLaw {
   double b, k, c, first_N;
 
@@ -21,19 +22,20 @@ struct DepthLaw {
     return (b * s + k) * s * s -
            c * (force_N <= first_N ? force_N * force_N : first_N * (2 * force_N - first_N));
   }
-  // how much less it gives way per newton by c
+  // reduction of the compliance dd/dF by the c term
   double less(double s) const { return 2 * c * std::min(s * s * s, first_N); }
   double per_s(double s) const { return (3 * b * s + 2 * k) * s - 3 * less(s) * s * s; }
-  // per newton, times s
+  // dd/dF, times s
   double per_N(double s) const { return b * s + k * (2.0 / 3) - less(s) * s; }
-  // F d less the integral of d over F: of b F it leaves a half, of k F^(2/3) two fifths, of c F2 two thirds
+  // stored energy: F d minus the integral of d over F; of b F one half remains, of k F^(2/3) two fifths, of c
+  // F^2 two thirds
   double stored(double s) const {
     const double force_N = s * s * s;
     return s * s * s * s * s * (0.5 * b * s + 0.4 * k) -
            c * (force_N <= first_N ? force_N * force_N * force_N * (2.0 / 3)
                                    : first_N * (force_N * force_N - first_N * first_N * (1.0 / 3)));
   }
-  // the s up to which it gives way by `least` per newton and more; infinite: it always does
+  // largest s at which the compliance is at least `least`; infinite: everywhere
   double most_s(double least) const;
 
  private:
@@ -44,18 +46,18 @@ struct DepthLaw {
 
 double DepthLaw::most_s(double least) const {
   if (c == 0) return straight_most_s(b, k, least);
-  // beyond first_N it gives way ever less
+  // the compliance decreases monotonically beyond first_N
   const double beyond = straight_most_s(b - 2 * c * first_N, k, least);
-  // the first root of (b - least) s + 2/3 k - 2 c s4 before it
+  // first root of (b - least) s + 2/3 k - 2 c s^4 below it
   const double more = b - least;
   double s = straight_most_s(b, k, least);
   if (c > 0) {
-    // concave: from beyond the root Newton's method comes to it. There c s4 is more than each of the others
+    // concave: Newton's method converges from above the root, where c s^4 exceeds each of the other terms
     double end = std::sqrt(std::sqrt(2 * k / (3 * c)));
     if (more > 0) end = std::max(end, cube_root(more / c));
     s = std::min(s, end);
   } else {
-    // convex: from 0 Newton's method comes to its first root, if it has one
+    // convex: Newton's method converges from 0 to the first root, if there is one
     if (more >= 0) return beyond;
     const double lowest = cube_root(more / (8 * c));
     if (more * lowest * 0.75 + k * (2.0 / 3) >= 0) return beyond;
@@ -77,8 +79,8 @@ DepthLaw law_of(const YieldingTissue& tissue, double radius_mm) {
           tissue.stiffening_mm_per_N2, tissue.finite_N};
 }
 
-// the s in 0 ... most_s at which the depth is that; it grows all the way there, by `least` per newton and
-// more
+// the s in 0 ... most_s with a given depth; on that interval the depth increases with a compliance of at
+// least `least`
 double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double least) {
   const double b = law.b, k = law.k;
   double low = 0, high = law.c == 0 ? most_s : std::min(most_s, cube_root(depth_mm / least));
@@ -110,7 +112,7 @@ std::uint64_t YieldFrame::hash() const {
     for (const double value : {one.compliance_mm_per_N, one.modulus_N_per_mm2, one.patch_radius_mm})
       hash_double(hash, value);
     one.relaxed.hash_into(hash);
-    // of the linear law nothing more, as it was before there was another
+    // the linear law adds nothing to the hash
     if (!one.is_finite()) continue;
     hash_double(hash, one.finite_N);
     hash_double(hash, one.stiffening_mm_per_N2);
@@ -123,7 +125,7 @@ void YieldState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
   for (const double value : {left_mm_per_N, left_modulus, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
     hash_double(hash, value);
-  // of the linear law nothing more, as it was before there was another
+  // the linear law adds nothing to the hash
   if (finite_N == 0 && left_N == 0) return;
   for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N})
     hash_double(hash, value);
@@ -157,7 +159,7 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
       if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
     }
   }
-  // what is touched anew has nothing that it could differ from
+  // a new contact has no previous values to blend with
   if (state.modulus_N_per_mm2 == 0) {
     state.left_mm_per_N = state.left_modulus = state.left_mm_per_N2 = state.left_N = 0;
   } else if (frame != state.frame) {

@@ -6,24 +6,28 @@
 
 namespace palpate {
 
-/// What was sent and has not acted yet, as far as a device's delay is known. Oldest first.
+/// Delay line of the commands that have not acted yet, oldest first, for a device whose delay is known.
 struct DelayLine {
+  /// A command and the time for which it was held.
   struct Held {
     Vector<World> force_N;
     double time_s = 0;
   };
   std::array<Held, 64> held;
   int count = 0;
-  bool forgot = false;  ///< something was sent before the oldest of them
+  bool forgot = false;  ///< Whether older commands were dropped from the line
 };
 
-/// The mean force that has acted on the device since the last tick, where what is sent acts after a delay.
-/// Each command is held until the next one comes. Where the delay has grown, or is longer than the line, the
-/// oldest command stands for those that were forgotten.
-/// @param sent_N  what the last tick sent, `dt_s` ago; joins the line
+/// Mean force that acted on the device since the last tick, with each command acting after a delay and held
+/// until the next. If the delay has increased, or exceeds the length of the line, the oldest command
+/// substitutes for those that were dropped.
+/// @param sent_N  command of the last tick, sent dt_s ago; appended to the line
+/// @param dt_s  length of the last tick
+/// @param delay_s  delay from a command to its force
+/// @param line  updated
 Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
 
-/// N s along a direction: what has been sent and has not acted yet.
+/// Impulse along a direction of the commands that have not acted yet; N s.
 double still_to_act_N_s(const DelayLine& line, const Vector<World>& along, double delay_s);
 
 }  // namespace palpate

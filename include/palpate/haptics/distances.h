@@ -16,42 +16,44 @@
 #include "palpate/sampling/surface_tree.h"
 #include "palpate/volume/volume.h"
 
-/// How far a tool is from structures, felt or not, in every tick.
+/// Distances of a tool to structures, whether felt or not, in every tick.
 namespace palpate {
 
-/// Which distances are told.
+/// Structures whose distances are reported.
 struct ToldDistances {
-  std::vector<LabelId> structures;  ///< ascending; empty: none are
-  double reach_mm = 20;             ///< at most so far away, of the tool's outline; above 0
+  std::vector<LabelId> structures;  ///< In ascending order; empty: none
+  double reach_mm = 20;             ///< Maximum reported distance of the tool's outline; above 0
 };
 
-/// A structure whose distance is known.
+/// Structure with a distance tree.
 struct TrackedStructure {
   LabelId label = 0;
-  std::shared_ptr<const SurfaceTree> tree;  ///< of its own surface, with all that was taken from it
-  bool told = false;                        ///< its distance is told in every tick
+  std::shared_ptr<const SurfaceTree> tree;  ///< Tree of its current surface, after any removal
+  bool told = false;                        ///< Whether its distance is reported in every tick
 };
 
-/// Around all of a tool, by its least and greatest coordinates, mm in the patient.
+/// Axis-aligned bounding box of a whole tool, mm in the patient frame.
 struct ToolBox {
   Eigen::Array3d low, high;
 };
-/// @param spheres  the tool's, as the hand holds it
+/// Bounding box of a tool.
+/// @param spheres  tool parts in the operator's pose
+/// @param tip  position of the tip
 ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip);
 
-/// The structures whose distances are known. A version is a value; with() shares what it does not change.
+/// Structures with distance trees. Immutable value; with() shares the unchanged parts.
 class Distances {
  public:
   Distances() = default;
   /// @param structures  each with a tree
-  /// @param reach_mm    what is told is at most so far away; above 0
+  /// @param reach_mm  maximum reported distance; above 0
   Distances(std::vector<TrackedStructure> structures, double reach_mm);
-  /// The same but for one structure's surface, which is another version of that one.
+  /// A copy in which one structure has a new version of its surface.
   Distances with(std::size_t structure, std::shared_ptr<const Surface> surface) const;
 
   const std::vector<TrackedStructure>& structures() const { return structures_; }
   double reach_mm() const { return reach_mm_; }
-  /// No place of that structure is nearer to a tool in a box; 0: the boxes meet, by which this is known.
+  /// Lower bound of the distance of a structure to a tool, from the bounding boxes; 0 if they overlap.
   double at_least_mm(std::size_t structure, const ToolBox& tool) const {
     const Box& box = boxes_[structure];
     double beyond2 = 0;
@@ -64,7 +66,7 @@ class Distances {
   }
 
  private:
-  // least and greatest coordinates, one after the other: a tick looks at all of them
+  // minimum and maximum coordinates in one array, because every tick reads all boxes
   using Box = std::array<double, 6>;
   static Box box_of(const SurfaceTree& tree);
 
@@ -73,30 +75,33 @@ class Distances {
   double reach_mm_ = 0;
 };
 
-/// Where a tool is nearest to a surface.
+/// Closest approach of a tool to a surface.
 struct ToolDistance {
-  double distance_mm = 0;  ///< from the tool's outline to the surface; below 0: the tool reaches into it
-  Point<Patient> centre;   ///< on the axis of the part that is nearest
-  double radius_mm = 0;    ///< of that part there
-  NearestPlace near;       ///< of the centre
+  double distance_mm = 0;  ///< From the tool's outline to the surface; below 0: penetration depth
+  Point<Patient> centre;   ///< Point on the axis of the nearest tool part
+  double radius_mm = 0;    ///< Radius of that part there
+  NearestPlace near;       ///< Nearest point of the surface to `centre`
 };
-/// The nearest of all parts of a tool; none where all of it is outside and farther than `within_mm`. Of a
-/// capsule's axis at most kMostAlong places are looked at: from both ends and the middle on to where it is
-/// nearest to what it is near to, then where it may be nearer by more than kAlongSlack_mm, as distances
-/// differ by no more than the way between places does. Bounded work; allocates, locks and throws nothing.
-/// @param spheres  the tool's, as the hand holds it
+/// Closest approach of all parts of a tool; empty if the whole tool is outside and farther than `within_mm`.
+/// On a capsule's axis at most kMostAlong points are evaluated: both ends and the middle, then the
+/// projections of the nearest surface points onto the axis, then bisection of intervals that may contain a
+/// point nearer by more than kAlongSlack_mm (the distance is Lipschitz continuous along the axis). Bounded
+/// work; does not allocate, lock or throw.
+/// @param spheres  tool parts in the operator's pose
+/// @param tip  position of the tip
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
 inline constexpr double kAlongSlack_mm = 0.02;
 inline constexpr std::size_t kMostAlong = 16;
 
-/// A structure near a tool.
+/// Distance of a structure to a tool.
 struct NearStructure {
   LabelId label = 0;  ///< 0: none
   double distance_mm = 0;
 };
-/// The told structures within Distances::reach_mm of a tool, nearest first, as many as there is room for;
-/// those after the last have label 0. The work goes with what is near. Allocates, locks and throws nothing.
+/// Reported structures within Distances::reach_mm of a tool, nearest first, up to the capacity; unused
+/// entries have label 0. The work depends on the number of structures nearby. Does not allocate, lock or
+/// throw.
 std::array<NearStructure, kMostNearTold> nearest_structures(const Distances& distances,
                                                             std::span<const ToolSphere> spheres,
                                                             const Point<Patient>& tip);

@@ -1,20 +1,21 @@
 #pragma once
 
-/// What soft tissue is made of, as an elastic body: what a scene says of it, and what solvers take.
+/// Elastic constants of soft tissue, as given in a scene and used by the solvers.
 namespace palpate {
 
-/// Both ends belong to it.
+/// Closed range of Young's modulus.
 struct ElasticModulusRange {
   double min_kPa, max_kPa;
 };
 inline constexpr ElasticModulusRange kElasticModulusRange{0.1, 100'000};
-/// Above that a body hardly changes its volume, and solving takes ever longer.
+/// Upper limit of Poisson's ratio: nearer to 0.5 a body is nearly incompressible, and solving takes ever
+/// longer.
 inline constexpr double kMostPoissonsRatio = 0.495;
 
-/// Of a body that is the same in all directions.
+/// Constants of an isotropic elastic body.
 struct ElasticConstants {
-  double youngs_modulus_kPa = 10;  ///< in kElasticModulusRange
-  double poissons_ratio = 0.45;    ///< 0 ... kMostPoissonsRatio
+  double youngs_modulus_kPa = 10;  ///< Young's modulus, in kElasticModulusRange
+  double poissons_ratio = 0.45;    ///< Poisson's ratio, 0 ... kMostPoissonsRatio
   bool operator==(const ElasticConstants&) const = default;
 };
 

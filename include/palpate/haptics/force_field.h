@@ -8,25 +8,27 @@
 #include "palpate/sampling/sampling.h"
 #include "palpate/sampling/voxel_methods.h"
 
-/// The force methods behind one interface: whatever they read, each gives a value and a gradient at a point,
-/// and F = F_full * value * n with n = -gradient / |gradient|. docs/concepts/methods.md has their equations.
+/// Common interface of the direct force methods. Each provides a value and a gradient at a point, and F =
+/// F_full * value * n with n = -gradient / |gradient|. For the equations see docs/concepts/methods.md.
 namespace palpate {
 
-/// What a scene says of the methods' own settings.
+/// Settings of the force methods in a scene.
 struct MethodSettings {
-  double sphere_sigma_voxels = 1;  ///< of the Gaussian sphere, 0.5 ... 2
+  double sphere_sigma_voxels = 1;  ///< Standard deviation of the Gaussian sphere in voxels, 0.5 ... 2
+  /// Encoding of the stored-normals method.
   NormalEncoding normals = NormalEncoding::kBytes;
-  double coupling_damping_N_s_per_mm = 0;  ///< of the proxy's spring, beside each tissue's stiffness
+  /// Damping of the proxy's spring, in addition to the stiffness of each tissue.
+  double coupling_damping_N_s_per_mm = 0;
 
   friend bool operator==(const MethodSettings&, const MethodSettings&) = default;
 };
 
-/// A sphere of weights over raw labels whose structures count differently: a sum of spheres, each over the
-/// structures of one level and all harder ones, times what that level adds to the one below. Soft tissue
-/// that lies on hard keeps its own surface and still pushes outward all the way down. Labels are read in
-/// place; of a level whose labels are not consecutive numbers a mask is made, a byte a voxel.
+/// Sphere filter over raw labels with levels: a weighted sum of spheres, each over all structures of at least
+/// one level, weighted by the difference to the next lower level. Soft tissue on hard tissue then has its own
+/// surface, and the force points outward at every depth. Labels are read in place; for a level whose labels
+/// are not consecutive numbers a mask of one byte per voxel is made.
 ///
-///   f(x) = sum over levels l_1 < l_2 < ... of (l_k - l_(k-1)) S_k(x),    S_k over labels of level >= l_k
+///     f(x) = sum over levels l_1 < l_2 < ... of (l_k - l_(k-1)) S_k(x),    S_k over labels of level >= l_k
 template <class Sphere>
 class LevelledSphere {
  public:
@@ -36,6 +38,8 @@ class LevelledSphere {
   };
   explicit LevelledSphere(std::vector<Part> parts) : parts_(std::move(parts)) {}
 
+  /// Value and gradient at a point. sample_literal() evaluates the defining equation without optimisation,
+  /// for tests.
   FieldSample sample(const Point<Patient>& x) const;
   FieldSample sample_literal(const Point<Patient>& x) const;
   const std::vector<Part>& parts() const { return parts_; }
@@ -44,19 +48,19 @@ class LevelledSphere {
   std::vector<Part> parts_;
 };
 
-/// One method with what it reads, prepared for one volume. Immutable, so that threads may share it. A query
-/// allocates, locks and throws nothing; a point with a coordinate that is NaN or infinite is free space.
+/// A force method prepared for one volume. Immutable, so threads may share it. A query does not allocate,
+/// lock or throw; a point with a NaN or infinite coordinate counts as free space.
 class ForceField {
  public:
   using Source = std::variant<std::shared_ptr<const Field>, SplineField, LevelledSphere<GaussianSphere>,
                               LevelledSphere<SmoothSphere>, StoredNormals>;
 
-  /// @param full_force_N  where the value is 1
+  /// @param full_force_N  force at value 1
   ForceField(Source source, double full_force_N) : source_(std::move(source)), full_force_N_(full_force_N) {}
 
   ForceMethod method() const { return static_cast<ForceMethod>(source_.index()); }
-  /// Value 0 ... 1, gradient per mm in the patient frame; exactly 0 where it is no more than rounding, as
-  /// deep inside, so that no direction is made of it.
+  /// Field value, 0 ... 1, and its gradient per mm in the patient frame. A gradient at the level of rounding
+  /// errors, as deep inside, is returned as exactly 0, so that no direction is derived from it.
   FieldSample sample(const Point<Patient>& x) const;
   double full_force_N() const { return full_force_N_; }
   const Source& source() const { return source_; }
@@ -66,12 +70,13 @@ class ForceField {
   double full_force_N_;
 };
 
-/// mm over which a field smoothed with a Gaussian climbs from 0 to 1 at its steepest, at a flat surface:
-/// sigma * sqrt(2 pi), and never less than the narrowest voxel. The stiffness there is F_full over this.
+/// Width over which a Gaussian-smoothed field rises from 0 to 1 at its maximum slope, at a flat surface:
+/// sigma * sqrt(2 pi), at least the minimum voxel spacing; mm. The surface stiffness is F_full over this
+/// width.
 double ramp_mm(double sigma_mm, const GridGeometry& grid);
 
-/// The founding force F = F_full * f(x) * n, n = -grad f / |grad f| (MERL c. 1997). Zero where the gradient
-/// vanishes. N, patient frame.
+/// The founding force F = F_full * f(x) * n, n = -grad f / |grad f| (MERL c. 1997); N, patient frame. Zero
+/// where the gradient vanishes.
 Vector<Patient> normal_force(const FieldSample& sample, double full_force_N);
 
 }  // namespace palpate

@@ -7,41 +7,43 @@
 
 #include "palpate/geometry/geometry.h"
 
-/// What tools leave behind in tissue that stays open after a puncture. Positions in the patient frame.
+/// Permanent holes of tools in tissue that stays open after a puncture. Positions are in the patient frame.
 namespace palpate {
 
-/// Which of the surfaces before a change one of those after it was.
+/// Correspondence of a surface to those before a change of the surfaces.
 struct SurfaceBefore {
-  std::int16_t index;  ///< of the same structure's; -1: it had none
-  bool same;           ///< in shape and place, however it feels now
+  std::int16_t index;  ///< Index of the same structure's surface before the change. -1: none
+  bool same;           ///< Whether shape and position are unchanged; contact properties may differ
 };
 
-/// A straight way into a structure, as wide as what went through.
+/// Straight cylindrical path into a structure with the radius of the tool part that made it.
 struct Hole {
-  int structure = -1;      ///< its place among the surfaces
-  Point<Patient> at;       ///< middle of what went through, where it leant on the surface
-  Vector<Patient> inward;  ///< unit
-  double length_mm = 0;    ///< as far in as that middle has come
-  double radius_mm = 0;    ///< of the part of the tool that went through
+  int structure = -1;      ///< Index into the surfaces
+  Point<Patient> at;       ///< Centre of the tool part at the puncture, in contact with the surface
+  Vector<Patient> inward;  ///< Direction into the structure; unit
+  double length_mm = 0;    ///< Maximum distance along `inward` that the centre has reached
+  double radius_mm = 0;    ///< Radius of the tool part
 
-  /// Whether the middle of a part of a tool is where it can go in, from either end.
-  /// @param radius_mm  of that part; it fits where it is no wider than the hole
+  /// Whether a tool part at `middle` fits into the hole, from either end.
+  /// @param middle  centre of the tool part
+  /// @param radius_mm  its radius; at most that of the hole
   bool lets_in(const Point<Patient>& middle, double radius_mm) const;
 };
 
-/// The latest holes of all tools. Small and without pointers; nothing allocates, locks or throws.
+/// The most recent holes of all tools. Trivially copyable, without pointers; does not allocate, lock or
+/// throw.
 class Holes {
  public:
   static constexpr std::size_t kMost = 32;
 
   std::span<const Hole> all() const { return {hole_.data(), count_}; }
   bool empty() const { return count_ == 0; }
-  /// Where there are kMost, the oldest one closes.
+  /// Adds a hole. If there are kMost, the oldest is closed.
   void make(const Hole& hole);
-  /// A middle that went through a structure has come to there: the holes around it are as long as that.
+  /// Extends the holes around a tool part that has punctured a structure to its current centre.
   void lead(int structure, const Point<Patient>& middle);
-  /// After a change of the surfaces. A hole in a structure that is not there any more is forgotten.
-  /// @param before  one for each surface of now
+  /// Transfers the holes to a changed set of surfaces; holes in structures that no longer exist are dropped.
+  /// @param before  correspondence for each of the new surfaces
   void keep(std::span<const SurfaceBefore> before);
   void hash_into(std::uint64_t& hash) const;
 

@@ -11,65 +11,70 @@
 #include "palpate/geometry/geometry.h"
 #include "palpate/haptics/distances.h"
 
-/// Regions that a tool is to keep out of, felt or not: forbidden-region virtual fixtures (Rosenberg 1993;
-/// Abbott, Marayong & Okamura 2007) on the region's own distance.
+/// No-go regions: forbidden-region virtual fixtures (Rosenberg 1993; Abbott, Marayong & Okamura 2007), based
+/// on the distance to the region.
 namespace palpate {
 
-/// All of a structure, felt or not.
+/// Region of one structure, whether felt or not.
 struct NoGoStructure {
+  /// Label of the structure.
   LabelId label = 0;
-  int tracked = -1;  ///< its place among Distances::structures(); -1: not prepared, no force
+  int tracked = -1;  ///< Index into Distances::structures(). -1: not prepared, no force
 };
-/// All that lies behind a plane.
+/// Half-space behind a plane.
 struct NoGoPlane {
   Point<Patient> point;
-  Vector<Patient> outward;  ///< unit, towards where the tool may be
+  Vector<Patient> outward;  ///< Normal towards the allowed side; unit
 };
-/// A ball.
+/// Spherical region.
 struct NoGoSphere {
   Point<Patient> centre;
   double radius_mm = 1;
 };
 
-/// What a region's numbers may be.
+/// Permitted ranges of the parameters.
 inline constexpr double kMostKeepAway_mm = 20;
 inline constexpr struct { double min, max; } kNoGoStiffness_N_per_mm{0.01, 20}, kNoGoRadius_mm{0.1, 500};
 
+/// Region that the tool is pushed out of by a one-sided spring.
 struct NoGoRegion {
   std::string name;
   std::variant<NoGoStructure, NoGoPlane, NoGoSphere> place;
-  double keep_away_mm = 0;        ///< so far before the region the force begins; 0 ... kMostKeepAway_mm
-  double stiffness_N_per_mm = 1;  ///< kNoGoStiffness_N_per_mm
+  double keep_away_mm = 0;  ///< Distance before the region at which the force begins; 0 ... kMostKeepAway_mm
+  double stiffness_N_per_mm = 1;  ///< Spring stiffness; in kNoGoStiffness_N_per_mm
 };
-inline constexpr std::size_t kMostNoGo = 64;  ///< regions of a model
+inline constexpr std::size_t kMostNoGo = 64;  ///< Maximum number of regions of a model
 
-/// Errors: kBadInput for more than kMostNoGo regions, a number out of its range, a plane whose `outward` is
-/// not of length 1.
+/// Checks the regions of a model. Errors: kBadInput for more than kMostNoGo regions, a parameter out of
+/// range, or a plane whose `outward` is not a unit vector.
 Result<void> check_no_go(std::span<const NoGoRegion> regions);
 
-/// What all regions together do to a tool.
+/// Total force of all regions on a tool.
 struct NoGoForce {
-  Vector<Patient> force_N;        ///< on the tip
-  Vector<Patient> torque_Nmm;     ///< about the tip
-  double stored_mJ = 0;           ///< energy that it holds, as a spring does
-  double stiffness_N_per_mm = 0;  ///< of the stiffest region that pushes; 0: none does
-  int region = -1;                ///< the one that the tool is deepest in; -1: no region pushes
-  double depth_mm = 0;            ///< of that one: how far the tool's outline is within keep_away_mm
+  Vector<Patient> force_N;        ///< Force on the tip
+  Vector<Patient> torque_Nmm;     ///< Torque about the tip
+  double stored_mJ = 0;           ///< Elastic energy of the springs
+  double stiffness_N_per_mm = 0;  ///< Stiffness of the stiffest active region. 0: none is active
+  int region = -1;                ///< Region with the largest depth. -1: no region is active
+  double depth_mm = 0;            ///< Its depth: keep_away_mm minus the distance of the tool's outline
 };
 
-/// One-sided springs: a tool that comes nearer to a region than it is to keep away is pushed out along the
-/// way on which the distance grows, at the place of the tool that is nearest, by stiffness times depth.
+/// Force of all no-go regions: one-sided springs. A tool nearer to a region than keep_away_mm is pushed along
+/// the gradient of the distance, with stiffness times depth, acting at the tool's nearest point.
 ///
-/// Where several regions push, a proxy lies between tip and springs: the force is that of a spring of
-/// `most_stiffness_N_per_mm` from the tip to the place u that makes the energy of that spring and of all
-/// regions' together least (Moreau's envelope of the regions' energy). So no direction is stiffer than the
-/// most however many regions overlap, and one region alone has its own stiffness: the region's spring is that
-/// much stiffer as the one before it takes away. Regions are taken as flat around the tool: of planes the
-/// force has a potential, of what is curved nearly so.
+/// If several regions are active, a virtual proxy connects the tip to their springs: the force is that of a
+/// spring of `most_stiffness_N_per_mm` from the tip to the position u that minimises the total energy of this
+/// spring and the regions' springs (Moreau envelope of the regions' energy). The stiffness in any direction
+/// is then at most that limit, however many regions overlap, and a single region keeps its own stiffness,
+/// because its spring is made stiffer by what the series connection removes. Each region is linearised at the
+/// tool; for planes the force has a potential, for curved regions approximately.
 ///
-/// Regions are met at most kMostNoGoMet at a time, the deepest. Remembers nothing; bounded work; allocates,
-/// locks and throws nothing.
-/// @param spheres                 the tool's, as the hand holds it
+/// At most kMostNoGoMet regions act at a time, the deepest. Stateless; bounded work; does not allocate, lock
+/// or throw.
+/// @param spheres  tool parts in the operator's pose
+/// @param tip  position of the tip
+/// @param most_stiffness_N_per_mm  limit in the patient; each region has at most nine tenths of it. 0: no
+/// force
 /// @param most_stiffness_N_per_mm  in the patient; no region is stiffer than nine tenths of it. 0: no force
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,

@@ -7,21 +7,21 @@
 
 #include "palpate/volume/bricks.h"
 
-/// Whose a place on a surface is that several structures have in common.
+/// Ownership of points on a surface that several structures share.
 namespace palpate {
 
-/// A structure's part of a place, 0 ... 1.
+/// Share of a structure in a point, 0 ... 1.
 struct OwnerShare {
   int structure = -1;
   double part = 0;
 };
 
-/// The shares of a place, largest first; they add up to 1.
+/// Shares of the structures in a point, largest first; their sum is 1.
 class OwnerShares {
  public:
   static constexpr std::size_t kMost = 8;
   OwnerShares() = default;
-  /// Of a place that belongs to one structure alone.
+  /// A point owned by one structure alone.
   explicit OwnerShares(int structure) : count_(1) { share_[0] = {structure, 1}; }
   std::span<const OwnerShare> all() const { return {share_.data(), count_}; }
   int largest() const { return share_[0].structure; }
@@ -32,39 +32,41 @@ class OwnerShares {
   std::size_t count_ = 0;
 };
 
-/// To whom places on the outer surface of structures that touch belong: each structure's weight is the sum of
-/// (1 - r^2 / R^2)^2 over its voxels that lie at the outside (with a face that is none of theirs), r from
-/// voxel centre to the place, within R. Straight across a flat seam a share grows by at most 1.1 / R per mm,
-/// so that what is felt has no step where one label ends and the next begins. What lies beneath has no share,
-/// however thin the layer. Immutable; a query allocates, locks and throws nothing.
+/// Ownership of points on the common surface of touching structures. A structure's weight is the sum of (1 -
+/// r^2 / R^2)^2 over its outer voxels (those with a face to a voxel of none of the structures) within R,
+/// where r is the distance from the voxel's centre. Across a flat seam a share changes by at most 1.1 / R per
+/// mm, so that contact properties are continuous from one label to the next. Structures beneath the surface
+/// have no share, however thin the layer above them. Immutable; a query does not allocate, lock or throw.
 class Owners {
  public:
-  /// mm; at least one and a half voxels of the widest spacing, so that a place half a voxel off finds them.
+  /// Radius R, mm. At least 1.5 voxels of the largest spacing are used, so that a point half a voxel off the
+  /// surface finds outer voxels.
   static constexpr double kReach_mm = 2.6;
 
-  /// @param labels              axes of the grid count as perpendicular; what is around it is none of these
-  /// @param structure_of_label  by label, for all that the volume holds; -1: none of these structures. One of
-  ///                            them at least has voxels
+  /// @param labels  grid axes are treated as perpendicular; voxels outside the grid belong to none of the
+  /// structures
+  /// @param structure_of_label  structure of every label in the volume; -1: none. At least one structure must
+  /// have voxels
   Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label);
 
-  /// Of the structures whose voxels lie within reach, at most kMost of them; where there are none, or `x` is
-  /// not finite, one of the structures has it all.
+  /// Shares of the structures with outer voxels within R, at most kMost. If there are none, or `x` is not
+  /// finite, a single structure has share 1.
   OwnerShares at(const Point<Patient>& x) const;
-  /// Of a place that was beneath the outer surface and was laid open: the shares of the structures whose
-  /// voxels lie around it, as trilinear interpolation weighs them. Where there are none, as at().
-  /// @param labels  those that it was made of
+  /// Shares in a point beneath the original surface that was exposed by removal: those of the structures of
+  /// the surrounding voxels by trilinear interpolation. As at() if there are none.
+  /// @param labels  labels of which the surface was made
   OwnerShares within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
-  /// No other one that was made in this program has it; 1 and above.
+  /// Identifies this object among all made in this process; at least 1.
   std::uint64_t number() const { return number_; }
 
  private:
-  /// A structure's voxels in a block, from one place of index_ on to where the next run begins.
+  /// Voxels of one structure in a block: from `begin` in index_ to the begin of the next run.
   struct Run {
     std::uint32_t begin;
     std::int16_t structure;
   };
-  // So many voxels are looked at together; what a run lacks to a multiple of that stands far away.
+  // SIMD width in voxels; runs are padded to a multiple of it with points far away.
   static constexpr std::size_t kAtOnce = 8;
   static constexpr float kFarAway = 1e9F;
 
@@ -82,14 +84,14 @@ class Owners {
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;
   Transform<Voxel, Patient> X_VoxelPatient_;
-  // A block's edges are at least as long as the reach and half a voxel, so that a place sees its own block
-  // and those around it.
+  // Block edges are at least the radius plus half a voxel, so that only a point's own block and its
+  // neighbours can contribute.
   std::array<int, 3> dims_, block_{1, 1, 1}, blocks_{0, 0, 0};
   std::vector<std::uint32_t> first_run_of_block_;  // one more than there are blocks
-  std::vector<Run> runs_;                          // block by block; one more, where the last one ends
-  std::array<std::vector<float>, 3> index_;        // of the runs' voxels, by axis
-  // Most places are far from a seam: the only structure that a place in the block sees, or that there are
-  // none or several.
+  std::vector<Run> runs_;                          // ordered by block, with a sentinel at the end
+  std::array<std::vector<float>, 3> index_;        // voxel indices of the runs, by axis
+  // Shortcut, since most points are far from a seam: the only structure within reach of a block, or a mark
+  // for none or several.
   std::vector<std::int16_t> only_;
   std::int16_t any_ = -1;
 };

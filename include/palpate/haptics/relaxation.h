@@ -6,101 +6,106 @@
 
 #include "palpate/geometry/geometry.h"
 
-/// Soft tissue that is pressed and held gives way further, so that its force falls: quasi-linear
-/// viscoelasticity (Fung 1993, 7.6) by a Prony series. docs/decisions/0040-relaxation.md has the choices.
+/// Stress relaxation of soft tissue under a constant strain: quasi-linear viscoelasticity (Fung 1993, 7.6) by
+/// a Prony series. For the choices see docs/decisions/0040-relaxation.md.
 namespace palpate {
 
-/// Of a tissue's series.
+/// Maximum number of terms of a tissue's Prony series.
 inline constexpr std::size_t kMostRelaxationTerms = 2;
-/// So many different times the tissues of one model may have together.
+/// Maximum number of different time constants of a model's tissues.
 inline constexpr std::size_t kMostRelaxationTimes = 16;
-/// Both ends belong to it.
+/// Closed range of time constants.
 struct RelaxationTimeRange {
   double min_s, max_s;
 };
 inline constexpr RelaxationTimeRange kRelaxationTimeRange{0.01, 1000};
 
+/// Term of a Prony series.
 struct RelaxationTerm {
-  double part = 0;    ///< of the modulus, that is lost in the end; 0: no term
-  double time_s = 0;  ///< in which all but 1/e of it is lost; in kRelaxationTimeRange
+  double part = 0;    ///< Fraction of the modulus that is lost in the long term. 0: no term
+  double time_s = 0;  ///< Time constant, after which 1/e of that fraction is left; in kRelaxationTimeRange
   bool operator==(const RelaxationTerm&) const = default;
 };
 
-/// How the stress of a strain that is held falls: E(t) = E (1 - sum of g_i (1 - exp(-t / tau_i))), where E is
-/// what the tissue has at once. Those that have parts stand first.
+/// Prony series E(t) = E (1 - sum of g_i (1 - exp(-t / tau_i))) of a tissue, where E is the instantaneous
+/// modulus. Terms with a part precede empty ones.
 struct Relaxation {
   std::array<RelaxationTerm, kMostRelaxationTerms> term;
 
-  /// Of the modulus, that is lost in the end; below 1.
+  /// Fraction of the modulus that all terms together lose in the long term; below 1.
   double part() const;
   bool relaxes() const { return term[0].part > 0; }
   bool operator==(const Relaxation&) const = default;
 };
 
-/// The different times of a model's tissues, the shortest first.
+/// Distinct time constants of a model's tissues, in ascending order.
 struct RelaxationTimes {
   std::array<double, kMostRelaxationTimes> time_s{};
   std::size_t count = 0;
 
   bool any() const { return count > 0; }
-  /// Takes in those of a series. @returns false: there is no room for them
+  /// Adds the time constants of a series.
+  /// @returns false if there is no room for them
   bool add(const Relaxation& relaxation);
 };
 
-/// What relaxes with each of a model's times, as parts of the modulus; together below 1.
+/// Relaxing fraction of the modulus for each time constant of the model; in sum below 1.
 struct RelaxedParts {
   std::array<double, kMostRelaxationTimes> of_time{};
 
-  /// @param weight  of the tissue that has this series
+  /// Adds a tissue's series.
+  /// @param times  time constants of the model
+  /// @param weight  weight of the tissue
   void add(const Relaxation& relaxation, const RelaxationTimes& times, double weight);
   void add(const RelaxedParts& other, double weight);
   bool any() const;
-  /// So that those that are none leave the hash as it is.
+  /// Entries of 0 do not change the hash.
   void hash_into(std::uint64_t& hash) const;
 };
 
-/// What a hand remembers of how the tissue that it presses has relaxed.
+/// Relaxation state of the tissue that a device's tool presses.
 struct RelaxationState {
-  /// Of the law at once: at the depth that the tool is in, or, where its dent is deeper, at that.
+  /// Instantaneous elastic force at the tool's depth, or at the depth of the dent where that is deeper; N.
   double elastic_N = 0;
-  /// The same, lagging by each of the model's times: of part g of the modulus the force g x this is lost.
+  /// Low-pass filtered elastic force for each time constant of the model: a fraction g of the modulus loses
+  /// the force g times this.
   std::array<double, kMostRelaxationTimes> lagging_N{};
-  RelaxedParts parts;    ///< as they are felt, or were where the dent is
-  Point<Patient> at;     ///< on the surface at rest, where it was pressed last
-  bool presses = false;  ///< it was pressed in the last tick
+  RelaxedParts parts;    ///< Fractions as rendered last, or at the dent
+  Point<Patient> at;     ///< Last contact point on the undeformed surface
+  bool presses = false;  ///< Whether the tool pressed in the last tick
 
   bool remembers() const { return elastic_N > 0; }
   void hash_into(std::uint64_t& hash) const;
 };
 
-/// What is left of x = time over time constant: exp(-x), and its mean on the way there, (1 - exp(-x)) / x, to
-/// 1e-14. The same bits on every machine, which std::exp does not promise.
+/// Exponential decay for x = time over time constant: exp(-x), and its mean (1 - exp(-x)) / x over the
+/// interval, to 1e-14. Bit-identical on every machine, which std::exp does not guarantee.
 /// @param x  at least 0
 struct Decay {
   double left = 1, mean = 1;
 };
 Decay decay(double x);
 
-/// Where a tool is in tissue that relaxes.
+/// Contact of a tool with relaxing tissue.
 struct RelaxingContact {
-  RelaxedParts parts;   ///< of the tissue there
-  Point<Patient> at;    ///< on the surface at rest
-  double reach_mm = 1;  ///< of a dent that the tool makes, above 0
-  double blend_s = 1;   ///< in which other parts take the place of those that were felt; above 0
+  RelaxedParts parts;   ///< Relaxing fractions of the tissue
+  Point<Patient> at;    ///< Contact point on the undeformed surface
+  double reach_mm = 1;  ///< Radius of the dent that the tool makes; above 0
+  double blend_s = 1;   ///< Time over which new fractions replace those rendered before; above 0
 };
 
-/// A tick of what relaxes: the force that is left of the elastic one,
+/// Advances the relaxation by one tick. Returns the viscoelastic force for an elastic one,
 ///
 ///     F = F_e - sum of g_i p_i,   tau_i dp_i/dt = F_e - p_i,
 ///
-/// exact where F_e changes evenly in the tick, whatever its length (Taylor, Pister & Goudreau 1970; Simo &
-/// Hughes 1998, 10.3). A tool that goes out faster than the tissue follows leaves its dent: no force then,
-/// and F_e is that of the dent, which fills up as free tissue does. So no energy is given out (0040). What is
-/// touched again a way from where it was pressed has so much less of a dent, and none beyond its reach.
-/// Bounded work, the same bits on every build.
-/// @param elastic_N  of the law at the tool's depth, at least 0
-/// @param contact    null: it touches nothing that yields, and elastic_N is 0
-/// @returns N, 0 ... elastic_N
+/// exact for a linear change of F_e in the tick, at any tick length (Taylor, Pister & Goudreau 1970; Simo &
+/// Hughes 1998, 10.3). A tool that withdraws faster than the tissue recovers leaves a dent: the force is then
+/// 0, and F_e is that of the dent, which recovers like free tissue. No energy is generated
+/// (docs/decisions/0040-relaxation.md). At a new contact point the dent is reduced linearly with the distance
+/// from the last one, to none at its radius. Bounded work; bit-identical in every build.
+/// @param elastic_N  elastic force at the tool's depth; at least 0
+/// @param contact  null: no contact with deformable tissue, elastic_N is 0
+/// @returns force in N, 0 ... elastic_N
 double advance_relaxation(const RelaxationTimes& times, double elastic_N, const RelaxingContact* contact,
                           double dt_s, RelaxationState& state);
 

@@ -4,29 +4,32 @@
 
 namespace palpate {
 
-/// What tells a hand that swings by itself.
+/// State of the oscillation detector.
 struct SwingState {
-  Vector<World> axis;             ///< of the last force
-  double way_mm = 0, time_s = 0;  ///< along it since the last turn
+  Vector<World> axis;             ///< Direction of the last force
+  double way_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
+  /// Extremum of way_mm since the last reversal, and its time.
   double farthest_mm = 0, farthest_s = 0;
-  Vector<World> aside_mm;  ///< likewise, to the sides
-  double before_mm = 0;    ///< length of the half swing before
-  int halves = 0;          ///< of a swing by itself, one after the other
-  double free_s = 0;       ///< out of contact
-  double later_s = 0;      ///< that the force is taken to act later than is known
+  Vector<World> aside_mm;  ///< Lateral displacement since the last reversal
+  double before_mm = 0;    ///< Amplitude of the previous half cycle
+  int halves = 0;          ///< Number of consecutive half cycles of a self-sustained oscillation
+  double free_s = 0;       ///< Time since the last contact
+  double later_s = 0;      ///< Estimate of the force delay beyond the known one
 };
 
-/// Looks for a hand that swings by itself against what it touches, whoever it is, and says how much later
-/// than is known the force must be taken to act: what keeps it swinging is energy that the observer does not
-/// see.
+/// Detects a self-sustained oscillation of the operator's hand against a contact, and estimates by how much
+/// the actual force delay exceeds the known one: what sustains the oscillation is energy that the observer
+/// does not measure.
 ///
-/// A swing by itself goes to and fro along the force, three times running and not less each time, faster
-/// than 6.7 Hz, by at least SwingFeel::least_mm and 15 mm/s in the mean, and not farther aside than to and
-/// fro. A finger taps more slowly, a tremor of 8 to 12 Hz moves by less, and whoever slides over ribs goes
-/// aside.
-/// @param force_N  asked; zero in free space
-/// @param way_mm   of the tip since the last tick, relative to the object, mm of the device
-/// @param step_mm  of the encoders
+/// A self-sustained oscillation reverses along the force at least three times without decaying. It is faster
+/// than 6.7 Hz, has an amplitude of at least SwingFeel::least_mm and a mean speed of 15 mm/s, and its lateral
+/// displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has a
+/// smaller amplitude, and sliding over ribs has a larger lateral displacement.
+/// @param force_N  requested force; zero in free space
+/// @param way_mm  displacement of the tip since the last tick, relative to the object; mm of the device
+/// @param step_mm  encoder step
+/// @param dt_s  length of the tick
+/// @param state  detector state, updated; state.later_s is the estimate
 void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
                     SwingState& state);
 

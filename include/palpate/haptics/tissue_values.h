@@ -9,10 +9,10 @@
 #include "palpate/base/result.h"
 #include "palpate/haptics/haptics.h"
 
-/// What the values of a tissue may be, in a scene and while they are felt.
+/// Permitted values of a tissue's parameters, in a scene and when changed at run time.
 namespace palpate {
 
-/// Both ends belong to it.
+/// Closed range of values.
 struct ValueRange {
   double min, max;
 };
@@ -20,27 +20,27 @@ inline constexpr ValueRange kStiffnessRange_N_per_mm{0.001, 20};
 inline constexpr ValueRange kFrictionRange{0, 2};
 inline constexpr ValueRange kViscosityRange_N_s_per_mm{0, 0.1};
 
-/// What is wrong, and how to mend it.
+/// Description of an invalid value and its remedy.
 struct TissueFault {
   std::string what, remedy;
 };
-/// What sticks holds at least as much as what slides.
+/// Checks that static friction is at least the kinetic one.
 std::optional<TissueFault> friction_fault(double static_friction, double friction);
 
-/// Of a tissue, as far as what rests on it or what it rests on has to know.
+/// Values of a tissue needed to check its supports.
 struct SupportValues {
   std::string_view name;
   double stiffness_N_per_mm = 0;
   bool felt = true;
 };
-/// The field is never to fall on the way from a tissue into its support: where it falls, the direct methods'
-/// force points inward.
+/// Checks that the field does not decrease from a tissue into its support; a decrease makes the force of the
+/// direct methods point inward.
 std::optional<TissueFault> support_fault(const SupportValues& tissue, const SupportValues& support);
 
-/// Whether a tissue may have these values, in the words with which a scene's text is refused: ranges,
-/// friction and supports.
-/// @param index  of the one whose values are new
-/// Error kBadInput; its place is the scene's key ("stiffness").
+/// Checks a tissue's values: ranges, friction and supports, with the messages used for a scene file.
+/// @param tissues  all tissues
+/// @param index  tissue whose values are new. Errors: kBadInput; the error's place is the scene key, e.g.
+/// "stiffness".
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index);
 
 }  // namespace palpate

@@ -5,9 +5,11 @@
 
 namespace palpate {
 
-/// What is fixed to the workspace in a recorded tick, turned into the patient as the object was felt then;
-/// zero where one of them is no rotation or not finite.
+/// Transforms a vector fixed in the workspace to the patient frame by the object rotation of a recorded tick.
+/// Zero if the vector is not finite or the rotation is invalid.
 /// @param X_WorldPatient  Model::X_WorldPatient
+/// @param tick  recorded tick
+/// @param v  vector in World
 inline Vector<Patient> in_patient(const Transform<World, Patient>& X_WorldPatient, const TickRecord& tick,
                                   const Vector<World>& v) {
   const auto& w = tick.rotation_felt_wxyz;
@@ -16,7 +18,9 @@ inline Vector<Patient> in_patient(const Transform<World, Patient>& X_WorldPatien
   return X_WorldPatient.inverse() * (Rotation<World, World>(felt).inverse() * v);
 }
 
-/// The same of what is fixed to a device's tool, by the orientation that the tick tells.
+/// Transforms a vector fixed to a device's tool to the patient frame by the recorded orientation of the
+/// device.
+/// @param of_tool  vector in the tool's frame
 inline Vector<Patient> tool_in_patient(const Transform<World, Patient>& X_WorldPatient,
                                        const TickRecord& tick, const DeviceTick& device,
                                        const Eigen::Vector3d& of_tool) {
