@@ -17,7 +17,7 @@ TEST(ActingForce, WithoutDelayItIsWhatWasSent) {
 }
 
 TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
-  // held forces on a fine time axis, shifted by the delay
+  // reference: commands on a fine time axis, shifted by the delay
   constexpr double kFine_s = 1e-5;
   for (const double delay_s : {0.2e-3, 1e-3, 3e-3, 7e-3}) {
     std::mt19937 random(5);
@@ -41,7 +41,8 @@ TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
   }
 }
 
-// Late ticks, and hands that swing, lengthen it from one tick to the next: no force is lost by that.
+// The delay changes from tick to tick with late ticks and detected oscillations; the impulse must be
+// conserved.
 TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
   for (const double least_s : {0.0, 1e-3, 4e-3})
     for (const double tick_s : {1e-4, 1e-3, 4e-3}) {
@@ -53,7 +54,7 @@ TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
         const double dt_s = n % 50 == 49 ? 8 * tick_s : tick_s * part(random);
         const double delay_s = least_s + (n % 3 == 0 ? longer(random) : 0);
         const Vector<World> acted = follow_delay(Vector<World>(0, 0, 2), dt_s, delay_s, line);
-        // it has come to act
+        // after the delay has passed
         if (time_s > least_s + 10e-3) {
           ASSERT_NEAR(acted.z(), 2, 1e-9) << n << ": " << delay_s << " s, tick of " << dt_s;
         }

@@ -15,17 +15,17 @@ namespace {
 constexpr double kBounceTick_s = 1e-3, kBounceInner_s = 1e-5;
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
-/// A mass that falls on a spring, read in whole steps; what is sent acts a tick later and until the next one
-/// does.
+/// A mass falling on a spring, its position quantised to encoder steps. A force acts one tick after it was
+/// sent, until the next one.
 struct Falling {
   double mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s;
-  double wall_mm = 0;  ///< where it begins, within a step
-  double hand_N = 0;   ///< that presses on it from the touch on
+  double wall_mm = 0;  ///< position of the wall within an encoder step
+  double hand_N = 0;   ///< force of the operator from the first contact on
   double hand_N_s_per_mm = 0;
   bool acts = true;
 
-  double rebound = 0;  ///< speed out over speed in
-  long limited = 0;    ///< ticks
+  double rebound = 0;  ///< ratio of rebound to impact speed
+  long limited = 0;    ///< number of ticks with a limited force
 
   void go(double time_s) {
     BounceState state;
@@ -37,7 +37,7 @@ struct Falling {
       std::copy_backward(seen_mm.begin(), seen_mm.end() - 1, seen_mm.end());
       seen_mm[0] = read_mm;
       const double asked_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
-      const double acting_N = sent_N;  // of the tick before
+      const double acting_N = sent_N;  // of the previous tick
       if (asked_N > 0 && n > 10) {
         const double most_N =
             most_without_a_throw_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01,
@@ -66,7 +66,7 @@ struct Falling {
 };
 
 TEST(Bounce, AFreeTipLeavesNoFasterThanItCameWhereverTheWallLies) {
-  // bare devices on walls that they are recommended, and a heavier one; the wall lies anywhere in a step
+  // bare devices on their recommended walls, and a heavier one; at any position of the wall within a step
   const struct {
     double mass_kg, stiffness_N_per_mm, step_mm;
   } tips[] = {{0.046, 5.01, 0.055}, {0.046, 1.5, 0.055}, {0.076, 1.16, 0.03}, {0.195, 5.01, 0.055}};
@@ -105,7 +105,7 @@ TEST(Bounce, ASlowTouchSaysNothing) {
 }
 
 TEST(Bounce, ItIsOverAfterAWhile) {
-  // a tip that hangs in a wall, as if it were about to turn for ever
+  // a tip suspended in a wall, as if about to reverse for ever
   BounceState state;
   const double fell_mm_s = 100, step_mm = 0.03;
   int last = 0;

@@ -7,7 +7,7 @@
 
 #include "haptics/test_proxy_surfaces.h"
 
-/// A capsule as a row of spheres: as good as the capsule, and found without looking at every one.
+/// Rows of spheres represent capsules within tolerance, and are searched without evaluating every sphere.
 namespace palpate {
 namespace {
 
@@ -26,11 +26,11 @@ TEST(CapsuleRow, ItsOutlineIsTheCapsulesButForALittle) {
       const double half_mm = 0.5 * length_mm / steps;
       EXPECT_LE(radius_mm - std::sqrt(radius_mm * radius_mm - half_mm * half_mm), kProxyFeel.row_dip_mm);
     }
-  // thin ones
+  // thin capsules have the minimum spacing
   for (const double radius_mm : {0.0, 0.1}) EXPECT_EQ(row_steps({{}, radius_mm, {10, 0, 0}}), 67);
 }
 
-// a ball, and a plate that the row may lie along, on voxels askew
+// a ball, and a plate along which a row may lie, on rotated voxels
 std::vector<FeltSurface> ball_and_plate(std::mt19937& random) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
   return {felt_surface(
@@ -45,16 +45,16 @@ TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
   std::uniform_real_distribution<double> unit(0, 1), about(-4, 4);
   const auto surfaces = ball_and_plate(random);
   int looks = 0, all = 0, bounds = 0;
-  // within the voxels, beyond which a plate falls to the value outside
+  // inside the volume; beyond it the plate's distance drops to the value outside
   for (int n = 0; n < 20'000; ++n) {
     const Surface& surface = *surfaces[static_cast<std::size_t>(n % 2)].surface;
     const double x = about(random), y = about(random), z = about(random);
     const Point<Patient> centre(x, y, z);
-    // every tenth lies along the plate
+    // every tenth capsule is parallel to the plate
     Vector<Patient> along_mm = random_direction(random) * (0.1 + 7 * unit(random));
     if (n % 20 == 1) along_mm = {along_mm.x(), along_mm.y(), 0};
     ToolSphere shape{{}, 0.01 + 2 * unit(random), along_mm};
-    // every third widens or narrows
+    // every third capsule is tapered
     if (n % 3 == 2) shape.widens_mm = 2 * unit(random) - shape.radius_mm;
     const int steps = row_steps(shape);
     const double enough_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
@@ -85,16 +85,16 @@ TEST(CapsuleRow, TheMiddleOfWhatTouchesIsThatOfTheLyingPart) {
   std::mt19937 random(kRowSeed);
   int looks = 0;
   const auto surfaces = ball_and_plate(random);
-  // lies on the plate with all of it, or with none but its end
+  // the whole capsule lies on the plate; then only its end touches
   const Point<Patient> on_plate(-5, 1, 1);
   EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {10, 0, 0}}, 40, 3, 0.02, looks),
               0.5, 0.02);
   EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, {{}, 1, {8, 0, 6}}, 40, 0, 0.02, looks), 0,
               1e-9);
-  // on the ball where it is nearest, a third along
+  // nearest to the ball at a third of the axis
   EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {{}, 1, {9, 0, 0}}, 30, 10, 0.02, looks),
               1.0 / 3, 0.03);
-  // a cone whose side lies along the plate, with its axis at an angle to it
+  // a cone with its side along the plate and its axis inclined to it
   const ToolSphere cone{{}, 1, Vector<Patient>(std::sqrt(99.0), 0, 1), 1};
   EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, cone, 40, 3, 0.02, looks), 0.5, 0.02);
 }

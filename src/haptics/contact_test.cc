@@ -45,7 +45,8 @@ TEST(ContactSite, CartilageIsMetBeforeTheBoneUnderIt) {
 }
 
 TEST(ContactSite, DepthOfBoneIsMeasuredFromItsBorderWithTheCartilage) {
-  // bone's half level lies in the cartilage: midway between the two levels is their border
+  // half of bone's level occurs inside the cartilage; the boundary is where the field is midway between the
+  // levels
   for (const float cartilage_level : {0.3f, 0.5f, 0.65f}) {
     Model model = ball_model({0.6, 0.6, 0.6}, 0.7, 4, cartilage_level);
     std::mt19937 random(6);
@@ -60,8 +61,8 @@ TEST(ContactSite, DepthOfBoneIsMeasuredFromItsBorderWithTheCartilage) {
 }
 
 TEST(ContactSite, AValleyBelongsToTheNearerOfItsWalls) {
-  // two half-spaces facing each other along x; on the floor of the valley between them the gradient points
-  // along the floor or nowhere, and yet something is felt
+  // two half-spaces facing each other along x: in the valley between them the gradient points along the
+  // valley or vanishes, although there is a structure in contact
   Model model = ball_model({1, 1, 1});
   GridGeometry grid = model.labels->geometry();
   Volume<LabelId> labels(grid);
@@ -115,7 +116,7 @@ TEST(ContactSite, OfRampsIsTheVoxelsOwnAndAsDeepAsTheyGo) {
       const ContactSite site = find_contact_site(model, x, sample_central_differences(*model.field, x));
       const bool in_bone = radius_mm < kBoneRadius_mm;
       EXPECT_EQ(site.label, in_bone ? kBone : kCartilage);
-      // as far as voxels go: half their diagonal
+      // tolerance: half a voxel diagonal
       EXPECT_NEAR(site.depth_mm, (in_bone ? kBoneRadius_mm : kBoneRadius_mm + 3) - radius_mm, 0.6);
       EXPECT_FLOAT_EQ(static_cast<float>(site.level), (in_bone ? 1.f : 0.5f) / 4) << "whole at a millimetre";
     }

@@ -25,7 +25,7 @@ std::shared_ptr<const Surface> surface_of(const GridGeometry& grid, const Distan
   return felt_surface(grid, distance_mm, 4).surface;
 }
 
-/// The grids of contact's tests, straight and turned.
+/// The grids of the contact tests, axis-aligned and rotated.
 std::vector<GridGeometry> distance_grids(double half_extent_mm) {
   const Eigen::Matrix3d turned =
       (Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, -1).normalized())).toRotationMatrix();
@@ -49,7 +49,7 @@ struct Shape {
   Distance distance_mm;
 };
 std::vector<Shape> distance_shapes(std::mt19937& random) {
-  // a heap of balls, with creases between them that are of no smooth shape
+  // overlapping balls with creases between them
   std::vector<std::pair<Eigen::Vector3d, double>> balls;
   std::uniform_real_distribution<double> place(-4, 4), radius(1, 2.5);
   for (int n = 0; n < 9; ++n) {
@@ -64,7 +64,7 @@ std::vector<Shape> distance_shapes(std::mt19937& random) {
        }},
       {"edge",
        [](const Eigen::Vector3d& p) {
-         // of 90 degrees, whose planes lie along no axis
+         // an edge of 90 degrees whose planes are oblique to the axes
          const double a = p.dot(Eigen::Vector3d(0.6, 0.48, 0.64)),
                       b = p.dot(Eigen::Vector3d(-0.8, 0.36, 0.48));
          return std::max({std::min(0.0, std::max(a, b)) + std::hypot(std::max(a, 0.0), std::max(b, 0.0)),
@@ -93,7 +93,7 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
       const SurfaceOracle oracle(*surface);
       ASSERT_GT(tree.pieces(), 0u);
       for (int n = 0; n < 30; ++n) {
-        // far away, anywhere about it, and beside the surface
+        // far away, uniformly around, and close to the surface
         Eigen::Vector3d x;
         std::uniform_int_distribution<std::size_t> any(0, oracle.places().size() - 1);
         const Eigen::Vector3d on = oracle.places()[any(random)];
@@ -115,13 +115,13 @@ TEST(Distances, AreThoseOfTheOracleOnEveryGrid) {
 }
 
 TEST(Distances, OnMedialPlacesAreThoseOfTheNearerSide) {
-  // where an interpolated distance is cut off
+  // where an interpolated distance field is clamped
   const SurfaceTree plate(surface_of(cube_grid(9, {0.625, 0.625, 0.9}), [](const Eigen::Vector3d& p) {
     return box_mm(p, {6, 5, 1.35});
   }));
   for (double x = -3; x <= 3; x += 0.17)
     EXPECT_NEAR(plate.nearest({x, 0.3 * x, 0.01})->distance_mm, -1.34, kTolerance_mm) << x;
-  // from the middle of a ball everything is as near
+  // at the centre of a ball all surface points are equally near
   const SurfaceTree ball(
       surface_of(cube_grid(14, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 12; }));
   EXPECT_NEAR(ball.nearest({0, 0, 0})->distance_mm, -12, kTolerance_mm);
@@ -222,7 +222,7 @@ TEST(Distances, OfAToolAreThoseOfItsNearestPart) {
   }
 }
 
-// so many small balls on a circle, each a structure
+// small balls on a circle, each a structure
 Distances many_balls(int count, double reach_mm) {
   std::vector<TrackedStructure> structures;
   for (int n = 0; n < count; ++n) {
@@ -247,7 +247,7 @@ TEST(Distances, ToldAreTheNearestInOrder) {
   for (int n = 0; n < 400; ++n) {
     const double z = up(random), y = any(random), x = any(random);
     const Point<Patient> tip(x, y, z);
-    // all of them, one by one
+    // reference: all structures one by one
     std::vector<std::pair<double, LabelId>> all;
     for (const TrackedStructure& structure : distances.structures())
       if (const auto near = structure.tree->nearest(tip, 20); near && structure.told)
@@ -259,7 +259,7 @@ TEST(Distances, ToldAreTheNearestInOrder) {
         EXPECT_EQ(told[place].label, 0);
         continue;
       }
-      // how far is looked decides what is found by no more than the slack
+      // the search limit affects the result by at most the slack
       EXPECT_NEAR(told[place].distance_mm, all[place].first, 2 * SurfaceTree::kSlack_mm);
       const std::size_t before = place > 0 ? place - 1 : 0;
       EXPECT_GE(told[place].distance_mm, told[before].distance_mm);

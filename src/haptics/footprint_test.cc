@@ -15,7 +15,7 @@ namespace {
 
 const Vector<Patient> kUp(0, 0, 1);
 
-// of Hertz's law with E* = 1
+// Hertz's law with E* = 1
 double force_of(const Footprint& foot) {
   return 4.0 / 3 * std::sqrt(foot.radius_mm) * std::pow(foot.depth_mm, 1.5);
 }
@@ -55,14 +55,14 @@ TEST(Footprint, FarFromEachOtherTheyAddUp) {
   }
 }
 
-// The force on a half space with E* = 1, by depth and what it gives way for F N (yield_force's law).
+// Force on a half-space with E* = 1 (yield_force's law), with the footprint's additional compliance.
 double pressed_N(const Footprint& foot) {
   const YieldingTissue tissue{foot.closeness_per_mm, {}, 1};
   return yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N;
 }
 
-// Beside what cells of 0.15 mm of a half space say (bench/footprint_truth.py), where one sphere in place of
-// all of it is 16 to 44 % too soft for two spheres and 46 to 90 % for a shaft that lies.
+// Comparison with a half-space solved with cells of 0.15 mm (bench/footprint_truth.py). A single sphere in
+// place of the footprint is 16 to 44 % too soft for two spheres and 46 to 90 % for a shaft lying flat.
 TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
   struct TwoSpheres {
     double apart_mm, higher_mm, truth_N;
@@ -91,13 +91,13 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
     const std::size_t count = press_places({&plane, 1}, {&leant_on, 1}, {&shaft, 1},
                                            Point<Patient>(-20, 0, radius_mm - deep_mm), places);
     const double is_N = pressed_N(footprint_of(std::span(places).first(count), kUp));
-    // wider than its depth is, the row tells less of what lies between
+    // where the contact is wider than the depth, the row resolves less of the area between its spheres
     const double most = deep_mm < 0.2 * radius_mm ? 0.2 : 0.11;
     EXPECT_NEAR(is_N, truth_N, most * truth_N) << radius_mm << ", " << length_mm << ", " << deep_mm;
   }
 }
 
-// as one goes down through the surface, comes behind another one, or passes it
+// as a place passes through the surface, moves behind another place, or passes it
 TEST(Footprint, HasNoSteps) {
   constexpr int kSteps = 4000;
   for (const double aside_mm : {0.0, 0.4, 1.0, 2.0, 6.0}) {
@@ -112,7 +112,7 @@ TEST(Footprint, HasNoSteps) {
       }
       last = force;
     }
-    // alone, or two of them
+    // a single place, or two
     const double one = 4.0 / 3 * std::sqrt(2.0) * 8;
     EXPECT_NEAR(last, aside_mm >= 2 ? one + 4.0 / 3 * std::sqrt(2.0) * std::pow(2, 1.5) : one,
                 1e-9 + 0.3 * one);
@@ -122,8 +122,8 @@ TEST(Footprint, HasNoSteps) {
   }
 }
 
-// A shaft that is pushed straight in presses with its end, whatever of it has gone in behind that; lying,
-// with all of it.
+// A shaft pushed in along its axis presses with its end only, at any depth; lying flat it presses with its
+// whole length.
 TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
   const FeltSurface plane = testing::felt_surface(
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
@@ -139,7 +139,7 @@ TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
   EXPECT_NEAR(force_of(of({0, 0, 20}, 8)), one, 1e-3 * one);
   const double lying = 4.0 / 3 * std::sqrt(2.0);
   EXPECT_NEAR(force_of(of({20, 0, 0}, 1)), 11 * lying, 0.01 * lying);
-  // and in between without a step
+  // continuous in between
   double last = 0;
   for (int n = 0; n <= 900; ++n) {
     const double turn = n * 1e-3 * 1.7453292519943295;

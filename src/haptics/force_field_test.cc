@@ -29,7 +29,7 @@ Point<Patient> random_point(std::mt19937& random, double reach_mm) {
   return {coordinate(random), coordinate(random), coordinate(random)};
 }
 
-// everything beyond x = 0 is bone
+// bone where x > 0
 Model wall_model(const Eigen::Vector3d& spacing_mm, double sigma_mm) {
   Model model = ball_model(spacing_mm, sigma_mm);
   const GridGeometry& grid = model.labels->geometry();
@@ -70,12 +70,12 @@ TEST(ForceField, GivesWhatItsMethodGives) {
     const auto expect_same = [&](ForceMethod method, const FieldSample& expected) {
       const FieldSample sample = model.force_field(method).sample(x);
       EXPECT_EQ(sample.value, expected.value) << name_of(method);
-      // rounding deep inside, which is taken away
+      // rounding errors deep inside are removed
       const bool flat = expected.gradient.norm() < 1e-6;
       EXPECT_EQ(sample.gradient, flat ? Vector<Patient>() : expected.gradient) << name_of(method);
     };
     expect_same(ForceMethod::kTrilinear, sample_central_differences(*model.field, x));
-    // what a spline overshoots below 0, and a rounded coefficient, is nothing
+    // negative overshoots of a spline and rounded coefficients count as 0
     const FieldSample smooth = sample_spline(spline, x);
     expect_same(ForceMethod::kSpline, smooth.value > spline.scale() ? smooth : FieldSample{});
     expect_same(ForceMethod::kStoredNormals, normals.sample(x));
@@ -97,7 +97,7 @@ TEST(ForceField, DeepInsideThereIsNoDirectionForAnyMethod) {
     }
 }
 
-// the definition: every tissue's own sphere, times its level
+// reference by definition: each tissue's own sphere times its level
 template <class Sphere>
 FieldSample weighted_sum(const Sphere& bone, const Sphere& cartilage, double cartilage_level,
                          const Point<Patient>& x) {
@@ -146,7 +146,7 @@ TEST(ForceField, CartilageKeepsItsOwnSurfaceAndPushesOutwardAllTheWayDown) {
       EXPECT_NEAR(value_at(kBoneRadius_mm + shell_mm), 0.25, 0.12) << "half of its level at its surface";
       EXPECT_NEAR(value_at(kBoneRadius_mm + shell_mm / 2), 0.5, 0.12);
       EXPECT_NEAR(value_at(kBoneRadius_mm - 3.5), 1, 0.06) << "the published weights do not sum to 1";
-      // where there is a slope at all it points the same way
+      // wherever there is a gradient it has the same sign
       for (double radius_mm = kBoneRadius_mm - 0.5; radius_mm < kBoneRadius_mm + shell_mm + 0.5;
            radius_mm += 0.25) {
         const FieldSample sample = field.sample(Point<Patient>() + outward * radius_mm);
@@ -157,7 +157,7 @@ TEST(ForceField, CartilageKeepsItsOwnSurfaceAndPushesOutwardAllTheWayDown) {
   }
 }
 
-// how steep the force is across a flat wall, over a whole ramp
+// maximum slope of the force across a flat wall, over a whole ramp
 double steepest_N_per_mm(const ForceField& field, double step_mm) {
   double steepest = 0;
   const auto force_at = [&](double x) {
@@ -174,7 +174,7 @@ TEST(ForceField, EveryMethodIsAsStiffAsTheTissueAtAFlatSurface) {
     const double stiffness = model.greatest_stiffness_N_per_mm();
     for (const ForceMethodInfo& info : kDirectMethods) {
       SCOPED_TRACE(info.name);
-      // over a voxel, because the published methods have steps and cusps
+      // differences over one voxel, because the published methods have steps and cusps
       const double found = steepest_N_per_mm(model.force_field(info.method), spacing_mm.x());
       EXPECT_GT(found, 0.85 * stiffness);
       EXPECT_LT(found, 1.05 * stiffness);
@@ -191,7 +191,7 @@ TEST(ForceField, WidthOfASphereIsItsOwn) {
   EXPECT_NEAR(full_N(ForceMethod::kTrilinear), stiffness * sqrt_2_pi, 1e-9);
   EXPECT_NEAR(full_N(ForceMethod::kGaussianSphere), stiffness * 2 * 0.6 * sqrt_2_pi, 1e-9);
   EXPECT_NEAR(full_N(ForceMethod::kSmoothSphere), stiffness * sqrt_2_pi, 1e-9);
-  // never over fewer than four voxels: across the narrow ones it is the steepest
+  // at least four voxels wide: the slope is largest along the small spacing
   model.sigma_mm = 0;
   EXPECT_NEAR(full_N(ForceMethod::kSmoothSphere), stiffness * 2 * 0.6 / 3 * sqrt_2_pi, 1e-9);
 }
@@ -219,7 +219,7 @@ TEST(WithMethods, AddsWhatIsMissingAndSharesTheRest) {
   EXPECT_EQ((*more)->methods[0], model->methods[0]);
   EXPECT_EQ((*more)->content_hash, model->content_hash);
   EXPECT_EQ(*with_methods(*more, wanted), *more) << "nothing to add";
-  // a method that is not there is the trilinear one
+  // an unprepared method falls back to the trilinear one
   EXPECT_EQ(model->force_field(ForceMethod::kSpline).method(), ForceMethod::kTrilinear);
 }
 

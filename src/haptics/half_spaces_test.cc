@@ -20,7 +20,7 @@ Point<Patient> random_corner(std::mt19937& random, double spread_mm) {
   return {normal(random), normal(random), normal(random)};
 }
 
-// Dykstra's alternating projections converge on the closest point; slow and independent of any active set
+// Dykstra's alternating projections converge to the closest point; slow, but independent of any active set
 Point<Patient> by_dykstra(const Point<Patient>& x, const std::vector<HalfSpace>& half_spaces, int rounds) {
   Eigen::Vector3d q = x.eigen();
   std::vector<Eigen::Vector3d> given_back(half_spaces.size(), Eigen::Vector3d::Zero());
@@ -48,7 +48,7 @@ TEST(ClosestPoint, AgreesWithAlternatingProjections) {
   std::mt19937 random(kHalfSpacesSeed);
   int by_count[4] = {};
   for (int n = 0; n < 4000; ++n) {
-    // all hold at one place, so that some point is left
+    // all half-spaces contain one point, so the intersection is not empty
     const Point<Patient> inside = random_corner(random, 1);
     std::vector<HalfSpace> half_spaces(1 + n % 5);
     for (HalfSpace& half_space : half_spaces) {
@@ -61,7 +61,7 @@ TEST(ClosestPoint, AgreesWithAlternatingProjections) {
     ASSERT_TRUE(found) << n;
     ++by_count[found->count];
     for (const HalfSpace& half_space : half_spaces) EXPECT_GE(half_space.clearance(found->point), -1e-8);
-    // what holds it pulls it there
+    // the multipliers reproduce the displacement
     Vector<Patient> pull;
     for (int i = 0; i < found->count; ++i) {
       EXPECT_GT(found->pull_mm[i], 0);
@@ -69,7 +69,7 @@ TEST(ClosestPoint, AgreesWithAlternatingProjections) {
       pull += half_spaces[found->active[i]].normal * found->pull_mm[i];
     }
     EXPECT_LT((x + pull - found->point).norm(), 1e-9);
-    // nearer than where the slow way has come to, or as near
+    // at least as near as the reference has converged to
     const Point<Patient> slow = by_dykstra(x, half_spaces, 3000);
     double outside = 0;
     for (const HalfSpace& half_space : half_spaces) outside = std::max(outside, -half_space.clearance(slow));
@@ -81,7 +81,7 @@ TEST(ClosestPoint, AgreesWithAlternatingProjections) {
 }
 
 TEST(ClosestPoint, AcuteWedgeIsExact) {
-  // two walls that meet at 10 degrees: projecting in turn would stop far from the edge
+  // two half-spaces at an angle of 10 degrees: cyclic projection would stop far from the edge
   const double half = 5 * M_PI / 180;
   const std::vector<HalfSpace> wedge{{Vector<Patient>(std::sin(half), std::cos(half), 0), 0},
                                      {Vector<Patient>(std::sin(half), -std::cos(half), 0), 0}};

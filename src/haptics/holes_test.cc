@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// through structure 2 at the origin, upwards, 2 mm long and 1 mm wide
+// through structure 2 at the origin, upwards, 2 mm long, radius 1 mm
 Hole made() {
   return {2, {0, 0, 0}, {0, 0, 1}, 2, 1};
 }
@@ -70,7 +70,7 @@ TEST(Holes, StayWithTheirStructureWhenSurfacesChangePlaces) {
   other.structure = 0;
   holes.make(other);
   const std::uint64_t first = hash_of(holes);
-  // structure 0 is gone, 2 stands in place 1
+  // structure 0 no longer exists, structure 2 has index 1
   const std::vector<SurfaceBefore> before{{1, true}, {2, false}};
   holes.keep(before);
   ASSERT_EQ(holes.all().size(), 1u);

@@ -9,7 +9,7 @@
 
 #include "haptics/test_proxy_surfaces.h"
 
-/// What a tick looks at: all that can be met, and no more than that.
+/// Gathering of pairs: all that can be touched, and no others.
 namespace palpate {
 namespace {
 
@@ -19,7 +19,7 @@ using testing::random_direction;
 
 constexpr unsigned kNearSeed = 61;
 
-// a ball on voxels of its own, which lie askew
+// a ball on a randomly rotated grid
 FeltSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt19937& random,
                     double reach_mm = 3) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
@@ -35,7 +35,7 @@ Eigen::Vector3d place_within(double half_mm, std::mt19937& random) {
   return {x, y, z};
 }
 
-// the clearance of a sphere, or of all of a capsule's
+// clearance of a sphere, or of a capsule as the minimum of its row
 double least_of_row(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at) {
   const int steps = std::max(1, row_steps(sphere));
   double least_mm = std::numeric_limits<double>::infinity();
@@ -56,7 +56,7 @@ TEST(NearSurfaces, WhatIsLeftOutIsNotMetOnTheWay) {
     surfaces.push_back(ball_at(place_within(20, random), 1 + 2 * unit(random), random));
   SurfaceSet punctured;
   punctured[7] = punctured[30] = true;
-  // of another layer; covered by one that was not gone through; laid open by one that was
+  // in another layer; covered by a surface not punctured; uncovered by a punctured one
   surfaces[12].layer = 1;
   surfaces[13].beneath = 20;
   surfaces[14].beneath = 30;
@@ -89,7 +89,7 @@ TEST(NearSurfaces, WhatIsLeftOutIsNotMetOnTheWay) {
   EXPECT_GT(cut_short, 0) << "more pairs than are looked at";
 }
 
-// what lets a surface be left out unasked
+// bounds by which surfaces are excluded without a query
 TEST(NearSurfaces, BoundsAreBelowWhatIsAsked) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
@@ -115,7 +115,7 @@ TEST(NearSurfaces, BoundsAreBelowWhatIsAsked) {
   EXPECT_GT(tells, 10'000);
 }
 
-// the clearances of a tool that moves and turns, asked for again and again
+// clearances of a moving and rotating tool, with repeated queries
 TEST(NearSurfaces, AClearanceIsThatOfAskingAll) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
@@ -170,7 +170,7 @@ TEST(NearSurfaces, FreeIsWhatAskingAllSays) {
   surfaces[12].layer = 1;
   int free = 0;
   for (int n = 0; n < 2000; ++n) {
-    // radii below and above what a surface is everywhere outside
+    // radii below and above the constant distance outside the surfaces
     std::vector<ToolSphere> spheres{{Vector<Patient>(place_within(10, random)), 1.6 * unit(random)},
                                     {{}, 0.5}};
     if (n % 2 == 0) spheres[0].along_mm = Vector<Patient>(place_within(6, random));
@@ -189,7 +189,7 @@ TEST(NearSurfaces, FreeIsWhatAskingAllSays) {
   EXPECT_LT(free, 1800);
 }
 
-/// A tool that presses, slides and turns among a few surfaces, one of which it goes through.
+/// A tool that presses, slides and rotates among a few surfaces and punctures one of them.
 class LedTool {
  public:
   explicit LedTool(std::vector<FeltSurface> surfaces) : surfaces_(std::move(surfaces)) {}
@@ -199,7 +199,7 @@ class LedTool {
     return result_;
   }
   const ProxyState& state() const { return state_; }
-  // least of some repeats of one tick
+  // minimum duration over repetitions of one tick
   double seconds_at(const ToolPose& hand) const {
     constexpr int kRepeats = 300;
     const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
@@ -240,7 +240,7 @@ std::vector<FeltSurface> with_far_ones(std::vector<FeltSurface> surfaces, std::s
   return surfaces;
 }
 
-// bit for bit, forces included
+// bit-identical, forces included
 TEST(NearSurfaces, StructuresThatAreFarAwayChangeNothing) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
@@ -250,7 +250,7 @@ TEST(NearSurfaces, StructuresThatAreFarAwayChangeNothing) {
   Vector<Patient> velocity_mm;
   bool touched = false, punctured = false;
   for (int n = 0; n < 4000; ++n) {
-    // up to 3 mm in a tick
+    // up to 3 mm per tick
     velocity_mm = velocity_mm * 0.9 + random_direction(random) * 0.3 + (Point<Patient>(2, 2, 0) - tip) * 0.01;
     tip += velocity_mm;
     const ToolPose hand(
@@ -290,7 +290,7 @@ TEST(NearSurfaces, ATickCostsWhatIsNear) {
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
   LedTool alone(few), among(with_far_ones(few, 250, random));
-  // pressing, where the way that is looked at is long
+  // pressing, where the path to be searched is long
   for (int n = 0; n < 60; ++n)
     for (LedTool* run : {&alone, &among}) run->at(Point<Patient>(0, 0, 3 - 0.05 * n));
   const Point<Patient> pressed(0, 0, -0.1);

@@ -27,7 +27,7 @@ NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& t
   return push_out_of(regions, distances, tool, tip, most);
 }
 
-// a ball of 6 mm as a structure that nobody feels
+// a ball of 6 mm radius as a structure that is not felt
 Distances ball_structure() {
   const auto surface =
       felt_surface(
@@ -48,7 +48,7 @@ TEST(NoGo, PushesOutBySpringTimesDepthAndNowhereElse) {
     EXPECT_NEAR(force.stored_mJ, 0.5 * 0.8 * (1.5 - z) * (1.5 - z), 1e-12);
     EXPECT_NEAR(force.stiffness_N_per_mm, 0.8, 1e-12);
   }
-  // a ball, and a structure of the same shape
+  // a spherical region and a structure of the same shape
   const Distances distances = ball_structure();
   const std::vector<NoGoRegion> ball{{"ball", NoGoSphere{{}, 6}, 1, 0.5}};
   const std::vector<NoGoRegion> structure{{"structure", NoGoStructure{7, 0}, 1, 0.5}};
@@ -72,7 +72,7 @@ TEST(NoGo, IsNoStifferThanTheHandHolds) {
       << "where nothing is known nothing is capped";
 }
 
-// planes anywhere around the origin, which overlap there
+// random planes around the origin, which overlap there
 std::vector<NoGoRegion> random_regions(std::mt19937& random, int count) {
   std::uniform_real_distribution<double> keep(1, 4), stiffness(0.1, 5), off(-1.5, 1.5);
   std::vector<NoGoRegion> regions;
@@ -101,7 +101,7 @@ TEST(NoGo, OfManyPlanesHasAPotentialAndIsNowhereStifferThanTheMost) {
     const NoGoForce there = pushed(regions, tip + way * kStep_mm, kMost);
     const NoGoForce back = pushed(regions, tip - way * kStep_mm, kMost);
     EXPECT_NEAR((there.stored_mJ - back.stored_mJ) / (2 * kStep_mm), -force.force_N.dot(way), 1e-4) << n;
-    // along the way it grows no faster than the stiffest spring there may be
+    // along any path the force increases by at most the stiffness limit
     EXPECT_LE((back.force_N - there.force_N).dot(way) / (2 * kStep_mm), kMost * 1.001) << n;
   }
   EXPECT_GT(met, 100);
@@ -112,7 +112,7 @@ TEST(NoGo, OfRegionsThatOverlapIsThatOfOneWhereTheyAreTheSame) {
   const double one = pushed({floor}, {}).force_N.z(), two = pushed({floor, floor}, {}).force_N.z();
   EXPECT_GE(two, one);
   EXPECT_LE(two, 2.0) << "of springs side by side it would be twice as much";
-  // between two walls nearer together than both keep away, it leads to the middle
+  // between two planes closer than the sum of their keep-away distances the force points to the middle
   const std::vector<NoGoRegion> gap{plane_region({0, 0, 1}, 2, 1, {0, 0, -1}),
                                     plane_region({0, 0, -1}, 2, 1, {0, 0, 1})};
   EXPECT_NEAR(pushed(gap, {}).force_N.norm(), 0, 1e-9);
@@ -126,10 +126,10 @@ TEST(NoGo, PushesTheWholeTool) {
   EXPECT_NEAR(force.depth_mm, 1.5, 1e-12) << "the shaft's far end";
   EXPECT_NEAR((force.force_N - Vector<Patient>(0, 0, 0.75)).norm(), 0, 1e-12);
   EXPECT_NEAR((force.torque_Nmm - Vector<Patient>(10, 0, -3.5).cross(force.force_N)).norm(), 0, 1e-9);
-  // a shaft that passes a ball
+  // a shaft passing a ball
   const std::vector<NoGoRegion> ball{{"ball", NoGoSphere{{4, 0, 0}, 1}, 1, 0.5}};
   EXPECT_NEAR(pushed(ball, {0, 0, 2}, 2, {}, {{{}, 0.5, {10, 0, 0}}}).depth_mm, 2 + 0.5 - 2, 1e-12);
-  // of one that widens: an oracle that looks everywhere
+  // tapered: compared with dense sampling
   const ToolSphere cone{{0, 0, 2}, 0.4, {8, 1, -0.5}, 0.9};
   double least_mm = 1e3;
   for (int n = 0; n <= 100000; ++n) {

@@ -16,7 +16,7 @@ namespace {
 
 using testing::cube_grid;
 
-// left of a plane label 1, right of it label 2, nothing above
+// label 1 left of a plane, label 2 right of it, nothing above
 Volume<LabelId> two_halves(const Eigen::Vector3d& spacing_mm) {
   Volume<LabelId> labels(cube_grid(9, spacing_mm));
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
@@ -51,7 +51,7 @@ TEST(Owners, SharesGoOverSmoothlyWhereStructuresMeet) {
       EXPECT_GE(right, before - 1e-12) << x;
       if (x > -4) steepest = std::max(steepest, (right - before) / 0.01);
       before = right;
-      // labels end half a voxel to the left of the first centre on the right
+      // labels end half a voxel to the left of the first voxel centre on the right
       if (x < -Owners::kReach_mm - spacing_mm.x()) {
         EXPECT_EQ(right, 0) << x;
       }
@@ -79,7 +79,7 @@ TEST(Owners, AreWhatASumOverAllOuterVoxelsGives) {
     grid.direction =
         Eigen::AngleAxisd(part(random), testing::random_direction(random).eigen()).toRotationMatrix();
     Volume<LabelId> labels(grid);
-    // clumps, so that some blocks have one owner; label 5 belongs to nobody
+    // clusters, so that some blocks have a single owner; label 5 belongs to none
     for (int k = 0; k < grid.dims[2]; ++k)
       for (int j = 0; j < grid.dims[1]; ++j) {
         const auto clump = static_cast<LabelId>(any_label(random));
@@ -130,8 +130,7 @@ TEST(Owners, AreWhatASumOverAllOuterVoxelsGives) {
   }
 }
 
-// A tool asks for few places again and again, on this surface and on that one, before and after it was cut,
-// and after other labels were read.
+// Repeated look-ups at few points, on two surfaces, before and after a cut, and after the labels changed.
 TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
@@ -140,7 +139,7 @@ TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
     return std::make_shared<const Owners>(*label_bricks(two_halves({0.5, 0.5, 0.5})), structure_of_label);
   };
   const auto labels = label_bricks(two_halves({0.5, 0.5, 0.5}));
-  // all of it lies half a voxel beneath
+  // all of it lies half a voxel below the original surface
   const auto as_made =
       testing::felt_surface(labels->geometry(), [](const Eigen::Vector3d&) { return -2.0; }).surface;
   std::uniform_real_distribution<double> part(-3, 3);

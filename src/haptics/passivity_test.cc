@@ -15,12 +15,12 @@ namespace {
 constexpr double kDt_s = 1e-3, kStep_mm = 0.03, kStiffness_N_per_mm = 1.5;
 constexpr double kUnknown_mJ = std::numeric_limits<double>::infinity();
 
-// a tip that is led, and what is sent there
+// a tip on a prescribed path, and the force sent there
 struct Led {
   PassivityState state;
   Vector<World> sent_N;
   bool act = true;
-  double true_mJ = 0;  // of what was sent
+  double true_mJ = 0;  // work of the force sent
 
   PassivityOutput go(const Vector<World>& way_mm, const Vector<World>& force_N,
                      double stored_mJ = kUnknown_mJ) {
@@ -44,7 +44,7 @@ TEST(Passivity, CountsTheWorkOfWhatWasSent) {
 }
 
 TEST(Passivity, ASpringGivesBackNoMoreThanItGot) {
-  // into a wall and out again, sampled: without the controller it gives out F v T every time
+  // into a wall and out again, sampled: without the controller each pass generates F v T
   for (const double speed_mm_s : {20.0, 50.0, 100.0, 200.0}) {
     SCOPED_TRACE(speed_mm_s);
     for (const bool act : {false, true}) {
@@ -103,8 +103,8 @@ TEST(Passivity, AnEncoderThatFlickersByOneStepIsFeltAsOneThatFlickersByTwo) {
 }
 
 TEST(Passivity, ASlowSpringPaysBackWhatItGivesOut) {
-  // in and out far more slowly than a speed is told, by an encoder that sees whole steps; what is sent acts
-  // until the next tick
+  // in and out much more slowly than a velocity can be estimated, with a quantised position; forces act until
+  // the next tick
   constexpr double kDeepest_mm = 0.5, kSpeed_mm_s = 2;
   for (const bool act : {false, true}) {
     SCOPED_TRACE(act);
@@ -130,11 +130,11 @@ TEST(Passivity, ASlowSpringPaysBackWhatItGivesOut) {
 }
 
 TEST(Passivity, WhatWasDissipatedIsNoLicence) {
-  // friction over a long way, more than the spring holds
+  // friction over a long distance, more than the spring stores
   Led led;
   for (int n = 0; n < 1000; ++n) led.go({0, 0.1, 0}, {1, -0.3, 0}, 0.25);
   EXPECT_LE(led.state.energy_mJ, 0.25);
-  // and in free space nothing of it is left
+  // in free space no energy is left
   led.go({0, 0.1, 0}, {}, 0);
   led.go({0, 0.1, 0}, {}, 0);
   EXPECT_EQ(led.state.energy_mJ, 0);
@@ -150,7 +150,7 @@ TEST(Passivity, WhatIsOwedIsStillOwedAfterFreeSpace) {
 }
 
 TEST(Passivity, SlidingAroundABallIsNoActivity) {
-  // the force turns with the normal: one axis gives what the other takes, 1 N times the radius
+  // a force rotating with the normal: one axis gives what the other takes, 1 N times the radius
   constexpr double kRadius_mm = 15, kForce_N = 1;
   Led led;
   Vector<World> at(kRadius_mm, 0, 0);
@@ -197,7 +197,7 @@ TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
   EXPECT_EQ(keep_passive(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
 }
 
-// A tip that is let out fast, with a debt that no damping would be too much for.
+// A tip leaving fast, with a debt that would need more than the maximum damping.
 TEST(Passivity, DampsTheLessTheLaterItsForceActs) {
   for (const double rate_hz : {1000.0, 250.0})
     for (const double delay_s : {0.0, 1e-3, 4e-3}) {

@@ -22,7 +22,7 @@ using testing::random_direction;
 constexpr unsigned kProxySeed = 51;
 const Eigen::Vector3d kKnee_mm(0.277, 0.277, 1.0);
 
-// everything below z = 0
+// half-space below z = 0
 double floor_mm(const Eigen::Vector3d& p) {
   return p.z();
 }
@@ -43,11 +43,11 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
   std::mt19937 random(kProxySeed);
   std::uniform_real_distribution<double> wide(-30, 30), above(0.05, 30);
   for (int n = 0; n < 1000; ++n) {
-    // drawn one by one: arguments are evaluated in no certain order
+    // drawn in separate statements, because the order in which arguments are evaluated is unspecified
     const double z = above(random), y = wide(random), x = wide(random);
     const Point<Patient> tip(x, y, z);
-    // tens of millimetres in a tick, just above the floor, are more strides than a tick has: the next one
-    // goes on
+    // tens of millimetres per tick just above the floor need more substeps than a tick allows: the next tick
+    // continues
     for (int ticks = 0; ticks == 0 || (run.result.lagging && ticks < 5); ++ticks) {
       run.at(tip);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
@@ -58,7 +58,7 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
 }
 
 TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
-  // up to 2.8 m/s, down to where a surface becomes a wall
+  // up to 2.8 m/s, down to the distance at which a surface becomes a constraint
   ProxyRun run = on_floor();
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
@@ -69,7 +69,7 @@ TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
     const double x = aside(random), y = aside(random), z = above(random);
     tip = {x, y, z};
     run.at(tip);
-    // a way of less counts as standing still
+    // below the threshold of rest
     EXPECT_LT((run.state.position - tip).norm(), 2e-5);
     EXPECT_FALSE(run.result.lagging);
   }
@@ -104,7 +104,7 @@ TEST(Proxy, SlidesWithoutFrictionStraightUnderTheTip) {
   EXPECT_EQ(run.state.position, Point<Patient>(4, 3, 1));
 }
 
-// both ends outside, the plate between them
+// both end points outside, the plate between them
 TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
@@ -121,7 +121,7 @@ TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
     run.spheres = {{{}, radius_mm}};
     const Point<Patient> start = Point<Patient>() + across * 4;
     run.at(start);
-    // at once and in steps of half a millimetre
+    // in one tick, and in steps of half a millimetre
     run.lead(start, Point<Patient>() - across * 3, n % 2 == 0 ? 10 : 0.5);
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
@@ -130,7 +130,7 @@ TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
   }
 }
 
-// A tip that comes out of a plate on the side where x is negative, with its proxy on the other side.
+// A tip that emerges from a plate on the negative side of x, with its proxy on the other side.
 ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate_mm) {
   ProxyRun run;
   run.surfaces = {felt_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) {
@@ -147,7 +147,7 @@ TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
   ProxyRun run = held_behind_a_plate({-3, 1, 0}, 8);
   EXPECT_EQ(run.state.position, Point<Patient>(-2, 0, 0));
   EXPECT_EQ(run.state.contacts, 0);
-  // what the spring gave when the tip was clear of the plate fades
+  // the spring force at which the tip cleared the plate fades
   double force_N = run.result.release.force_N.norm();
   EXPECT_GT(force_N, 1.5);
   const double slip_N = kProxyFeel.most_slip_N_per_s * run.dt_s;
@@ -158,7 +158,7 @@ TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
   }
 }
 
-// the tip stays where it is, and the end of a lever has turned to the other side of a plate and back
+// the tip stays in place while the end of a lever rotates to the other side of a plate and back
 TEST(Proxy, HoldsALeverUntilItHasTurnedBack) {
   ProxyRun run;
   run.surfaces = {
@@ -179,7 +179,7 @@ TEST(Proxy, HoldsALeverUntilItHasTurnedBack) {
 }
 
 TEST(Proxy, HoldsAToolThatHasComeOutOnAnotherSide) {
-  // where it began, or where something else lies on the way there
+  // back at the start, or with an obstacle on the path to it
   for (const Point<Patient>& free_tip : {Point<Patient>(3, 0, 0), Point<Patient>(-6, 0, 0)}) {
     ProxyRun run = held_behind_a_plate(free_tip, -4);
     for (int settle = 0; settle < 500; ++settle) run.at({-2, 0, 0});
@@ -203,13 +203,13 @@ TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
     run.at({0.3, 0, 8});
     run.lead({0.3, 0, 8}, {0.2, 0, -2}, 0.4);
     for (int n = 0; n < 50; ++n) run.at({0.2, 0, -2});
-    // the sphere rests on both walls
+    // the sphere touches both walls
     EXPECT_NEAR(run.state.position.x(), 0, 0.05);
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
-    // where the field of a notch is narrower than its voxels, as one
+    // one contact suffices where the notch is narrower than the voxels
     EXPECT_GE(run.state.contacts, 1);
     EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
-    // and stays where it is
+    // it stays at rest
     const Point<Patient> before = run.state.position;
     for (int n = 0; n < 100; ++n) run.at({0.2, 0, -2});
     EXPECT_LT((run.state.position - before).norm(), 1e-4);
@@ -229,7 +229,7 @@ TEST(Proxy, IsHeldByThreeWallsOfThreeStructures) {
 }
 
 TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
-  // of tools that differ by micrometres, so that each sphere meets each wall
+  // tools whose spheres differ by micrometres, so that each touches each wall
   ProxyRun run;
   for (int axis = 0; axis < 3; ++axis)
     run.surfaces.push_back(
@@ -255,21 +255,21 @@ TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
   ProxyRun run;
   for (const double side : {-1.0, 1.0})
     run.surfaces.push_back(felt_surface(cube_grid(9, {0.4, 0.4, 0.4}), [side](const Eigen::Vector3d& p) {
-      // two balls of 4 mm, 1.5 mm apart
+      // two balls of 4 mm radius, 1.5 mm apart
       return (p - Eigen::Vector3d(side * 4.75, 0, 0)).norm() - 4;
     }));
   run.spheres = {{{}, 1.5}};
   run.at({0, 0, 7});
   run.lead({0, 0, 7}, {0, 0, -1}, 0.2);
   for (int n = 0; n < 100; ++n) run.at({0, 0, -1});
-  // where the centres of tool and balls are 5.5 mm apart
+  // centres of tool and balls are 5.5 mm apart
   EXPECT_NEAR(run.state.position.z(), std::sqrt(5.5 * 5.5 - 4.75 * 4.75), 0.08);
   EXPECT_GT(run.result.force_N.z(), 0);
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
 TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
-  // a floor and a ceiling 2 mm apart, and a tool that grows too tall for them
+  // floor and ceiling 2 mm apart, and a tool that grows taller than the gap
   ProxyRun run;
   run.surfaces = {
       felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
@@ -300,7 +300,7 @@ TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWal
   run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   run.at({0, 0, 1});
   for (int n = 1; n <= 40; ++n) {
-    // one sphere goes down and the other up, by 10 micrometres a tick
+    // one sphere moves down and the other up by 10 micrometres per tick
     run.spheres[0].offset_mm = Vector<Patient>(2, 0, -0.01 * n);
     run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
@@ -330,7 +330,7 @@ TEST(Proxy, ALayerThatWasGoneThroughDoesNotCloseRoundTheProxy) {
   }
 }
 
-// a membrane 1 mm thick over nothing
+// a membrane 1 mm thick with free space below
 ProxyRun on_membrane() {
   ProxyRun run;
   run.surfaces = {felt_surface(cube_grid(9, {0.5, 0.5, 0.5}),
@@ -343,7 +343,7 @@ ProxyRun on_membrane() {
   return run;
 }
 
-// most force on the way, which begins and ends in the open
+// maximum force on a path that begins and ends in free space
 double force_through_N(ProxyRun& run, const Point<Patient>& from, const Point<Patient>& to) {
   run.lead(run.state.position, from, 0.05);
   EXPECT_TRUE(run.state.punctured.none());
@@ -360,7 +360,7 @@ TEST(Proxy, AHoleThatStaysOpenLetsTheToolInAgainFromEitherSideAndNowhereElse) {
   ASSERT_EQ(run.holes.all().size(), 1u);
   EXPECT_NEAR(run.holes.all()[0].length_mm, 2.2, 0.1)
       << "the membrane, the tool's own width, and what it is off when it counts as out";
-  // of the tick in which it leans on the rim
+  // force of the tick in which it touches the rim
   constexpr double kOneStep_N = 0.1;
   EXPECT_LT(force_through_N(run, {0, 0, -4}, {0, 0, 4}), kOneStep_N) << "back";
   EXPECT_LT(force_through_N(run, {0.3, 0.2, 4}, {0.3, 0.2, -4}), kOneStep_N) << "a little aside";
@@ -388,7 +388,7 @@ TEST(Proxy, AToolOfTwoPartsGoesThroughHolesOfBoth) {
   force_through_N(run, {0, 0, 4}, {0, 0, -4});
   EXPECT_EQ(run.holes.all().size(), 2u);
   EXPECT_LT(force_through_N(run, {0, 0, -4}, {0, 0, 4}), 0.1);
-  // one part over a hole, the other beside
+  // one part over a hole, the other beside it
   EXPECT_NEAR(force_through_N(run, {3, 0, 4}, {3, 0, -4}), 1, 0.1);
 }
 
@@ -423,7 +423,7 @@ TEST(Proxy, SlidingOverAHoleThatStayedOpenTheToolGoesIn) {
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
 }
 
-// labels by place, as voxels
+// labels by position, as voxels
 Bricks<LabelId> labelled(const GridGeometry& grid,
                          const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
   Volume<LabelId> labels(grid);
@@ -434,7 +434,7 @@ Bricks<LabelId> labelled(const GridGeometry& grid,
   return *label_bricks(labels);
 }
 
-// A floor of two structures that meet at x = 0, of 1 and 0.4 N/mm, with friction.
+// A floor of two structures that meet at x = 0, 1 and 0.4 N/mm, with friction.
 ProxyRun two_feels() {
   const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
   ProxyRun run;
@@ -491,7 +491,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
 }
 
 TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
-  // skin 2 mm thick on bone, and bone that comes to the outside at x > 2
+  // skin 2 mm thick on bone, and bone at the outer surface where x > 2
   const GridGeometry grid = cube_grid(9, {0.5, 0.5, 0.5});
   const auto bone_mm = [](const Eigen::Vector3d& p) {
     return std::min(p.z() + 2, std::max(p.z(), 2 - p.x()));
@@ -523,7 +523,7 @@ TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
   EXPECT_EQ(run.state.punctured, SurfaceSet()) << "closed behind it";
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
   EXPECT_TRUE(run.holes.empty());
-  // where it stays open the bone beneath holds without the skin's force
+  // through the permanent hole the bone beneath is touched without the skin's force
   run.surfaces[0].stays_open = true;
   run.lead({-3, 0, 3}, {-3, 0, -2.5}, 0.05);
   run.lead({-3, 0, -2.5}, {-3, 0, 3}, 0.05);
@@ -534,14 +534,14 @@ TEST(Proxy, WhatIsGoneThroughOpensTheOuterSurfaceAndWhatLiesBeneathHolds) {
   EXPECT_NEAR(run.state.position.z(), -2, 0.02);
   EXPECT_LT(run.result.force_N.z(), 0.3) << "of the bone alone";
   run.lead({-3, 0, -2.1}, {-3, 0, 3}, 0.05);
-  // where the bone comes to the outside no force goes through
+  // where bone is at the outer surface no force punctures
   run.lead({-3, 0, 3}, {6, 0, 3}, 0.05);
   run.lead({6, 0, 3}, {6, 0, -4}, 0.05);
   EXPECT_EQ(run.state.punctured, SurfaceSet());
   EXPECT_NEAR(run.state.position.z(), 0, 0.02);
 }
 
-// Fat on bone, or what else is soft on what is hard: the outer surface is z = 0.
+// Soft tissue on hard tissue, e.g. fat on bone; the outer surface is z = 0.
 ProxyRun layered(double soft_N_per_mm, double hard_N_per_mm, const Distance& hard_mm) {
   const GridGeometry grid = cube_grid(20, {0.5, 0.5, 0.5});
   ProxyRun run;
@@ -603,7 +603,7 @@ TEST(ProxyLayers, TellHowMuchOfTheWayLiesInEachAndWhatItGives) {
   EXPECT_NEAR(run.result.felt[1].share, 7.5 / 7.86, 1e-3);
 }
 
-// A fast hand takes the tool out within one tick, all the more where a device has few of them.
+// A fast operator withdraws the tool within one tick, more so on a device with a low tick rate.
 TEST(ProxyLayers, AToolThatIsLiftedOffWithinATickFeelsNothing) {
   const auto flat_mm = [](const Eigen::Vector3d& p) { return p.z() + 2; };
   const auto slope_mm = [](const Eigen::Vector3d& p) { return 0.8 * (p.z() + 2) - 0.6 * p.x(); };
@@ -655,7 +655,7 @@ TEST(ProxyLayers, OnASlopeUnderFatTheForceIsTheGradientOfWhatIsStored) {
   }
   EXPECT_GT(hard, 5);
 
-  // round and round in contact: nothing is given out
+  // closed loops in contact generate no energy
   run.state = {};
   run.at({0, 0, 3});
   run.lead({0, 0, 3}, {2, 0, -6}, 0.05);
@@ -698,12 +698,12 @@ TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
     run.lead({0, 0, 5}, {0, 0, z}, 0.05);
     return run.result.force_N.z();
   };
-  // what is outside gives all of its own
+  // the outer layer has its full stiffness
   run.surfaces[0].stiffness_N_per_mm = 0.8;
   EXPECT_NEAR(pressed_N(-1), 0.8, 1e-3);
   run.surfaces[0].stiffness_N_per_mm = 0.2;
   EXPECT_NEAR(pressed_N(-1), 0.2, 1e-3);
-  // and what is within what it is stiffer than that: the sum along the way in
+  // the inner layer has the difference: the stiffness is integrated along the path
   run.surfaces[1].stiffness_N_per_mm = 2;
   EXPECT_NEAR(pressed_N(-3), 0.2 * 2 + 2 * 1, 2e-3);
   run.surfaces[1].stiffness_N_per_mm = 0.3;
@@ -713,7 +713,7 @@ TEST(ProxyLayers, FeelStiffnessesOfNowWhereTheyWereMadeForOthers) {
 }
 
 TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
-  // skin of 2 mm, K 0.3, on fat, K 0.05, on bone, 6 mm deep: skin and bone are layers of their own
+  // skin of 2 mm, K 0.3, on fat, K 0.05, on bone at 6 mm; skin and bone have layers of their own
   const GridGeometry grid = cube_grid(12, {0.5, 0.5, 0.5});
   const auto skin_mm = [](const Eigen::Vector3d& p) { return std::abs(p.z() + 1) - 1; };
   const auto inner_mm = [](const Eigen::Vector3d& p) { return p.z() + 2; };
@@ -787,7 +787,7 @@ TEST(ProxyLayers, ATipThatBeganInsideMeetsNoneOfThem) {
   EXPECT_NEAR(run.result.force_N.z(), 0.1 * 6 + 1.4 * 2, 0.01);
 }
 
-// how evenly the force changes while the tip slides slowly, deep below a surface
+// continuity of the force while the tip slides slowly, deep below a surface
 void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip_at, double step) {
   run.at(tip_at(0));
   for (int n = 0; n < 50; ++n) run.at(tip_at(0));
@@ -809,10 +809,10 @@ void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip
   EXPECT_LT(most_N, 0.01 * 2) << "N, at 2 N/mm";
 }
 
-// A tip that is led off the edge of a block: the nearest place falls from its top to its side at once.
+// A tip moved off the edge of a block: the nearest point jumps from its top to its side.
 struct Slip {
-  double largest_N = 0;  // change of force in a tick beyond what the way explains
-  double half_s = 0;     // until half of the force is gone
+  double largest_N = 0;  // change of force per tick beyond that explained by the displacement
+  double half_s = 0;     // time until half of the force is gone
   double left_N = 0;     // half a second later
   double deepest_mm = 0;
 };
@@ -820,7 +820,7 @@ Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, 
   ProxyRun run;
   run.dt_s = dt_s;
   run.spheres = {{{}, radius_mm}};
-  // a block, its edge rounded by half a millimetre
+  // a block with an edge rounded by 0.5 mm
   run.surfaces = {felt_surface(cube_grid(8, {0.25, 0.25, 0.25}), [](const Eigen::Vector3d& p) {
     const double x = p.x() + 0.5, z = p.z() + 0.5;
     return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
@@ -859,12 +859,12 @@ TEST(Proxy, SlipsOffAnEdgeNoFasterThanItsSpringMayLetGo) {
         EXPECT_LT(slip.largest_N, 20 * dt_s);
         EXPECT_LT(slip.left_N, 0.01);
         EXPECT_LT(slip.deepest_mm, kProxyFeel.most_dip_mm);
-        // the way alone would take as long as the hand needs for it
+        // the displacement alone would take as long as the operator needs for it
         EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.most_slip_N_per_s, 0.012);
       }
 }
 
-// the most that a tick changes the force by beyond what the way explains, on a way in steps
+// maximum change of force per tick beyond that explained by the displacement, on a path in steps
 double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<Patient>& to, double step_mm) {
   double largest_N = 0;
   const int steps = static_cast<int>(std::lround((to - from).norm() / step_mm));
@@ -877,7 +877,7 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
   return largest_N;
 }
 
-// 8 mm deep what a share changes by in a tick would change the force by 0.2 N
+// at a depth of 8 mm the change of shares per tick would change the force by 0.2 N
 TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
   for (const double towards : {1.0, -1.0}) {
     ProxyRun run = two_feels();
@@ -887,14 +887,14 @@ TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
     run.lead({from.x(), 0, 5}, from, 0.05);
     EXPECT_NEAR(run.result.force_N.z(), towards > 0 ? 8 : 3.2, 0.01);
     EXPECT_LT(largest_change_N(run, from, to, 0.1), 0.02);
-    // a hand that waits gets what is there
+    // a tip at rest reaches the stiffness there
     for (int n = 0; n < 400; ++n) run.at(to);
     EXPECT_NEAR(run.result.force_N.z(), towards > 0 ? 3.2 : 8, 0.01);
     EXPECT_NEAR(run.result.stiffness_N_per_mm, towards > 0 ? 0.4 : 1, 1e-3);
   }
 }
 
-// as one that stayed behind where no way led to the tip, and then finds one
+// e.g. a proxy left behind without a path to the tip, which then finds one
 TEST(Proxy, AProxyFarFromItsTipMeetsAWallWithoutAKick) {
   ProxyRun run = two_feels();
   const Point<Patient> tip(-5, 0, -3);
@@ -909,7 +909,7 @@ TEST(Proxy, AProxyFarFromItsTipMeetsAWallWithoutAKick) {
   EXPECT_NEAR(before_N, 3, 0.01);
 }
 
-// what a hand goes in a tick explains its force, however deep
+// the force of a tick is explained by the tip's displacement, at any depth
 TEST(Proxy, AFastHandIsHeldAtOnce) {
   ProxyRun run = two_feels();
   run.at({-5, 0, 1});
@@ -917,13 +917,13 @@ TEST(Proxy, AFastHandIsHeldAtOnce) {
   EXPECT_NEAR(run.result.force_N.z(), 2, 0.01);
 }
 
-// bone that ends under fat: what fat does not slip by, bone may
+// bone that ends under fat: slip not used by the fat is available to the bone
 TEST(ProxyLayers, WhatSlipsWithinMaySlipAsFastAsAll) {
   ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) {
     const double x = p.x() + 0.5, z = p.z() + 2.5;
     return std::hypot(std::max(x, 0.0), std::max(z, 0.0)) + std::min(std::max(x, z), 0.0) - 0.5;
   });
-  // 3 mm deep in it, from 3 mm within its side over the edge
+  // 3 mm deep in bone, from 3 mm inside its side over the edge
   run.at({-3, 0, 2});
   run.lead({-3, 0, 2}, {-3, 0, -5}, 0.05);
   EXPECT_NEAR(run.result.of_layer[1].force_N.norm(), 3, 0.01);
@@ -950,7 +950,7 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
     run.at({0, 0, 21});
     return run;
   };
-  // 3 micrometres a tick, 3 mm deep
+  // 3 micrometres per tick, 3 mm deep
   ProxyRun plane = run_on([](const Eigen::Vector3d& p) { return p.z(); });
   plane.lead({0, 0, 21}, {0, 0, -3}, 0.5);
   expect_even(
@@ -960,7 +960,7 @@ TEST(Proxy, SlidesEvenlyUnderASlowTip) {
   expect_even(
       ball, [](double way) { return Point<Patient>(12 * std::sin(way / 12), 0, 12 * std::cos(way / 12)); },
       0.003);
-  // a hollow whose bottom bends more than the tip is deep
+  // a hollow whose radius of curvature is less than the depth
   ProxyRun hollow = run_on([](const Eigen::Vector3d& p) { return 5 - p.tail<2>().norm(); });
   hollow.state.coupled = false;
   hollow.at({0, 0, 0});
@@ -974,7 +974,7 @@ TEST(Proxy, FrictionConeIsAsSet) {
   ProxyRun run = on_floor(mu_static, mu_dynamic);
   run.lead({0, 0, 1}, {0, 0, -depth_mm}, 0.05);
   EXPECT_TRUE(run.state.sticking);
-  // pulled sideways: sticks up to the static cone, then slides on the dynamic one
+  // pulled sideways: sticks up to the static cone, then slides on the kinetic cone
   double most_ratio = 0;
   double x = 0;
   while (run.state.sticking && x < 2) {
@@ -988,13 +988,13 @@ TEST(Proxy, FrictionConeIsAsSet) {
     EXPECT_NEAR(-run.result.force_N.x() / run.result.force_N.z(), mu_dynamic, 0.02 * mu_dynamic);
     EXPECT_FALSE(run.state.sticking);
   }
-  // stops: it sticks again, and needs the static cone to come loose
+  // after stopping it sticks again, and needs the static cone to come loose
   run.at({x, 0, -depth_mm});
   run.at({x, 0, -depth_mm});
   EXPECT_TRUE(run.state.sticking);
 }
 
-// on a plane however it lies to the voxels, in any direction along it
+// on a plane of any orientation to the voxels, in any tangential direction
 TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
@@ -1002,7 +1002,7 @@ TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
   for (int n = 0; n < 40; ++n) {
     const Vector<Patient> up = random_direction(random);
     const Vector<Patient> along = up.cross(random_direction(random)).normalized();
-    // the normal of a sampled plane is off by up to 0.6 mrad, which is 2 % of a coefficient below 0.03
+    // the normal of a sampled plane has an error of up to 0.6 mrad, 2 % of a coefficient below 0.03
     const double mu_static = 0.05 + unit(random);
     const double mu_dynamic = 0.05 + (mu_static - 0.05) * unit(random);
     const double depth_mm = 0.5 + 2 * unit(random);
@@ -1051,7 +1051,7 @@ TEST(Proxy, DoesNotDriftWhileItSticks) {
     for (int n = 0; n < 20; ++n) run.at({1, 0.5, -2});
     EXPECT_TRUE(run.state.sticking);
     const Point<Patient> before = run.state.position;
-    // 10 s at 1 kHz, with a tremor inside the cone
+    // 10 s at 1 kHz, with a tremor inside the friction cone
     for (int n = 0; n < 10'000; ++n)
       run.at({1 + 0.05 * std::sin(0.06 * n), 0.5 + 0.05 * std::cos(0.05 * n), -2});
     run.at({1, 0.5, -2});
@@ -1060,8 +1060,8 @@ TEST(Proxy, DoesNotDriftWhileItSticks) {
 }
 
 TEST(Proxy, AWallThatIsMetOnTheWayLetsNoFrictionGo) {
-  // Stuck on a floor just before a wall, farther from it than a wall is seen, pulled into the notch and along
-  // it. On the floor alone it would have to slide; the notch holds it by static friction.
+  // Sticking on a floor at a distance from a wall just above the constraint distance, pulled into the notch
+  // and along it. On the floor alone it would slide; in the notch static friction holds it.
   for (const double before_wall_mm : {0.055, 0.06, 0.065}) {
     SCOPED_TRACE(before_wall_mm);
     ProxyRun run = on_floor(0.8, 0.2);
@@ -1104,13 +1104,13 @@ TEST(Proxy, IsBornAtTheNearestPlaceOutsideWhenAsked) {
   EXPECT_NEAR(run.state.position.x(), 9, 0.03);
   run.at({5, 0, 0});
   EXPECT_NEAR(run.result.force_N.x(), 4, 0.1);
-  // too deep for the field to know a direction
+  // too deep for the field to have a gradient
   EXPECT_FALSE(give_birth_to_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
 }
 
 TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
   ProxyRun run = on_floor();
-  run.surfaces[0].puncture_N = 3;  // at 1.5 mm
+  run.surfaces[0].puncture_N = 3;  // reached at a depth of 1.5 mm
   run.lead({0, 0, 1}, {0, 0, -1.4}, 0.05);
   EXPECT_EQ(run.state.punctured, SurfaceSet());
   EXPECT_NEAR(run.result.force_N.z(), 2.8, 0.01);
@@ -1119,7 +1119,7 @@ TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
   run.at({0, 0, -1.6});
   EXPECT_EQ(run.result.force_N, Vector<Patient>()) << "through";
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, -1.6));
-  // moving about inside, and out
+  // motion inside, then out
   run.lead({0, 0, -1.6}, {1, 0, -1}, 0.1);
   EXPECT_EQ(run.state.punctured, SurfaceSet(1));
   run.lead({1, 0, -1}, {1, 0, 1}, 0.1);
@@ -1136,7 +1136,7 @@ TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
   EXPECT_EQ(run.state.contacts, 2);
   EXPECT_NEAR(run.result.force_N.z(), 2, 5e-3);
   EXPECT_LT(run.result.torque_Nmm.norm(), 1e-3) << "balanced";
-  // one lower than the other: it alone bears the force, about the tip
+  // one sphere lower than the other: it carries the whole force, with a torque about the tip
   run.spheres[0].offset_mm = Vector<Patient>(3, 0, -0.3);
   run.at({0, 0, -0.5});
   run.at({0, 0, -0.5});
@@ -1156,7 +1156,7 @@ TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
   EXPECT_NEAR(run.state.contact[0].part, 0.5, 0.02);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -1 * run.result.force_N.z(), 0.4) << "r x F of its middle";
 
-  // with its far end down
+  // with its far end tilted down
   const Eigen::Quaterniond tilted(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()));
   for (int n = 0; n < 60; ++n) run.at({0, 0, -1}, tilted);
   const double low_mm = 4 * std::sin(0.3);
@@ -1167,7 +1167,7 @@ TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
-// between two balls of one surface, one beside each of its ends: either alone would let it slide off
+// between two balls of one surface, one beside each of its ends: a single contact would let it slide off
 TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
   const auto balls = [](const Eigen::Vector3d& p) {
     return std::min((p - Eigen::Vector3d(-4, -1, 0)).norm(), (p - Eigen::Vector3d(4, 1, 0)).norm()) - 2;
@@ -1211,7 +1211,7 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
   ProxyRun run;
-  // a heap of balls that overlap: the tool lies on many of them
+  // a heap of overlapping balls, many of which the tool touches
   for (int s = 0; s < 40; ++s) {
     const Eigen::Vector3d centre = random_direction(random).eigen() * 1.5;
     run.surfaces.push_back(felt_surface(
@@ -1230,7 +1230,7 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
   }
 }
 
-// that a resting proxy does not look again is only faster
+// the cache of a resting proxy may only affect the time
 TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
@@ -1250,7 +1250,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
       felt.layer = s / 2;
       if (scene % 3 == 0 && s == 0) felt.puncture_N = 1.5;
     }
-    // now and then its friction and stiffness are those of two, by shares that change along it
+    // in some scenes friction and stiffness vary along the surface by ownership shares
     if (scene % 4 == 2) {
       Volume<LabelId> halves(cube_grid(9, {0.5, 0.5, 0.5}));
       const auto X_PatientVoxel = halves.geometry().X_PatientVoxel();
@@ -1265,7 +1265,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
           std::make_shared<const Owners>(*label_bricks(halves), std::vector<std::int16_t>{-1, 0, 1});
       run.surfaces[1].stiffness_N_per_mm = 0.6;
     }
-    // one sphere, three that turn, or two with a shaft
+    // one sphere, three that rotate, or two with a shaft
     const double radius_mm = unit(random);
     run.spheres = {{{}, radius_mm}};
     if (scene % 3 == 1) run.spheres.insert(run.spheres.end(), {{{2, 0, 0}, 0.5}, {{0, 2, 1}, 0.7}});
@@ -1276,7 +1276,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
     Vector<Patient> way;
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     for (int n = 0; n < 1500; ++n) {
-      // now it is held still but for a tremor, now it moves
+      // alternately held still with a tremor, and moving
       const bool held = n % 300 > 120;
       way = way * 0.97 + random_direction(random) * 0.05 + (Point<Patient>() - tip) * 0.003;
       tip += held ? random_direction(random) * 0.002 : way;
@@ -1352,7 +1352,7 @@ TEST(Proxy, WhatWasTouchedAtRestIsOfOneToolAtOnePlace) {
   EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
 }
 
-// whatever is touched, the work of one tick is bounded and nothing is ever below by more than is allowed
+// whatever is touched, the work of a tick is bounded and the penetration within tolerance
 TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
@@ -1361,7 +1361,7 @@ TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
     ProxyRun run;
     const auto turned = Eigen::AngleAxisd(3 * unit(random), random_direction(random).eigen());
     for (int s = 0; s < 3; ++s) {
-      // balls and rods that overlap or leave gaps, well inside their volume
+      // overlapping or separate balls and rods, well inside the volume
       const Eigen::Vector3d centre(3 * about(random), 3 * about(random), 3 * about(random));
       const Eigen::Vector3d axis = random_direction(random).eigen();
       const double radius_mm = 1 + 2 * unit(random);
@@ -1381,7 +1381,7 @@ TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
     ASSERT_TRUE(run.state.coupled);
     Vector<Patient> velocity_mm;
     for (int n = 0; n < 3000; ++n) {
-      // half a metre a second at most at 1 kHz, drawn to the middle
+      // at most 0.5 m/s at 1 kHz, attracted to the centre
       velocity_mm = velocity_mm * 0.97 + random_direction(random) * 0.06 + (Point<Patient>() - tip) * 0.002;
       if (velocity_mm.norm() > 0.5) velocity_mm = velocity_mm * (0.5 / velocity_mm.norm());
       tip += velocity_mm;

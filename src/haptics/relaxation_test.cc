@@ -21,7 +21,7 @@ using testing::felt_surface;
 using testing::ProxyRun;
 
 constexpr Relaxation kTwoTerms{{{{0.3, 0.5}, {0.2, 8}}}};
-constexpr double kModulus_N_per_mm2 = 0.0125;  // 10 kPa, nu 0.45
+constexpr double kModulus_N_per_mm2 = 0.0125;  // E = 10 kPa, nu = 0.45
 
 RelaxationTimes times_of(const Relaxation& relaxation) {
   RelaxationTimes times;
@@ -29,7 +29,7 @@ RelaxationTimes times_of(const Relaxation& relaxation) {
   return times;
 }
 
-/// A tool in one place of tissue of one series, by the force that the law has at once.
+/// A tool at one point of tissue with one series, driven by its instantaneous elastic force.
 struct Relaxing {
   explicit Relaxing(const Relaxation& relaxation) : times(times_of(relaxation)) {
     contact.parts.add(relaxation, times, 1);
@@ -45,14 +45,14 @@ struct Relaxing {
   RelaxationState state;
 };
 
-// E(t) / E
+// relaxation function E(t) / E
 double left_of(const Relaxation& relaxation, double time_s) {
   double left = 1;
   for (const RelaxationTerm& one : relaxation.term)
     if (one.part > 0) left -= one.part * (1 - std::exp(-time_s / one.time_s));
   return left;
 }
-// of a force that began to grow by 1 N/s at 0
+// force for an elastic force that increases by 1 N/s from time 0
 double ramped_N(const Relaxation& relaxation, double time_s) {
   double force_N = (1 - relaxation.part()) * time_s;
   for (const RelaxationTerm& one : relaxation.term)
@@ -118,7 +118,7 @@ TEST(AdvanceRelaxation, ARampThatIsHeldIsExactWhateverTheTicks) {
   Relaxing tissue(kTwoTerms);
   double time_s = 0;
   while (time_s < 4) {
-    // a tick that ends with the ramp
+    // a tick boundary coincides with the end of the ramp
     const double ends_s = time_s < kRamp_s ? kRamp_s - time_s : 1;
     const double dt_s = std::min(dt(random), ends_s);
     time_s += dt_s;
@@ -138,7 +138,7 @@ TEST(AdvanceRelaxation, ASineLosesWhatItsTermsSay) {
       stored -= one.part / (1 + x * x);
       lost += one.part * x / (1 + x * x);
     }
-    // pressed all the time; after what the beginning leaves has gone, over whole periods
+    // continuous contact; over whole periods after the transient has decayed
     Relaxing tissue(kTwoTerms);
     constexpr double kTick_s = 0.001;
     const int period = static_cast<int>(std::lround(1 / (hz * kTick_s)));
@@ -186,23 +186,23 @@ TEST(AdvanceRelaxation, ADentFillsUpAsFreeTissueDoes) {
   EXPECT_EQ(tissue.at(0, 0.001), 0) << "out at once: no force, and none that pulls";
   const double dent_N = tissue.state.elastic_N;
   EXPECT_NEAR(dent_N, 2 * kPart, 0.01) << "as deep as the force that was lost pressed";
-  // by the time of creep
+  // with the creep time constant
   for (int n = 0; n < 800; ++n) tissue.at(0, 0.001);
   EXPECT_NEAR(tissue.state.elastic_N / (dent_N * std::exp(-0.8 * (1 - kPart) / kTime_s)), 1, 1e-6);
 
-  // a second touch meets it deeper
+  // a second contact starts deeper
   const double left_N = tissue.state.elastic_N;
   Relaxing again = tissue;
   EXPECT_EQ(again.at(0.99 * left_N, 1e-6), 0);
   EXPECT_NEAR(again.at(left_N + 0.5, 1e-6), 0.5, 1e-5);
-  // half of its reach away half of it, and beyond it nothing
+  // half of the dent at half of its radius, none beyond
   Relaxing beside = tissue, beyond = tissue;
   beside.contact.at = Point<Patient>(3, 0, 0);
   EXPECT_EQ(beside.at(0.49 * left_N, 1e-6), 0);
   EXPECT_NEAR(beside.at(0.5 * left_N + 0.3, 1e-6), 0.3, 1e-5);
   beyond.contact.at = Point<Patient>(0, 6.1, 0);
   EXPECT_NEAR(beyond.at(0.1, 1e-6), 0.1, 1e-6);
-  // in the end nothing is remembered
+  // in the end the state is empty
   for (int n = 0; n < 100; ++n) tissue.at(0, 1);
   EXPECT_FALSE(tissue.state.remembers());
   EXPECT_EQ(tissue.state.lagging_N[0], 0);
@@ -222,14 +222,14 @@ TEST(AdvanceRelaxation, OtherPartsComeInWithoutAStep) {
   EXPECT_NEAR(before_N, 2, 1e-6);
 }
 
-/// A sphere led in and out of one place of tissue.
+/// A sphere moved in and out at one point of tissue.
 struct PressedSphere {
   YieldingTissue tissue{0, {}, kModulus_N_per_mm2};
   double radius_mm = 3, most_N_per_mm = std::numeric_limits<double>::infinity();
   Relaxing relaxing;
   double depth_mm = -1, force_N = 0, elastic_N = 0;
 
-  // what is stored, by the law's complementary energy (0040)
+  // stored energy by the law's complementary energy (docs/decisions/0040-relaxation.md)
   double stored_mJ() const {
     double stored = force_N * std::max(0.0, depth_mm) -
                     complementary_mJ(tissue, relaxing.state.elastic_N, radius_mm, most_N_per_mm);
@@ -238,7 +238,7 @@ struct PressedSphere {
                 complementary_mJ(tissue, relaxing.state.lagging_N[n], radius_mm, most_N_per_mm);
     return stored;
   }
-  // the work that it takes
+  // moves to a depth; returns the work done
   double to(double next_mm, double dt_s) {
     const double before_N = force_N, before_mm = depth_mm;
     depth_mm = next_mm;
@@ -271,8 +271,8 @@ TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
   }
 }
 
-// Held, hurried, lifted and put back at random: what was put in covers what is stored after every tick, and
-// no tick gives out more than the store loses.
+// Random holding, fast motion, withdrawal and renewed contact: the work put in covers the stored energy after
+// every tick, and no tick returns more than the stored energy decreases.
 TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -308,7 +308,7 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
       ASSERT_GE(sphere.force_N, 0);
       ASSERT_LE(sphere.force_N, sphere.elastic_N);
       ASSERT_GE(sphere.stored_mJ(), -1e-9) << path;
-      // the work of a tick is that of a straight line between its forces
+      // the work of a tick is that of a linear force between its ends
       ASSERT_GE(work_mJ - sphere.stored_mJ(), -1e-5 * std::max(1.0, most_mJ)) << path << ", tick " << n;
     }
     ASSERT_GE(lost_mJ, -1e-5 * std::max(1.0, most_mJ)) << path;
@@ -318,7 +318,7 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
 }
 
 TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
-  // by no more than the device's bound times the way, and what a tick relaxes or takes back
+  // bounded by the stiffness limit times the displacement, plus the relaxation and recovery of a tick
   constexpr double kMost_N_per_mm = 0.05, kDown_mm = 0.005, kShort_s = 1e-4;
   PressedSphere sphere{.most_N_per_mm = kMost_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
   double before_N = 0, steepest_N = 0;
@@ -336,7 +336,7 @@ TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
   EXPECT_GT(steepest_N, 0.95 * kMost_N_per_mm * kDown_mm);
 }
 
-// everything below z = 0 yields and relaxes
+// deformable and relaxing half-space below z = 0
 struct RelaxingFloor {
   explicit RelaxingFloor(const Relaxation& relaxation) : times(times_of(relaxation)) {
     run.surfaces = {
@@ -362,11 +362,11 @@ TEST(ProxyOnWhatRelaxes, HoldsALittleLessFromTickToTick) {
   for (const double time_s : {0.1, 0.4, 0.5, 2.0}) {
     floor.wait({0, 0, 1}, time_s);
     waited_s += time_s;
-    // in the middle of the five ticks in which it came in
+    // at the middle of the five ticks of the approach
     const double wanted_N = law_N * left_of(kTwoTerms, waited_s + 0.002);
     EXPECT_NEAR(floor.run.result.force_N.z() / wanted_N, 1, 0.01) << waited_s;
   }
-  // what can be got back is less than what pressing took
+  // the recoverable energy is less than the work of pressing
   const YieldForce law = yield_force({0, {}, kModulus_N_per_mm2}, 2, 3);
   EXPECT_GT(floor.run.result.stored_mJ, 0);
   EXPECT_LT(floor.run.result.stored_mJ, 0.8 * law.stored_mJ);
@@ -382,7 +382,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentWhereItWasAndNowhereElse) {
   floor.run.lead({0, 0, 0}, {0, 0, 4}, 0.2);
   EXPECT_EQ(floor.run.result.force_N, Vector<Patient>());
   const ProxyRun left = floor.run;
-  // there again at once it is met deeper, 10 mm beside it as if it had never been
+  // renewed contact at the same point starts deeper; 10 mm beside it there is no memory
   const auto force_N = [&](double x) {
     ProxyRun run = left;
     run.lead({0, 0, 4}, {x, 0, 4}, 0.5);
@@ -419,7 +419,7 @@ TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
   YieldFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 16, {}, kModulus_N_per_mm2, 3};
-  // half of what gives way is something else
+  // half of the displacement is in non-relaxing tissue
   frame.spot[0].relaxed.add(kTwoTerms, floor.times, 0.5);
   floor.run.yields = &frame;
   floor.run.lead({0, 0, 5}, {0, 0, 1}, 0.4);

@@ -47,7 +47,7 @@ TEST(PseudoFriction, IsTangentialOpposesTheMotionAndKeepsBothCaps) {
     EXPECT_LE(f.dot(v), 1e-12) << "takes energy";
     EXPECT_LE(f.norm(), 0.3 + 1e-12);
     EXPECT_LE(f.norm(), 0.2 * normal_N.norm() + 1e-12);
-    // below the caps it is viscous: twice the speed, twice the force
+    // below the limits it is viscous: twice the speed, twice the force
     const Vector<Patient> slow = v * 1e-3;
     EXPECT_LT(
         (pseudo_friction(tissue, slow * 2, normal_N) - pseudo_friction(tissue, slow, normal_N) * 2).norm(),

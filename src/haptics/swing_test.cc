@@ -13,11 +13,11 @@ namespace {
 constexpr double kSwingStep_mm = 0.03;
 
 struct SeenSwing {
-  double found_s = -1;  ///< when it was found, from the beginning
-  double later_s = 0;   ///< at the end
+  double found_s = -1;  ///< time of detection since the beginning
+  double later_s = 0;   ///< estimate at the end
 };
 
-// a tip that is led, read in whole steps, and the force along x that depends on where it is
+// a tip on a prescribed path, quantised to encoder steps, and a force along x that depends on its position
 SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
                   const std::function<double(const Vector<World>&)>& force_N_at, double time_s,
                   double rate_hz = 1000) {
@@ -41,7 +41,7 @@ double wall_N(const Vector<World>& tip) {
   return -1.2 * tip.x();
 }
 
-// about 1 mm below a wall, as long as it goes on
+// an oscillation about 1 mm below a wall
 SeenSwing watch_swing(double frequency_hz, double peak_to_peak_mm, double rate_hz = 1000) {
   return look_at(
       [=](double t) {
@@ -60,7 +60,7 @@ TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
       SCOPED_TRACE(std::to_string(frequency_hz) + " Hz, at " + std::to_string(rate_hz));
       const SeenSwing seen = watch_swing(frequency_hz, peak_to_peak_mm, rate_hz);
       EXPECT_GT(seen.found_s, 0);
-      // the first quarter is no half, and a turn shows when the tip has gone back
+      // the first quarter is not a half cycle, and a reversal is detected only after some displacement back
       EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
       EXPECT_GT(seen.later_s, kSwingFeel.most_later_s - kSwingFeel.later_s) << "as long as it goes on";
     }

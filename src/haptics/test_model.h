@@ -6,8 +6,8 @@
 #include "haptics/test_proxy_surfaces.h"
 #include "palpate/haptics/haptics.h"
 
-/// An exactly known model for tests: a ball of bone at the patient's origin with a shell of cartilage on
-/// it, the field an ideal Gaussian ramp sampled at voxel centres.
+/// Analytic model for tests: a ball of bone at the patient's origin, optionally with a shell of cartilage.
+/// The field is an ideal Gaussian ramp sampled at voxel centres.
 namespace palpate::testing {
 
 inline constexpr double kBoneRadius_mm = 15;
@@ -17,8 +17,8 @@ inline double ramp(double distance_mm, double sigma_mm) {
   return 0.5 * std::erfc(distance_mm / (sigma_mm * std::sqrt(2.0)));
 }
 
-/// @param cartilage_mm     thickness of the shell; 0: none
-/// @param cartilage_level  its stiffness relative to the bone's
+/// @param cartilage_mm  thickness of the shell; 0: none
+/// @param cartilage_level  stiffness of cartilage over that of bone
 inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, double sigma_mm = 1.0,
                         double cartilage_mm = 0, float cartilage_level = 0.5f) {
   GridGeometry grid;
@@ -76,7 +76,7 @@ inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, dou
   return model;
 }
 
-/// The ball with inward ramps for a field, exact at voxel centres.
+/// The ball with inward ramps as its field, exact at voxel centres.
 inline Model with_ramps(Model model, double width_mm, double cartilage_mm = 0) {
   const GridGeometry& grid = model.labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
@@ -99,20 +99,19 @@ inline Model with_ramps(Model model, double width_mm, double cartilage_mm = 0) {
   return model;
 }
 
-/// Another force where the field is 1.
+/// Sets the force of the trilinear method at field value 1.
 inline void set_full_force(Model& model, double full_force_N) {
   model.methods[0] = std::make_shared<const ForceField>(model.field, full_force_N);
 }
 
-/// The model, ready for every method.
+/// The model with every direct method prepared.
 inline Model with_every_method(Model model) {
   for (const ForceMethodInfo& info : kDirectMethods)
     model.methods[index_of(info.method)] = *make_force_field(model, info.method);
   return model;
 }
 
-/// The model, ready for the proxy on exactly known surfaces: the bone's ball, and its shell where there is
-/// one.
+/// The model with exact surfaces for the proxy: the ball of bone, and its shell if there is one.
 inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
   const GridGeometry& grid = model.labels->geometry();
   const auto add = [&](LabelId label, const Distance& distance_mm) {
@@ -133,8 +132,8 @@ inline Model with_exact_surfaces(Model model, double cartilage_mm = 0) {
   return model;
 }
 
-/// The same as one body: an outer surface of both, on which the bone comes to the outside where x > 0, so
-/// that its seam is where a tip comes often, and the bone a layer deeper.
+/// with_exact_surfaces() with a common outer surface, and bone in the next layer. Bone reaches the outer
+/// surface where x > 0, so the seam is at the origin, where tips often are.
 inline Model as_one_body(Model model, double cartilage_mm) {
   model = with_exact_surfaces(std::move(model), cartilage_mm);
   Volume<LabelId> seen = model.labels->dense();

@@ -11,14 +11,14 @@
 #include "palpate/haptics/proxy.h"
 #include "palpate/haptics/proxy_way.h"
 
-/// Surfaces whose distance is known exactly, and an oracle of what a proxy may do, for tests.
+/// Test surfaces with exactly known distances, and an oracle for the penetration of a proxy's path.
 namespace palpate::testing {
 
 using Distance = std::function<double(const Eigen::Vector3d&)>;
 
 inline constexpr double kStep_mm = 1.0 / 2048;
 
-/// A cube of voxels around the origin.
+/// Cubic voxel grid centred at the origin.
 inline GridGeometry cube_grid(double half_extent_mm, const Eigen::Vector3d& spacing_mm,
                               const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
   GridGeometry grid;
@@ -31,7 +31,7 @@ inline GridGeometry cube_grid(double half_extent_mm, const Eigen::Vector3d& spac
   return grid;
 }
 
-/// A distance sampled at the voxels, in steps of 1/2048 mm, cut off at its reach.
+/// Distance field sampled at the voxels, in steps of 1/2048 mm, clamped to its reach.
 inline SignedField sampled_distance(const GridGeometry& grid, const Distance& distance_mm, double reach_mm) {
   Volume<std::int16_t> volume(grid);
   const auto X_PatientVoxel = grid.X_PatientVoxel();
@@ -45,12 +45,12 @@ inline SignedField sampled_distance(const GridGeometry& grid, const Distance& di
   return {volume, {kStep_mm, 0, static_cast<std::int16_t>(std::lround(reach_mm / kStep_mm))}};
 }
 
-/// The steepest slope between neighbours, over all axes together.
+/// Upper bound of the gradient's magnitude in any cell.
 inline double steepest_of(const SignedField& field) {
   const auto& dims = field.geometry().dims;
   const Eigen::Vector3d& h = field.geometry().spacing_mm;
   const auto value = [&](int i, int j, int k) { return field.steps().scale * field.bricks().at(i, j, k); };
-  // in a cell, a partial derivative is between those along its four edges
+  // in a cell a partial derivative is bounded by the differences along its four edges
   double steepest = 1;
   for (int k = 0; k + 1 < dims[2]; ++k)
     for (int j = 0; j + 1 < dims[1]; ++j)
@@ -75,17 +75,18 @@ inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distan
   return felt;
 }
 
-/// A tool led about, with what a proxy makes of it.
+/// A tool moved through a sequence of poses, and the results of its proxy.
 struct ProxyRun {
   std::vector<FeltSurface> surfaces;
-  std::vector<ToolSphere> spheres{ToolSphere{}};  ///< of the tool as it is not turned
+  std::vector<ToolSphere> spheres{ToolSphere{}};  ///< tool parts with the identity attitude
   ProxyState state;
   ProxyResult result;
   double dt_s = 0.001;
   const YieldFrame* yields = nullptr;
   const RelaxationTimes* relaxation_times = nullptr;
   Holes holes;
-  double deepest_mm = 0;  ///< at any place of any way, every hundredth of a millimetre; positive: below
+  /// Maximum penetration at any point of any path, sampled every 0.01 mm; positive: below the surface.
+  double deepest_mm = 0;
 
   const ProxyResult& at(const Point<Patient>& tip,
                         const Eigen::Quaterniond& attitude = Eigen::Quaterniond::Identity()) {
@@ -95,7 +96,7 @@ struct ProxyRun {
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,
         {.dt_s = dt_s, .yields = yields, .relaxation_times = relaxation_times, .holes = &holes}, &way);
-    // one that is let go is put at the tip
+    // a released proxy is reset to the tip
     const bool let_go =
         before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();
     if (before.coupled && way.count > 0 && !let_go)
@@ -107,13 +108,13 @@ struct ProxyRun {
     return result;
   }
 
-  /// In equal steps.
+  /// Moves the tip along a line in equal steps.
   void lead(const Point<Patient>& from, const Point<Patient>& to, double step_mm) {
     const int steps = std::max(1, static_cast<int>(std::ceil((to - from).norm() / step_mm)));
     for (int n = 1; n <= steps; ++n) at(from + (to - from) * (static_cast<double>(n) / steps));
   }
 
-  /// Turned to an attitude.
+  /// Tool parts in an attitude.
   TurnedTool turned(const Eigen::Quaterniond& attitude) const {
     return {spheres, Eigen::Quaterniond::Identity(), attitude};
   }
@@ -132,10 +133,10 @@ struct ProxyRun {
       const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
       const bool turns = a.attitude.coeffs() != b.attitude.coeffs();
       const TurnedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
-      // how far all of it may go and be no deeper than it was
+      // distance that the whole tool may move without exceeding the deepest penetration so far
       double free_mm = 1e3;
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
-        // the way is the outermost proxy's
+        // the path is that of the outermost proxy
         if (surfaces[s].surface == nullptr || surfaces[s].layer > 0) continue;
         const int outer = surfaces[s].beneath;
         const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
@@ -147,8 +148,9 @@ struct ProxyRun {
     }
   }
 
-  /// Of a capsule the outline, not the row of spheres: every tenth of a millimetre where it may be deeper
-  /// than anything was. @returns how far it may go before it is, mm
+  /// Checks a capsule's outline, not its row of spheres, every 0.1 mm where it may exceed the deepest
+  /// penetration so far.
+  /// @returns distance in mm that it may move without exceeding it
   double look_along_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
     constexpr double kAlong_mm = 0.1;
     const double length_mm = sphere.along_mm.norm();

@@ -6,10 +6,10 @@
 
 namespace palpate::testing {
 
-/// Evenly over the sphere, of length 1.
+/// Unit vector, uniformly distributed on the sphere.
 inline Vector<Patient> random_direction(std::mt19937& random) {
   std::normal_distribution<double> normal;
-  // drawn one by one: arguments are evaluated in no certain order
+  // drawn in separate statements, because the order in which arguments are evaluated is unspecified
   const double z = normal(random), y = normal(random), x = normal(random);
   return Vector<Patient>(x, y, z).normalized();
 }

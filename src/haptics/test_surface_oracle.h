@@ -10,13 +10,12 @@
 
 #include "palpate/sampling/surface.h"
 
-/// How far a surface is, looked up in double without a tree, for tests.
+/// Brute-force distance to a surface in double precision, for tests.
 namespace palpate::testing {
 
-/// The places where the trilinear interpolant of a surface's position is 0. Along a line that is parallel to
-/// an axis of the grid it is linear in every cell, so its places there are exact: at first on a few lines of
-/// every cell, then on many of the cells that can hold the nearest place, then where that line leads when it
-/// is moved.
+/// Zero set of the trilinear interpolant of a surface's position. Along a grid line the interpolant is linear
+/// in every cell, so its zeros there are exact. A few lines per cell are sampled first, then many lines of
+/// the cells that can contain the nearest point, then that line is shifted while the distance decreases.
 class SurfaceOracle {
  public:
   explicit SurfaceOracle(const Surface& surface)
@@ -37,15 +36,15 @@ class SurfaceOracle {
   }
 
   bool empty() const { return cells_.empty(); }
-  /// Places on the surface.
+  /// Points on the surface.
   const std::vector<Eigen::Vector3d>& places() const { return places_; }
 
-  /// Not signed; infinite where there is no surface.
+  /// Unsigned distance; infinite if there is no surface.
   double distance_mm(const Point<Patient>& x) const {
     double nearest2 = std::numeric_limits<double>::infinity();
     for (const Eigen::Vector3d& place : places_)
       nearest2 = std::min(nearest2, (place - x.eigen()).squaredNorm());
-    // a corner that is cut off may lie between the lines
+    // a corner cut off by the surface may lie between the sampled lines
     double best_mm = std::sqrt(nearest2);
     const double half_mm = 0.5 * voxels_.geometry().spacing_mm.norm();
     for (const Cell& cell : cells_) {
@@ -59,7 +58,7 @@ class SurfaceOracle {
  private:
   static constexpr int kFewLines = 6, kManyLines = 20;
 
-  // along an axis, at a place of the two others
+  // grid line along an axis, at fixed coordinates on the two others
   struct Line {
     std::size_t axis;
     double u, v;
@@ -119,7 +118,7 @@ class SurfaceOracle {
       const double mm = distance_on(line);
       if (mm < least_mm) nearest = line, least_mm = mm;
     });
-    // the line is moved as long as that brings it nearer, by less and less
+    // shifts the line with a decreasing step while the distance decreases
     for (double step = 0.5 / kManyLines; step > 1e-4;) {
       Line better = nearest;
       for (const auto& [du, dv] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {

@@ -20,7 +20,7 @@ using testing::steepest_of;
 constexpr LabelId kWall = 3, kFloor = 4;
 constexpr double kNotchStiffness_N_per_mm = 0.8;
 
-/// A wall where x < 0 and a floor where z < 0, which meet along y; both felt alike.
+/// A wall where x < 0 and a floor where z < 0, meeting along y, with equal contact properties.
 Model notch() {
   const GridGeometry grid = cube_grid(10, {0.5, 0.5, 0.5});
   Model model;
@@ -48,7 +48,7 @@ Model notch() {
   return model;
 }
 
-/// A tool that is led about by the proxy without friction, a millimetre a tenth of a second.
+/// A tool moved by the proxy without friction, at 10 mm/s.
 class ToolRun {
  public:
   explicit ToolRun(const Model& model) : model_(model) { device_.scale = 1; }
@@ -93,7 +93,7 @@ TEST(ToolContact, ANotchIsTwoContactsTheStrongestFirst) {
   EXPECT_NEAR(wall.force_N, kNotchStiffness_N_per_mm * 0.5, 0.01);
   EXPECT_LT((floor.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
   EXPECT_LT((wall.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
-  // together they are the force
+  // their sum is the force
   EXPECT_NEAR(contact.asked.force_N.x(), wall.force_N, 0.01);
   EXPECT_NEAR(contact.asked.force_N.z(), floor.force_N, 0.01);
   EXPECT_EQ(contact.strongest.site.label, floor.label);
@@ -104,7 +104,7 @@ TEST(ToolContact, EachPartOfTheToolSaysWhereItLeans) {
   model.tools[0].points_mm = {{0, 0, 0}, {4, 2, 0}};
   model.tools[0].radius_mm = 0.5;
   ToolRun run(model);
-  // the first sphere at the wall, both on the floor
+  // the first sphere touches the wall, both touch the floor
   const ToolContact contact = run.lead({3, 0, 3}, {0.2, 0, 0.1});
   ASSERT_EQ(count(contact), 3);
   double floor_N = 0, wall_N = 0;

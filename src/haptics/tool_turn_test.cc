@@ -7,7 +7,7 @@
 #include "haptics/test_proxy_surfaces.h"
 #include "palpate/haptics/proxy.h"
 
-/// Turns of the tool: what a lever meets on its arc stops it, and is felt where the tip is pushed away.
+/// Rotation of the tool: surfaces hit by a lever on its arc push the tip away, which is felt as a force.
 namespace palpate {
 namespace {
 
@@ -30,7 +30,7 @@ FeltSurface plate() {
   return felt;
 }
 
-// whose lever, with a sphere at its end, reaches from the tip on the left to above the plate
+// a lever with a sphere at its end, from the tip on the left to above the plate
 ProxyRun lever_over_plate(double lever_mm, double radius_mm, double height_mm) {
   ProxyRun run;
   run.surfaces = {plate()};
@@ -49,7 +49,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
     const double height_mm = 4.25 + turned.radius_mm;
     ProxyRun run = lever_over_plate(turned.lever_mm, turned.radius_mm, height_mm);
     const Point<Patient> tip(-turned.lever_mm, 0, height_mm);
-    // until the hand's sphere stands 3.25 mm below the plate's middle
+    // until the sphere in the operator's pose is 3.25 mm below the middle of the plate
     const double end_rad = std::asin((height_mm + 3.25) / turned.lever_mm);
     for (double angle = 0; angle < end_rad; angle += turned.speed_rad_s * turned.tick_s)
       run.at(tip, about_y(angle));
@@ -57,7 +57,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
     EXPECT_FALSE(run.result.lagging);
     EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 
-    // the sphere lies on the plate, turned as the hand turns it, and the tip is pushed up by what is missing
+    // the sphere lies on the plate in the operator's attitude, and the tip is pushed up by the difference
     const double pushed_mm = 3.25 + 1 + turned.radius_mm;
     const Eigen::Vector3d offset = about_y(end_rad) * Eigen::Vector3d(turned.lever_mm, 0, 0);
     EXPECT_EQ(run.state.attitude.coeffs(), about_y(end_rad).normalized().coeffs());
@@ -69,7 +69,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
     ASSERT_EQ(run.state.contacts, 1);
     EXPECT_EQ(run.state.contact[0].sphere, 0);
 
-    // and back
+    // back again
     for (double angle = end_rad; angle > 0; angle -= turned.speed_rad_s * turned.tick_s)
       run.at(tip, about_y(angle));
     for (int n = 0; n < 40; ++n) run.at(tip, about_y(0));
@@ -79,7 +79,7 @@ TEST(ToolTurn, ALeverPassesNoPlateAndIsFelt) {
 }
 
 TEST(ToolTurn, WhatATickDoesNotFollowGoesOnInTheNext) {
-  // a third of a circle at once, with nothing in the way
+  // a third of a turn in one tick, without obstacles
   ProxyRun run;
   run.surfaces = {plate()};
   run.spheres = {{Vector<Patient>(100, 0, 0), 1}};
@@ -101,7 +101,7 @@ TEST(ToolTurn, WhatATickDoesNotFollowGoesOnInTheNext) {
 }
 
 TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
-  // a floor, a ceiling 2 mm above it, and a bar of which both ends touch at asin(0.5 / 2)
+  // a floor, a ceiling 2 mm above it, and a bar whose ends both touch at asin(0.5 / 2)
   ProxyRun run;
   run.surfaces = {
       felt_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); }),
@@ -114,10 +114,10 @@ TEST(ToolTurn, WhereThePlaceCannotYieldTheAttitudeStaysBehind) {
   EXPECT_TRUE(run.result.wedged);
   EXPECT_NEAR(run.state.attitude.angularDistance(about_y(0)), most_rad, 0.01);
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
-  // though the hand's own tool is free there, the proxy's does not jump out of the gap
+  // the operator's tool is free there, but the proxy's does not jump out of the gap
   for (int n = 0; n < 20; ++n) run.at({0, 0, 30}, about_y(1.4));
   EXPECT_LT(run.state.position.z(), 2);
-  // back into the gap and level: it follows, and is let out where it came in
+  // back in the gap and level, the proxy follows and is released where it entered
   for (int n = 0; n < 40; ++n) run.at(tip);
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, tip);
@@ -140,7 +140,7 @@ TEST(ToolTurn, APointToolFeelsNoTurn) {
   }
 }
 
-// what a shaft's ends miss on both sides, its middle meets: turned into it, and moved
+// a shaft whose middle meets an obstacle between its ends, rotated into it and moved
 TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
   const double reach_mm = 4;
   ProxyRun run;
@@ -148,18 +148,18 @@ TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
       cube_grid(9, {0.4, 0.4, 0.4}), [](const Eigen::Vector3d& p) { return p.norm() - 2; }, reach_mm)};
   run.surfaces[0].stiffness_N_per_mm = 2;
   run.spheres = {{{}, 1, Vector<Patient>(60, 0, 0)}};
-  // from above the ball, which lies 20 mm along it, until the hand's shaft is below
+  // starts above the ball, which is 20 mm along the shaft, and ends with the operator's shaft below it
   const Point<Patient> tip(-20, 0, 8);
   run.at(tip);
   const double end_rad = std::asin(12.0 / 20);
   for (double angle = 0; angle < end_rad; angle += 0.01) run.at(tip, about_y(angle));
-  // which pushes it farther than it needs to be in the end: what is too much it lets go as it slips
+  // the rotation pushes it farther than necessary in the end; the excess is released by slip
   for (int n = 0; n < 60 || (run.result.lagging && n < 1000); ++n) run.at(tip, about_y(end_rad));
   EXPECT_FALSE(run.result.lagging);
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
   EXPECT_EQ(run.state.attitude.coeffs(), about_y(end_rad).normalized().coeffs());
 
-  // it leans on the ball from above with its radius between them, and is pushed along its own normal
+  // it touches the ball from above, one radius from it, and is pushed along its own normal
   const Eigen::Vector3d axis = about_y(end_rad) * Eigen::Vector3d::UnitX();
   const Eigen::Vector3d normal = axis.cross(Eigen::Vector3d::UnitY());
   ASSERT_EQ(run.state.contacts, 1);
@@ -174,7 +174,7 @@ TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
   const Eigen::Vector3d torque = (60 * part * axis - normal).cross(run.result.force_N.eigen());
   EXPECT_LT((run.result.torque_Nmm.eigen() - torque).norm(), 0.02 * torque.norm());
 
-  // let go, and then moved down onto it level
+  // released, then lowered onto the ball while level
   for (double angle = end_rad; angle > 0; angle -= 0.01) run.at(tip, about_y(angle));
   for (int n = 0; n < 60; ++n) run.at(tip);
   EXPECT_EQ(run.state.position, tip);
@@ -184,7 +184,7 @@ TEST(ToolTurn, AShaftMeetsWhatItsEndsMiss) {
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
 }
 
-// whatever is met on the arcs of one to four spheres
+// surfaces met on the arcs of one to four spheres
 TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
   SCOPED_TRACE("seed " + std::to_string(kTurnSeed));
   std::mt19937 random(kTurnSeed);
@@ -207,7 +207,7 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
           },
           2));
     }
-    // a lever from the tip to the surfaces, or a handful of spheres around it
+    // a lever from the tip to the surfaces, or a cluster of spheres around it
     const double lever_mm = scene % 2 == 0 ? 100 * unit(random) : 0;
     run.spheres.clear();
     for (int k = 0; k <= scene % 4; ++k)
@@ -221,7 +221,7 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     Vector<Patient> velocity_mm, spin_rad;
     for (int n = 0; n < 1000; ++n) {
-      // the lever's end is drawn to the middle and turns about the tip by up to 0.02 rad a tick
+      // the end of the lever is attracted to the centre and rotates about the tip by up to 0.02 rad per tick
       velocity_mm =
           velocity_mm * 0.97 + random_direction(random) * 0.06 + (Point<Patient>() - middle) * 0.002;
       if (velocity_mm.norm() > 0.5) velocity_mm = velocity_mm * (0.5 / velocity_mm.norm());

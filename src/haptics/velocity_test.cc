@@ -37,7 +37,7 @@ TEST(VelocityWindow, IsSumOfDisplacementsOverSumOfTimesOfTheLastHundredth) {
 }
 
 TEST(VelocityWindow, SmoothsTheEncoderThatAOneTickDifferenceDoesNot) {
-  // 5 mm/s read through steps of 0.03 mm at 1 kHz: one-tick differences are 0 or 30 mm/s
+  // 5 mm/s quantised to steps of 0.03 mm at 1 kHz: one-tick differences are 0 or 30 mm/s
   VelocityWindow window;
   double previous = 0, worst = 0;
   for (int n = 1; n < 1000; ++n) {
@@ -54,7 +54,7 @@ TEST(VelocityWindow, UnevenTicksCountByTheirTime) {
   window.push(Vector<Patient>(1, 0, 0), 0.002);
   window.push(Vector<Patient>(3, 0, 0), 0.006);
   EXPECT_NEAR(window.velocity_mm_s().x(), 500, 1e-9);
-  // one stalled tick longer than the window stands alone
+  // a stalled tick longer than the window is the only one in it
   window.push(Vector<Patient>(0, 5, 0), 0.05);
   EXPECT_NEAR(window.velocity_mm_s().y(), 100, 1e-9);
   EXPECT_NEAR(window.velocity_mm_s().x(), 0, 1e-9);
@@ -80,7 +80,7 @@ TEST(VelocityWindow, HashSeesEveryPushSinceItWasCleared) {
 }
 
 TEST(VelocityWindow, KeepsItsPrecisionOverHours) {
-  // ten hours of a trembling hand at 1 kHz, compressed: sums grow, differences stay exact to a nanometre
+  // ten hours of tremor at 1 kHz, compressed: the sums grow, differences stay exact to a nanometre
   VelocityWindow window;
   window.push(Vector<Patient>(0, 0, 0), 36000);
   for (int n = 0; n < 2000000; ++n) window.push(Vector<Patient>(n % 2 ? -0.3 : 0.3, 1e-3, 0), 1e-3);

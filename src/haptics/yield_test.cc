@@ -18,9 +18,9 @@ using testing::cube_grid;
 using testing::felt_surface;
 using testing::ProxyRun;
 
-constexpr double kModulus = 0.0125;  // 10 kPa, nu 0.45
+constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
 
-// the depth that a force makes, as docs/concepts/tissue.md writes it, and dd/dF
+// depth at a force, as in docs/concepts/tissue.md, and dd/dF
 double depth_mm(const YieldingTissue& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
   const double first_N = tissue.finite_N;
@@ -34,7 +34,7 @@ double give_mm_per_N(const YieldingTissue& tissue, double force_N, double radius
          2 * tissue.stiffening_mm_per_N2 * std::min(force_N, tissue.finite_N);
 }
 
-// the force by bisection, stiff from where it would give way by less than the least
+// force by bisection, linear from where the compliance would be below the minimum
 double slow_force_N(const YieldingTissue& tissue, double depth, double radius_mm, double least_give) {
   double low = 0, high = 1e6;
   for (int n = 0; n < 200; ++n) {
@@ -75,7 +75,7 @@ TEST(YieldForce, IsHertzOnAHalfSpace) {
   EXPECT_EQ(yield_force(half_space, 0, 3).force_N, 0);
   EXPECT_EQ(yield_force(half_space, -1, 3).force_N, 0);
   EXPECT_EQ(yield_force(half_space, std::nan(""), 3).force_N, 0);
-  // a point is a small sphere
+  // a point counts as a small sphere
   EXPECT_EQ(yield_force(half_space, 1, 0).force_N,
             yield_force(half_space, 1, kYieldFeel.least_radius_mm).force_N);
 }
@@ -88,9 +88,9 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
   for (int n = 0; n < 20'000; ++n) {
     const double radius_mm = 0.5 + 7 * unit(random);
     YieldingTissue tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
-    // from stiff bone below to tissue that gives way all around
+    // from stiff bone below to soft surroundings
     tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
-    // likewise stiffening ever more; softening where the rest gives way enough
+    // also with C that increases the stiffness; softening only where the other terms are soft enough
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
@@ -106,7 +106,7 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
     const double step = 1e-4 * depth;
     const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
                      more = yield_force(tissue, depth + step, radius_mm, most);
-    // a mean of the slopes on the way, which has no corner
+    // a mean of the slopes in the interval, which has no kink
     const auto [least, greatest] =
         std::minmax({less.tangent_N_per_mm, force.tangent_N_per_mm, more.tangent_N_per_mm});
     const double slope = (more.force_N - less.force_N) / (2 * step);
@@ -125,7 +125,7 @@ TEST(YieldForce, OverSomethingHardThatSoftensItGrowsWithTheDepthAndNotTooFast) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 300; ++n) {
-    // B below 0, so that the law may have a part in which it would grow too fast, and an end of it
+    // B below 0, so that the law may exceed the stiffness limit, and may end
     YieldingTissue tissue{-unit(random) / kModulus, {}, kModulus};
     tissue.stiffening_mm_per_N2 = -std::pow(10, 4 * unit(random) - 1);
     tissue.finite_N = unit(random);
@@ -144,7 +144,7 @@ TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
   tissue.stiffening_mm_per_N2 = 12;
   tissue.stiffening_slope = {2, -5, 0};
   constexpr double kWay_mm = 1e-4;
-  // where C gives on straight, and before
+  // above F1, where the C term is linear, and below
   for (int n = 0; n < 4; ++n) {
     tissue.finite_N = n < 2 ? 0.02 : 1;
     const int axis = n % 2;
@@ -197,7 +197,7 @@ TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
   EXPECT_NEAR(beyond_at(0).beyond_mm_per_N, 10 - half_space, 1e-12);
   EXPECT_NEAR(beyond_at(2).beyond_mm_per_N, 11 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(2).slope_per_N, frame.spot[0].slope_per_N);
-  // where it does not grow any more there is no force aside either
+  // where the extrapolation is clamped there is no tangential force either
   EXPECT_NEAR(beyond_at(200).beyond_mm_per_N, 20 - half_space, 1e-12);
   EXPECT_NEAR(beyond_at(-200).beyond_mm_per_N, 5 - half_space, 1e-12);
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
@@ -222,17 +222,16 @@ TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
   YieldState fresh;
   EXPECT_NEAR(before_N, yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
               1e-12);
-  // nothing known any more: back to a half space, as slowly
+  // no frame known: back to a half-space, blended as slowly
   EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
-  // a tool that was away feels the newest at once
+  // a tool that was away uses the newest frame at once
   state = {};
   EXPECT_NEAR(force_N(second),
               yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
 }
 
 TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
-  // from soft tissue that is known of to what is not known of, stiff first and then, before the frame is
-  // over, soft
+  // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
   YieldFrame known = frame_of(1, 16, {});
   known.spot[0].modulus_N_per_mm2 = 0.01;
   YieldState state;
@@ -253,7 +252,7 @@ TEST(FeelYield, WhatANeoHookeanSolutionAddsComesInLikewise) {
   frame.spot[0].stiffening_mm_per_N2 = 8;
   frame.spot[0].stiffening_slope = {1, 0, 0};
   YieldState state;
-  // without a force at which it holds there is none
+  // without finite_N there is no neo-Hookean term
   EXPECT_EQ(feel_yield(1, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2, 0);
   EXPECT_EQ(frame.hash(), linear);
   frame.number = 2;
@@ -277,7 +276,7 @@ TEST(FeelYield, WhatANeoHookeanSolutionAddsComesInLikewise) {
   }
 }
 
-// everything below z = 0 yields
+// deformable half-space below z = 0
 ProxyRun on_soft_floor(double friction = 0) {
   ProxyRun run;
   run.surfaces = {
@@ -301,7 +300,7 @@ TEST(ProxyOnWhatYields, GivesTheLawsForceEnergyAndStiffness) {
 }
 
 TEST(ProxyOnWhatYields, GivesBackWhatSlidingOverAHardPlaceTakes) {
-  // W falls towards +x, as over something hard
+  // W decreases towards +x, as over something hard
   const YieldFrame frame = frame_of(1, 16, {-0.8, 0, 0});
   const auto work_mJ = [&](bool aside) {
     ProxyRun run = on_soft_floor();

@@ -8,8 +8,8 @@
 #include "palpate/sampling/sampling.h"
 #include "palpate/sampling/voxel_methods.h"
 
-/// Common interface of the direct force methods. Each provides a value and a gradient at a point, and F =
-/// F_full * value * n with n = -gradient / |gradient|. For the equations see docs/concepts/methods.md.
+/// Common interface of the direct force methods. Each provides a value and a gradient at a point, and
+/// F = F_full * value * n with n = -gradient / |gradient|. For the equations see docs/concepts/methods.md.
 namespace palpate {
 
 /// Settings of the force methods in a scene.

@@ -32,8 +32,8 @@ class OwnerShares {
   std::size_t count_ = 0;
 };
 
-/// Ownership of points on the common surface of touching structures. A structure's weight is the sum of (1 -
-/// r^2 / R^2)^2 over its outer voxels (those with a face to a voxel of none of the structures) within R,
+/// Ownership of points on the common surface of touching structures. A structure's weight is the sum of
+/// (1 - r^2 / R^2)^2 over its outer voxels (those with a face to a voxel of none of the structures) within R,
 /// where r is the distance from the voxel's centre. Across a flat seam a share changes by at most 1.1 / R per
 /// mm, so that contact properties are continuous from one label to the next. Structures beneath the surface
 /// have no share, however thin the layer above them. Immutable; a query does not allocate, lock or throw.

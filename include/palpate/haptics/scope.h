@@ -34,7 +34,7 @@ inline Eigen::Vector3d look_of(const ScopeOptics& optics) {
 
 /// Attitude of a scope whose camera looks along a direction. Of all such attitudes, the one whose shaft comes
 /// from as near as possible to the direction `upper`; any if the two are parallel.
-/// @param look,  upper  directions in World; not zero
+/// @param look, upper  directions in World; not zero
 inline Eigen::Quaterniond held_to_look(const ScopeOptics& optics, const Vector<World>& look,
                                        const Vector<World>& upper) {
   const Eigen::Vector3d forward = look.normalized().eigen();
