@@ -1,26 +1,27 @@
 #include "palpate/sampling/sampling.h"
 
-// The founding sample wants seven trilinear interpolations: at x, and at x +- 1 voxel along i, j, k. All
-// of them share the fraction (u, v, w) of x in its cell, because whole voxels lie between them. Hence the
-// 7 x 8 corners are only 32 different voxels in 12 rows along i, named by their j and k from the cell:
+// The founding method's sample needs seven trilinear interpolations: at x, and at x +- 1 voxel along i, j, k.
+// They share the fraction (u, v, w) of x in its cell, because the offsets are whole voxels. The 7 x 8 corners
+// are therefore only 32 different voxels in 12 rows along i, denoted by j and k relative to the cell:
 //
 //     k+2         (0,2) (1,2)
 //     k+1  (-1,1) (0,1) (1,1) (2,1)        the four in the middle are needed from i-1 to i+2,
 //     k    (-1,0) (0,0) (1,0) (2,0)        the others from i to i+1
 //     k-1         (0,-1) (1,-1)
 //
-// A row is one vector (a b e f). With r_jk for the row, B(.) for the bilinear blend of four rows by v and w,
+// A row is one vector (a b e f). With r_jk for the row and B(.) for the bilinear interpolation of four rows
+// by v and w,
 //
 //     V = B(r_00,          r_10,          r_01,          r_11)
 //     J = B(r_10 - r_-1,0, r_20 - r_00,   r_11 - r_-1,1, r_21 - r_01)
 //     K = B(r_01 - r_0,-1, r_11 - r_1,-1, r_02 - r_00,   r_12 - r_10)
 //
-// and the value and twice the central differences are dot products along i, where the interpolation
-// weighs by p = (0, 1-u, u, 0) and the difference by q = (-(1-u), -u, 1-u, u):
+// and the value and twice the central differences are dot products along i, with interpolation weights p =
+// (0, 1-u, u, 0) and difference weights q = (-(1-u), -u, 1-u, u):
 //
 //     f = p V,   2 g_i = q V,   2 g_j = p J,   2 g_k = p K
 //
-// Differences of rows are formed of whole numbers. What follows is double; SamplingMap has the half.
+// Differences of rows are exact integers; all else is in double. The factor 1/2 is in SamplingMap.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sampling/central_differences.cc"
@@ -50,7 +51,7 @@ HWY_INLINE Row operator-(const Row& a, const Row& b) {
 HWY_INLINE Quad to_doubles(const Row& row) {
   return each_part([&](int n) HWY_ATTR { return hn::Set(D4(), static_cast<double>(row.lane[n])); });
 }
-/// The sums of two quads' lanes, (0 + 2) + (1 + 3).
+/// Horizontal sums of two quads, in the order (0 + 2) + (1 + 3).
 HWY_INLINE void add_up(const Quad& a, const Quad& b, double& sum_a, double& sum_b) {
   sum_a = (lane<0>(a) + lane<2>(a)) + (lane<1>(a) + lane<3>(a));
   sum_b = (lane<0>(b) + lane<2>(b)) + (lane<1>(b) + lane<3>(b));
@@ -81,7 +82,7 @@ HWY_INLINE Quad to_doubles(const Row& row) {
   return {{hn::PromoteTo(D4(), row.lanes)}};
 }
 #endif
-/// The sums of two quads' lanes, (0 + 2) + (1 + 3).
+/// Horizontal sums of two quads, in the order (0 + 2) + (1 + 3).
 HWY_INLINE void add_up(const Quad& a, const Quad& b, double& sum_a, double& sum_b) {
   const hn::FixedTag<double, 2> d;
   const auto half_a = hn::Add(half_of<0>(a), half_of<1>(a));
@@ -103,7 +104,7 @@ HWY_INLINE void sample_one(const BrickView<T>& voxels, const SamplingMap& map, c
   const T* const first = voxels.cell(c.i, c.j, c.k) - 1;
   const auto r = [&](int dj, int dk) HWY_ATTR { return load_row(first + dj * row + dk * slice); };
 
-  // the bilinear weights along j and k
+  // bilinear weights along j and k
   const double v1 = 1 - c.v, w1 = 1 - c.w;
   const Quad w00 = all_four(v1 * w1), w10 = all_four(c.v * w1);
   const Quad w01 = all_four(v1 * c.w), w11 = all_four(c.v * c.w);
@@ -111,13 +112,13 @@ HWY_INLINE void sample_one(const BrickView<T>& voxels, const SamplingMap& map, c
     return (to_doubles(a) * w00 + to_doubles(b) * w10) + (to_doubles(e) * w01 + to_doubles(f) * w11);
   };
 
-  // twelve rows become three
+  // reduces twelve rows to three
   const Row r00 = r(0, 0), r10 = r(1, 0), r01 = r(0, 1), r11 = r(1, 1);
   const Quad V = blend(r00, r10, r01, r11);
   const Quad J = blend(r10 - r(-1, 0), r(2, 0) - r00, r11 - r(-1, 1), r(2, 1) - r01);
   const Quad K = blend(r01 - r(0, -1), r11 - r(1, -1), r(0, 2) - r00, r(1, 2) - r10);
 
-  // the weights along i, (0 1-u u 0) and (-(1-u) -u 1-u u), as constant + u * slope
+  // weights along i, (0 1-u u 0) and (-(1-u) -u 1-u u), as constant + u * slope
   HWY_ALIGN static constexpr double kConstantP[4] = {0, 1, 0, 0}, kSlopeP[4] = {0, -1, 1, 0};
   HWY_ALIGN static constexpr double kConstantQ[4] = {-1, 0, 1, 0}, kSlopeQ[4] = {1, -1, -1, 1};
   const Quad u = all_four(c.u);

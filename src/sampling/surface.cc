@@ -25,17 +25,17 @@ void hash_field(std::uint64_t& hash, const SignedField& field) {
 
 using Brick = BrickLayout;
 
-// Blocks of kBlock cells along each axis, eight to a brick. They begin kBorder cells before the grid; the
-// first that can be asked for reaches out of it.
+// Blocks of kBlock cells along each axis, eight per brick. They begin kBorder cells before the grid, so the
+// first block with valid queries extends beyond it.
 constexpr int kBlock = Brick::kCells / 2;
 
-/// Widens first and last by the voxels of the grid that a brick holds and that are not as outside.
+/// Extends the bounds by the grid's voxels in a brick that differ from the outside value.
 void find_different(const Bricks<std::int16_t>& bricks, std::size_t number, const std::array<int, 3>& brick,
                     std::array<int, 3>& first, std::array<int, 3>& last) {
   const std::int16_t outside = bricks.outside();
   const std::int16_t* const voxels = bricks.brick(number);
   if (bricks.is_uniform(number) && voxels[0] == outside) return;
-  // those that no other brick answers for
+  // voxels that this brick represents, without the border shared with others
   std::array<int, 3> low, count;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     low[axis] = brick[axis] * Brick::kCells - Brick::kBorder;
@@ -108,9 +108,9 @@ Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::
   return now;
 }
 
-/// Widens the box of what differs from outside by voxels, with the cells that they reach into.
+/// Extends the bounding box by the cells that touch a range of voxels.
 void Surface::reach_around(const Voxels& different) {
-  // a little farther out for rounding
+  // margin for rounding
   constexpr double kRounding_mm = 1e-6;
   const auto X_PatientVoxel = position_.geometry().X_PatientVoxel();
   for (unsigned corner = 0; corner < 8; ++corner) {
@@ -134,7 +134,7 @@ void Surface::find_least(std::size_t brick) {
   }
   for (int block = 0; block < 8; ++block) {
     std::int16_t lowest = outside;
-    // the cells of a block read its voxels and those behind them
+    // a block's cells read its own voxels and the next ones along each axis
     const std::int16_t* const first = voxels + (Brick::kBefore + (block & 1) * kBlock) +
                                       (Brick::kBefore + (block >> 1 & 1) * kBlock) * Brick::kRow +
                                       (Brick::kBefore + (block >> 2) * kBlock) * Brick::kSlice;
@@ -171,7 +171,7 @@ double Surface::at_least_mm(const Point<Patient>& x) const {
       8 * ((brick(2) * static_cast<std::size_t>(counts[1]) + brick(1)) * static_cast<std::size_t>(counts[0]) +
            brick(0)) +
       4 * half(2) + 2 * half(1) + half(0);
-  // interpolation rounds
+  // margin for rounding by the interpolation
   constexpr double kRounding_mm = 1e-9;
   return position_.steps().offset + position_.steps().scale * least_[block] - kRounding_mm;
 }

@@ -16,13 +16,13 @@ using internal::Disc;
 using internal::DiscNode;
 using TreeLayout = BrickLayout;
 
-/// The interpolant of one cell, in coordinates from 0 to 1 along each axis.
+/// Trilinear interpolant of one cell, in cell coordinates 0 ... 1.
 class CellOfSurface {
  public:
-  /// @param corner_mm  of bit 0 of the index along i, bit 1 along j, bit 2 along k
+  /// @param corner_mm  corner values; bit 0 of the index along i, bit 1 along j, bit 2 along k
   explicit CellOfSurface(const std::array<double, 8>& corner_mm) : corner_mm_(corner_mm) {}
 
-  /// mm, and its slope along each axis.
+  /// Value in mm and its gradient in cell coordinates.
   double at(const Eigen::Vector3d& p, Eigen::Vector3d& slope) const {
     double rows[4], row_slopes[4];
     for (int n = 0; n < 4; ++n) {
@@ -43,18 +43,20 @@ class CellOfSurface {
   std::array<double, 8> corner_mm_;
 };
 
+// whether the corner values have both signs
 bool is_crossed(const std::array<double, 8>& corner_mm) {
   int inside = 0;
   for (const double mm : corner_mm) inside += mm < 0 ? 1 : 0;
   return inside != 0 && inside != 8;
 }
 
-/// What the position is at a place, and how it grows there: of the interpolant itself.
+/// Value and gradient of the position field's interpolant at a point.
 struct PlaceOfField {
   double value_mm;
   Vector<Patient> slope;
 };
 
+/// Evaluates the position field's interpolant with its exact gradient.
 class PositionReader {
  public:
   explicit PositionReader(const SignedField& field)
@@ -93,7 +95,7 @@ class PositionReader {
 
 // ---- pieces of a brick
 
-/// Cuts cells into pieces, and makes each a disc.
+/// Cuts cells into pieces and computes the bounding disc of each.
 class PieceMaker {
  public:
   explicit PieceMaker(const SignedField& field)
@@ -105,7 +107,9 @@ class PieceMaker {
           1, static_cast<int>(std::ceil(field.geometry().spacing_mm[axis] / SurfaceTree::kPiece_mm - 1e-9)));
   }
 
-  /// @param voxel  the cell's first, in its brick
+  /// @param voxel  first voxel of the cell in its brick
+  /// @param first  voxel coordinates of that voxel
+  /// @param discs  the pieces are appended
   void add(const std::int16_t* voxel, const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
     std::array<double, 8> corner_mm;
     for (std::size_t n = 0; n < 8; ++n)
@@ -133,7 +137,8 @@ class PieceMaker {
     for (std::size_t n = 0; n < 8; ++n) corner_mm[n] = cell.at(corner(n), slope);
     if (!is_crossed(corner_mm)) return;
 
-    // along an edge the interpolant is a line, and no part of the surface misses all edges of a piece
+    // along an edge the interpolant is linear, and every part of the surface in a piece intersects one of its
+    // edges
     std::array<Eigen::Vector3d, 12> crossing;
     std::size_t count = 0;
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -165,9 +170,9 @@ class PieceMaker {
     discs.push_back(disc);
   }
 
-  // How far the surface reaches in a piece, along the normal of a place of it and across: what is off the
-  // plane there is trilinear, too, and greatest at a corner, so that the surface lies between two planes. Of
-  // what the piece has between them the farthest across lies on one of its edges.
+  // Half height of a piece's surface along the normal at a point of it, and its radius across. The deviation
+  // from the tangent plane is trilinear and largest at a corner, so the surface lies between two parallel
+  // planes; the point of that slab farthest from the axis is on an edge of the piece.
   template <class Corner>
   std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& middle,
                                             const Eigen::Vector3d& slope, const Eigen::Vector3d& normal,
@@ -191,7 +196,7 @@ class PieceMaker {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const std::size_t other = n | std::size_t{1} << axis;
         if (other == n) continue;
-        // the part of the edge that lies between the planes
+        // the part of the edge between the planes
         const double rise = along[other] - along[n];
         double from = 0, to = 1;
         if (rise != 0) {
@@ -209,7 +214,7 @@ class PieceMaker {
     return {half_mm, radius_mm};
   }
 
-  // by Newton's method from the middle of the crossings; one of these where that leads out of the piece
+  // Newton's method from the mean of the edge crossings; the crossing nearest to it if that leaves the piece
   static Eigen::Vector3d on_surface(const CellOfSurface& cell, const Eigen::Vector3d& from,
                                     const Eigen::Array3d& low, const Eigen::Array3d& size,
                                     std::span<const Eigen::Vector3d> crossings) {
@@ -236,7 +241,7 @@ class PieceMaker {
 
 // ---- the tree
 
-/// Around a disc, seen along a direction: how far it reaches along and across it.
+/// Bounds of a disc along a direction, and perpendicular to it.
 struct Extent {
   double low, high, aside;
 };
@@ -250,6 +255,7 @@ Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vec
   return {mm - reach, mm + reach, (way - along * mm).norm() + disc.half_mm * sine + disc.radius_mm};
 }
 
+// bounding disc of leaves, with the mean of their normals as axis
 Disc around(std::span<const DiscNode> leaves) {
   Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
@@ -281,7 +287,7 @@ Disc around(std::span<const DiscNode> leaves) {
   return disc;
 }
 
-// halves, along the axis that they are spread out along most, until one is left
+// builds a subtree at `at` by median splits along the axis of largest spread
 void grow(std::span<DiscNode> leaves, std::size_t at, std::vector<DiscNode>& nodes) {
   if (leaves.size() == 1) {
     nodes[at] = leaves.front();
@@ -306,6 +312,7 @@ void grow(std::span<DiscNode> leaves, std::size_t at, std::vector<DiscNode>& nod
   grow(leaves.subspan(half), children + 1, nodes);
 }
 
+// binary tree over leaves, root first
 std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
   std::vector<DiscNode> nodes;
   if (leaves.empty()) return nodes;
@@ -315,6 +322,7 @@ std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
   return nodes;
 }
 
+// tree of a brick's pieces; null if the surface does not cross it
 std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const PieceMaker& make,
                                              std::size_t number, const std::array<int, 3>& brick) {
   const Bricks<std::int16_t>& bricks = field.bricks();
@@ -323,7 +331,7 @@ std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const Pie
   std::array<int, 3> low, begin, end;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     low[axis] = brick[axis] * TreeLayout::kCells - TreeLayout::kBorder;
-    // from the cell before the grid's first voxel to the one behind its last
+    // cells from the one before the grid's first voxel to the one behind its last
     begin[axis] = std::max(0, -1 - low[axis]);
     end[axis] = std::min(TreeLayout::kCells, bricks.geometry().dims[axis] - low[axis]);
   }
@@ -343,7 +351,7 @@ std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const Pie
 
 // ---- queries
 
-// no place in a disc is nearer
+// lower bound of the distance to any point of a disc
 double least_mm(const Disc& disc, const Eigen::Vector3d& x) {
   const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
   const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
@@ -357,7 +365,7 @@ Eigen::Vector3d middle_of(const Disc& disc) {
   return {disc.middle[0], disc.middle[1], disc.middle[2]};
 }
 
-// back to the surface; whether it was found
+// projects a point onto the surface by Newton's method; false if that fails
 bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
   constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
   constexpr int kSteps = 5;
@@ -374,9 +382,9 @@ bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient
   return false;
 }
 
-// From a place on the surface along it to where it is nearest to x, to some thousandths: along the tangent
-// plane as far as x lies aside, were the surface flat, and by what its last step told of its curvature where
-// it is not.
+// Moves a surface point along the surface to the local minimum of its distance to x, to a few micrometres;
+// returns the distance. The step is the tangential offset of x, scaled by a secant estimate of the
+// curvature's effect from the previous step.
 double slide_nearer(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
   constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
   constexpr int kTries = 8;
@@ -478,10 +486,10 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
   if (top_.empty() || !x.all_finite()) return {};
   struct Waiting {
     const DiscNode* node;
-    const DiscNode* of;  // the nodes that it counts its children among
+    const DiscNode* of;  // array that its child indices refer to
     double least_mm;
   };
-  // of a pair of children one waits, at every level of both trees
+  // one sibling is pending at every level of both trees
   constexpr std::size_t kDeepest = 96;
   std::array<Waiting, kDeepest> waiting;
   std::size_t count = 0;
@@ -499,7 +507,7 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
       const DiscNode* const a = now.of + node.first;
       const DiscNode* const b = a + 1;
       const double a_mm = least_mm(a->disc, x.eigen()), b_mm = least_mm(b->disc, x.eigen());
-      // the nearer one is looked at first
+      // the nearer child is visited first
       const bool swap = a_mm < b_mm;
       waiting[count++] = {swap ? b : a, now.of, swap ? b_mm : a_mm};
       waiting[count++] = {swap ? a : b, now.of, swap ? a_mm : b_mm};
@@ -521,7 +529,7 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
 }
 
 Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestPlace& near) const {
-  // nearer than this the way from the surface is of the size of what it errs by
+  // closer than this, the direction to the nearest point is dominated by its error
   constexpr double kTelling_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
   const Vector<Patient> way =

@@ -8,61 +8,61 @@
 
 #include "palpate/sampling/sampling.h"
 
-/// A structure as a surface, for contact that keeps the tool out.
+/// Surface of a structure for constraint-based contact.
 namespace palpate {
 
-/// A structure's surface: where a signed distance is 0, positive outside, negative inside. It is read from
-/// two fields, each on a grid of its own. The position is the distance to a net that is as smooth as the
-/// labels allow (docs/decisions/0017); the normal is of a broader one, which shows no voxels (0009).
-/// Beyond its reach the distance stays at what it is there. Immutable; a query allocates, locks and throws
-/// nothing.
+/// Surface of a structure: the zero level set of a signed distance, positive outside. Two fields on separate
+/// grids represent it. The position field is the distance to a surface net that is as smooth as the labels
+/// allow (docs/decisions/0017); the normal field is smoothed more broadly, so that normals show no voxel
+/// pattern (docs/decisions/0009). Distances are clamped at the field's reach. Immutable; a query does not
+/// allocate, lock or throw.
 class Surface {
  public:
   Surface() = default;
-  /// @param position   mm, trilinear; its value outside the volume is at most the true distance there
-  /// @param normal     mm; only its gradient counts
-  /// @param steepest   the position's greatest slope anywhere, its fall to the value outside included; below
-  /// 1
-  ///                   counts as 1, an exact distance's
+  /// @param position  distance in mm, interpolated trilinearly; its value outside the volume is at most the
+  /// true distance there
+  /// @param normal  distance in mm of which only the gradient is used
+  /// @param steepest  maximum slope of the position field anywhere, including its decrease to the value
+  /// outside; at least 1, the slope of an exact distance, is used
   Surface(SignedField position, SignedField normal, double steepest);
-  /// The same but for a box of each field (SignedField::with); shares the rest with this one. Where the
-  /// position changes for what is outside, is_beyond() may go on being false.
+  /// A copy with a box of each field replaced (SignedField::with); the rest is shared. The bounding box used
+  /// by is_beyond() is only enlarged, so is_beyond() stays conservative.
   Surface with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
                double steepest) const;
 
-  /// mm, positive outside. Where x is NaN: as outside the volume.
+  /// Signed distance, mm; positive outside. If x is NaN, the value outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
-  /// Unit vector, or zero where both fields are flat: beyond their reach, or on a medial plane.
+  /// Outward unit normal. Zero where both fields are flat: beyond their reach, or on a medial plane.
   Vector<Patient> outward(const Point<Patient>& x) const {
     const Vector<Patient> slope = sample_central_differences(normal_, x).gradient;
     if (slope != Vector<Patient>()) return slope.normalized();
     return sample_central_differences(position_, x).gradient.normalized();
   }
 
-  /// Whether distance_mm() is outside_mm(), but for rounding, at every place within so many mm of x. Known by
-  /// a box around all others: may be false where it is so.
+  /// Whether distance_mm() equals outside_mm() up to rounding everywhere within a distance of x.
+  /// Conservative, tested by a bounding box: may be false where it is true.
   bool is_beyond(const Point<Patient>& x, double within_mm) const {
     const Eigen::Array3d away_mm =
         (low_ - x.eigen().array()).max(x.eigen().array() - high_).max(Eigen::Array3d::Zero());
     return away_mm.square().sum() > within_mm * within_mm;
   }
-  /// The same of every place within so many mm of a box, which is given by its least and greatest
-  /// coordinates.
+  /// The same within a distance of a box, given by its minimum and maximum coordinates.
   bool is_beyond(const Eigen::Array3d& low, const Eigen::Array3d& high, double within_mm) const {
     return (low - high_ > within_mm).any() || (low_ - high > within_mm).any();
   }
   double outside_mm() const { return outside_mm_; }
-  /// A lower bound of distance_mm() that costs a fraction of it: the least within some voxels of x.
+  /// Lower bound of distance_mm(), the minimum over the surrounding block of cells, at a fraction of its
+  /// cost.
   double at_least_mm(const Point<Patient>& x) const;
 
   const SignedField& position() const { return position_; }
   const SignedField& normal() const { return normal_; }
   double steepest() const { return steepest_; }
-  /// Equal for surfaces that are the same everywhere, whenever they were prepared.
+  /// Equal for surfaces with equal content, independent of when they were prepared.
   std::uint64_t content_hash() const { return content_hash_; }
 
  private:
-  // voxels of the position, first to last; empty where one is after the other
+  // inclusive voxel bounds in the position field; empty if first > last
   struct Voxels {
     std::array<int, 3> first, last;
   };
@@ -70,11 +70,12 @@ class Surface {
   void find_least(std::size_t brick);
   void hash_content();
 
-  // of all places where the position is not as outside, in the patient; looked at by every tick
+  // bounding box, in the patient frame, of all points with a position other than outside_mm_; read by every
+  // tick
   Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
   double steepest_ = 1, outside_mm_ = 0;
   SignedField position_, normal_;
-  // the position's least step in every block of cells: the eight of a brick after each other, i fastest
+  // minimum stored position of every block of cells; the eight blocks of a brick are consecutive, i fastest
   std::vector<std::int16_t> least_ = std::vector<std::int16_t>(8);
   std::uint64_t content_hash_ = 0;
 };
