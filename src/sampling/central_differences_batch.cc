@@ -3,10 +3,10 @@
 #include "palpate/sampling/sampling.h"
 #include "sampling/point_group.h"
 
-// The sample of central_differences.cc for many points, one point a lane. A load of 32 bits brings the
-// four bytes of a row at once, or two 16-bit voxels. Points go through in groups of kPointsInGroup: their
-// cells in double, as for one point; the voxels' arithmetic in float; the way back to the patient in double
-// again. A point outside is moved to the border, where everything around it is `outside`.
+// Batch version of central_differences.cc, one point per lane. A 32-bit load reads the four bytes of a row at
+// once, or two 16-bit voxels. Points are processed in groups of kPointsInGroup: cells are located in double
+// as for a single point, voxels are interpolated in float, and results are transformed to the patient frame
+// in double. A point outside is moved to the border, where all voxels around it are `outside`.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sampling/central_differences_batch.cc"
@@ -26,9 +26,9 @@ using DI = hn::ScalableTag<std::int32_t>;
 using VF = hn::Vec<DF>;
 using VI = hn::Vec<DI>;
 
-// ---- from points to cells -------------------------------------------------------------------------
+// ---- point location -------------------------------------------------------------------------------
 
-/// Between low and high; low for NaN.
+/// Clamps to low ... high; NaN becomes low.
 HWY_INLINE hn::Vec<DD> clamped(hn::Vec<DD> x, double low, double high) {
   const auto least = hn::Set(DD(), low), most = hn::Set(DD(), high);
   const auto above = hn::IfThenElse(hn::Gt(x, least), x, least);
@@ -57,7 +57,7 @@ HWY_INLINE void find_cells(const BrickView<T>& voxels, const SamplingMap& map, c
     hn::StoreU(hn::DemoteTo(d_float, hn::Sub(j, fj)), d_float, group.v + n);
     hn::StoreU(hn::DemoteTo(d_float, hn::Sub(k, fk)), d_float, group.w + n);
 
-    // BrickView::cell
+    // as in BrickView::cell
     using L = BrickLayout;
     const auto from_border = [&](auto f) HWY_ATTR {
       return hn::Add(hn::DemoteTo(d_int, f), hn::Set(d_int, L::kBorder));
@@ -77,10 +77,10 @@ HWY_INLINE void find_cells(const BrickView<T>& voxels, const SamplingMap& map, c
     group.cell[n] = voxels.table[brick[n]] + (kFirst + place[n]);
 }
 
-// ---- the voxels -------------------------------------------------------------------------------------
+// ---- interpolation ----------------------------------------------------------------------------------
 
-/// The 32 bits that stand so many voxels beyond each lane's cell, aligned or not, loaded one by one: faster
-/// than the gather instruction of AVX2 and AVX-512, which here would need addresses of 64 bits.
+/// Loads 32 bits at an offset in voxels from each lane's cell, aligned or not, with scalar loads: faster than
+/// the gather instructions of AVX2 and AVX-512, which would need 64-bit addresses here.
 template <class T>
 HWY_INLINE VI load_each(const void* const* cells, std::ptrdiff_t beyond) {
 #if HWY_TARGET == HWY_SCALAR
@@ -96,10 +96,11 @@ HWY_INLINE VI load_each(const void* const* cells, std::ptrdiff_t beyond) {
 #endif
 }
 
-/// The two voxels of a row between which the cell lies, as floats, and those before and after them.
+/// The two voxels of a row on either side of the point, as floats.
 struct Two {
   VF b, e;
 };
+/// Those two voxels, and the ones before and after them, as floats.
 struct Four {
   VF a, b, e, f;
 };
@@ -142,7 +143,7 @@ HWY_INLINE VF lerp(VF a, VF b, VF t) {
   return hn::Add(a, hn::Mul(t, hn::Sub(b, a)));
 }
 
-/// One row interpolated along i, and its difference along i.
+/// A row interpolated along i, and its difference along i.
 struct Interpolated {
   VF value, difference;
 };
@@ -152,7 +153,7 @@ HWY_INLINE Interpolated along_i(const Four& row, VF u) {
 
 template <class T>
 HWY_INLINE void sample_lanes(PointGroup& group, std::size_t n) {
-  // of this group's own, so that no store can change them
+  // a local copy that no store can alias
   const void* cells[hn::MaxLanes(DF())];
   std::copy_n(group.cell + n, hn::MaxLanes(DF()), cells);
   const VF u = hn::Load(DF(), group.u + n), v = hn::Load(DF(), group.v + n), w = hn::Load(DF(), group.w + n);
@@ -164,7 +165,7 @@ HWY_INLINE void sample_lanes(PointGroup& group, std::size_t n) {
   const auto inner = [&](int dj, int dk)
                          HWY_ATTR { return along_i(load_four_voxels<T>(cells, row(dj, dk)), u); };
 
-  // the bilinear weights along j and k
+  // bilinear weights along j and k
   const VF one = hn::Set(DF(), 1);
   const VF v1 = hn::Sub(one, v), w1 = hn::Sub(one, w);
   const VF w00 = hn::Mul(v1, w1), w10 = hn::Mul(v, w1), w01 = hn::Mul(v1, w), w11 = hn::Mul(v, w);
@@ -183,7 +184,7 @@ HWY_INLINE void sample_lanes(PointGroup& group, std::size_t n) {
             DF(), group.gk + n);
 }
 
-// ---- and back to the patient ------------------------------------------------------------------------
+// ---- transform to the patient frame -----------------------------------------------------------------
 
 HWY_INLINE void write_samples(const SamplingMap& map, const PointGroup& group, double* samples) {
   const hn::Rebind<float, DD> d_float;
@@ -202,7 +203,7 @@ HWY_INLINE void write_samples(const SamplingMap& map, const PointGroup& group, d
   }
 }
 
-/// Whole groups of kPointsInGroup points.
+/// Samples `groups` whole groups of kPointsInGroup points.
 template <class T>
 HWY_INLINE void sample_groups(const BrickView<T>& voxels, const SamplingMap& map, const double* points,
                               std::size_t groups, double* samples) {
@@ -264,7 +265,7 @@ void sample_all(const Bricks<T>& voxels, const AnyField& field, std::span<const 
   sample_groups(voxels.view(), field.map(), points.front().eigen().data(), groups, &samples.front().value);
   if (rest == 0) return;
 
-  // what does not fill a group, filled up with the last point
+  // the remaining points, padded to a whole group with the last point
   std::array<Point<Patient>, kPointsInGroup> last_points;
   std::array<FieldSample, kPointsInGroup> last_samples;
   last_points.fill(points.back());

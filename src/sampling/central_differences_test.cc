@@ -10,9 +10,9 @@ namespace {
 
 using test::make_grid;
 
-// ---- one name for the ways of storing a field ------------------------------------------------------
+// ---- uniform access to the storage types -----------------------------------------------------------
 
-/// A field of stored numbers, and what they mean.
+/// A field of a storage type, with the scale, offset and outside value of its stored numbers.
 template <class T>
 struct Stored {
   using Field = palpate::Field;
@@ -50,7 +50,7 @@ class CentralDifferences : public testing::Test {};
 using Storages = testing::Types<std::uint8_t, std::uint16_t, std::int16_t>;
 TYPED_TEST_SUITE(CentralDifferences, Storages);
 
-// ---- the definition -----------------------------------------------------------------------------------
+// ---- definition ---------------------------------------------------------------------------------------
 
 TYPED_TEST(CentralDifferences, EqualSevenTrilinearInterpolationsAnywhere) {
   SCOPED_TRACE("seed " + std::to_string(test::kSeed));
@@ -69,8 +69,8 @@ TYPED_TEST(CentralDifferences, EqualSevenTrilinearInterpolationsAnywhere) {
 }
 
 TYPED_TEST(CentralDifferences, EqualTheOracleOnEveryFaceEdgeAndCorner) {
-  // the interpolant has kinks in its gradient at whole numbers, none in its value or differences, so
-  // that every combination of border coordinates may be asked for
+  // at integer coordinates the interpolant has kinks in its gradient, but none in its value or its
+  // differences, so every combination of border coordinates has a defined result
   std::mt19937 random(test::kSeed);
   const auto volume = test::random_volume<TypeParam>(make_grid({5, 6, 4}, 0), random);
   const auto field = Stored<TypeParam>::field(volume);
@@ -143,7 +143,7 @@ TYPED_TEST(CentralDifferences, GoToTheValueOutsideLinearlyOverOneVoxel) {
   }
   EXPECT_DOUBLE_EQ(sample_value(field, point(-1.25)), outside);
   EXPECT_DOUBLE_EQ(sample_value(field, point(4.25)), outside);
-  // and the gradient there points to where the value is larger
+  // the gradient there points towards the larger value
   const auto gradient = sample_central_differences(field, point(-0.5)).gradient;
   EXPECT_GT(gradient.dot(Vector<Patient>(grid.direction.col(0))) * (inside - outside), 0);
 }
@@ -163,7 +163,7 @@ TYPED_TEST(CentralDifferences, AreThoseOfTheOutsideForWhatIsNoPlace) {
   }
 }
 
-// ---- many points ------------------------------------------------------------------------------------
+// ---- batches ----------------------------------------------------------------------------------------
 
 TYPED_TEST(CentralDifferences, OfAnyNumberOfPointsAreThoseOfEachAlone) {
   std::mt19937 random(test::kSeed);

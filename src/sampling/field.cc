@@ -9,7 +9,7 @@ namespace internal {
 SamplingMap::SamplingMap(const GridGeometry& grid, double scale, double offset, double outside_value,
                          double reach, double gradient_factor)
     : outside(outside_value), X_VoxelPatient(grid.X_PatientVoxel().inverse()) {
-  // the chain rule for f(x_voxel(x_patient)): the transposed Jacobian of the inner map
+  // chain rule for f(x_voxel(x_patient)): the transposed Jacobian of the inner map
   gradient_map = X_VoxelPatient.linear().transpose();
   for (int axis = 0; axis < 3; ++axis) {
     for (int column = 0; column < 3; ++column) {
@@ -30,7 +30,7 @@ SamplingMap::SamplingMap(const GridGeometry& grid, double scale, double offset, 
 
 namespace {
 
-// central differences read two voxels beyond the grid and leave their half to the map
+// central differences read two voxels beyond the grid; SamplingMap applies their factor 1/2
 constexpr double kReach = 2, kHalf = 0.5;
 
 template <class T>

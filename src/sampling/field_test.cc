@@ -33,7 +33,7 @@ TEST(Field, TransformsAreThoseOfAnObliqueLeftHandedGrid) {
   const Point<Voxel> back = field.X_VoxelPatient() * (grid.X_PatientVoxel() * index);
   EXPECT_LT((back - index).norm(), 1e-12);
 
-  // a gradient dotted with a step is the change of value, in whichever frame both are expressed
+  // a gradient dotted with a displacement is the change of value, in whichever frame both are expressed
   const Eigen::Vector3d per_voxel(0.2, -0.5, 0.9), step(0.1, 0.4, -0.3);
   const Eigen::Vector3d per_mm = field.gradient_map() * per_voxel;
   EXPECT_NEAR(per_mm.dot(grid.X_PatientVoxel().linear() * step), per_voxel.dot(step), 1e-13);

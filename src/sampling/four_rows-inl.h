@@ -1,7 +1,7 @@
-// Sixteen floats on every SIMD target, as the four rows of four that a point's neighbourhood has in every
-// plane: one vector of AVX-512, two of AVX2, four of SSE. Lane a + 4 b is voxel a of row b. Sums over them
-// are formed in one order on every target: over b as (0 + 2) + (1 + 3), over a alike. Included once per
-// target, after hwy/foreach_target.h.
+// Sixteen floats on every SIMD target: the four rows of four voxels of one plane of a point's 4 x 4 x 4
+// neighbourhood. One vector of AVX-512, two of AVX2, four of SSE. Lane a + 4 b is voxel a of row b. The
+// summation order is the same on every target: over b as (0 + 2) + (1 + 3), over a likewise. Included once
+// per target, after hwy/foreach_target.h.
 
 #include <hwy/highway.h>
 
@@ -67,7 +67,7 @@ HWY_INLINE Part all_rows(float x) {
 HWY_INLINE Float4 folded(const Part& part) {
   return part;
 }
-/// The sums of four times four lanes, (0 + 2) + (1 + 3).
+/// Horizontal sums of four vectors of four lanes, (0 + 2) + (1 + 3).
 HWY_INLINE Float4 add_up(const Float4& a, const Float4& b, const Float4& c, const Float4& d) {
   const auto sum = [](const Float4& x) HWY_ATTR { return (x.lane[0] + x.lane[2]) + (x.lane[1] + x.lane[3]); };
   return {{sum(a), sum(b), sum(c), sum(d)}};
@@ -106,12 +106,12 @@ HWY_INLINE float lane_of(const Float4& a) {
   return hn::GetLane(hn::Broadcast<kLane>(a.v));
 }
 
-/// As many rows as a vector holds, at most the four of one e.
+/// As many rows as fit into a vector, at most the four of one plane.
 using DPart = hn::CappedTag<float, 16>;
 constexpr int kRowsOfPart = static_cast<int>(hn::MaxLanes(DPart())) / 4;
 using Part = Floats<DPart>;
 
-/// Rows of four joined two by two.
+/// Concatenates rows of four.
 template <int kRows, class RowAt>
 HWY_INLINE auto joined(const RowAt& row_at) {
   if constexpr (kRows == 1) {
@@ -130,8 +130,7 @@ HWY_INLINE Part load_rows(const std::int16_t* p, std::ptrdiff_t row) {
   const auto stored = joined<kRowsOfPart>([&](int n) HWY_ATTR { return hn::LoadU(d, p + n * row); });
   return {hn::ConvertTo(DPart(), hn::PromoteTo(hn::Rebind<std::int32_t, DPart>(), stored))};
 }
-/// Lanes of `a` in any order, as many as a part has. A template, because only one of its branches is right on
-/// a target.
+/// Permutes the lanes of `a` into a part. A template, because only one of its branches compiles on a target.
 template <class AnyFloat4>
 HWY_INLINE Part picked(const AnyFloat4& a, const std::int32_t* lanes) {
   if constexpr (kRowsOfPart == 4) {
@@ -142,7 +141,7 @@ HWY_INLINE Part picked(const AnyFloat4& a, const std::int32_t* lanes) {
     return {hn::TableLookupLanes(hn::ZeroExtendVector(DPart(), a.v), hn::SetTableIndices(DPart(), lanes))};
   }
 }
-/// Lane `first` four times, then the next lane four times, for as many rows as a part has.
+/// Repeats lane `first` four times, then the next lane, for every row of a part.
 template <class AnyFloat4>
 HWY_INLINE Part spread(const AnyFloat4& a, int first) {
   if constexpr (kRowsOfPart == 1) {
@@ -166,7 +165,7 @@ HWY_INLINE Part repeated(const AnyFloat4& a) {
 HWY_INLINE Part all_rows(float x) {
   return {hn::Set(DPart(), x)};
 }
-/// The rows of a part added up, the upper half to the lower.
+/// Sum of the rows of a part, adding the upper half to the lower.
 template <class D>
 HWY_INLINE Float4 folded(const Floats<D>& part) {
   if constexpr (hn::MaxLanes(D()) == 4) {
@@ -176,7 +175,7 @@ HWY_INLINE Float4 folded(const Floats<D>& part) {
     return folded(Floats<Lower>{hn::Add(hn::LowerHalf(Lower(), part.v), hn::UpperHalf(Lower(), part.v))});
   }
 }
-/// The sums of four times four lanes, (0 + 2) + (1 + 3).
+/// Horizontal sums of four vectors of four lanes, (0 + 2) + (1 + 3).
 HWY_INLINE Float4 add_up(const Float4& a, const Float4& b, const Float4& c, const Float4& d) {
   const DF4 f;
   const auto ab = hn::Add(hn::InterleaveLower(f, a.v, b.v), hn::InterleaveUpper(f, a.v, b.v));
@@ -197,7 +196,7 @@ HWY_INLINE Quad to_doubles(const AnyFloat4& a) {
 
 constexpr int kParts = 4 / kRowsOfPart;
 
-/// All parts added up, (0 + 2) + (1 + 3) for their rows.
+/// Sum of all parts, in the order (0 + 2) + (1 + 3) of their rows.
 HWY_INLINE Float4 add_rows(const Part (&part)[kParts]) {
   if constexpr (kParts == 1) {
     return folded(part[0]);
@@ -208,13 +207,13 @@ HWY_INLINE Float4 add_rows(const Part (&part)[kParts]) {
   }
 }
 
-/// Weights along i, j and k, and what stands in their place for a derivative.
+/// Weights p along i, j and k, and their derivatives q.
 struct WeightsOf64 {
   Float4 p_i, q_i, p_j, q_j, p_k, q_k;
 };
 
-/// Of 4 x 4 x 4 numbers, `plane_rows(b, e)` being the rows from b on of plane e, or whatever a part can be
-/// multiplied with for them; with V = sum_e rows p_e and K = sum_e rows q_e:
+/// Separable weighted sums over 4 x 4 x 4 numbers. `plane_rows(b, e)` returns the rows from b on of plane e,
+/// or anything that multiplies with a part. With V = sum_e rows p_e and K = sum_e rows q_e, the result is
 ///     (p_a p_b) V,  (q_a p_b) V,  (p_a q_b) V,  (p_a p_b) K
 /// Sums over e are formed as (0 + 1) + (2 + 3).
 template <class PlaneRows>

@@ -10,7 +10,7 @@ namespace {
 using internal::label_sphere::GaussianTable;
 
 constexpr int kHalfWindow = 2;
-/// Entries per voxel^2 of the literal form's table, which ends beyond three times 2.5^2.
+/// Entries per voxel^2 of the literal form's table, and its end beyond 3 * 2.5^2.
 constexpr int kPerSquaredVoxel = 256;
 constexpr int kLastSquaredDistance = 19;
 
@@ -29,7 +29,7 @@ double look_up(const std::vector<double>& table, double squared_distance) {
   return table[entry] + (place - static_cast<double>(entry)) * (table[entry + 1] - table[entry]);
 }
 
-/// I of the 125 voxels around `centre`, for an x that lies `fraction` beyond it.
+/// I over the 125 voxels around `centre`, with x at an offset of `fraction` from it.
 template <class T>
 double evaluate(const Bricks<T>& labels, const std::vector<LabelRange>& ranges,
                 const std::vector<double>& table, const std::array<int, 3>& centre,
@@ -58,7 +58,7 @@ std::vector<float> tabulate_over_fraction(double sigma) {
     const double fraction = static_cast<double>(row) / GaussianTable::kIntervals - 0.5;
     for (int n = -kHalfWindow; n <= kHalfWindow; ++n) {
       const double d = n - fraction;
-      // two zeros come first
+      // after two zeros
       table[row * GaussianTable::kStride + n + kHalfWindow + 2] =
           static_cast<float>(scale * std::exp(-d * d / (2 * sigma * sigma)));
     }
@@ -112,7 +112,7 @@ FieldSample GaussianSphere::sample_literal(const Point<Patient>& x) const {
         },
         voxels_.storage());
   };
-  // a voxel away the nearest voxel is the next one and the fraction the same
+  // at an offset of one voxel the nearest voxel is the next one, with the same fraction
   Eigen::Vector3d gradient;
   for (int axis = 0; axis < 3; ++axis) {
     std::array<int, 3> before = centre, after = centre;

@@ -15,7 +15,7 @@ GaussianSphere gaussian_sphere_of(const LabelVoxels& voxels, double sigma) {
   return GaussianSphere::make(voxels, sigma).value();
 }
 
-/// The published formula with the exponential itself, and nothing shared between its seven evaluations.
+/// The published formula with std::exp, and seven independent evaluations.
 FieldSample formula(const LabelVoxels& voxels, double sigma, const Point<Patient>& p) {
   const Eigen::Vector3d x = (voxels.X_VoxelPatient() * p).eigen();
   const auto value = [&](const Eigen::Vector3d& at) {
@@ -42,7 +42,7 @@ FieldSample formula(const LabelVoxels& voxels, double sigma, const Point<Patient
   return {value(x), Vector<Patient>(matrix.transpose().fullPivLu().solve(gradient))};
 }
 
-/// What a full plane of voxels at the window's end weighs where the window moves.
+/// Weight of a full plane of voxels at the end of the window, where the window shifts.
 double plane_weight(double sigma) {
   return std::exp(-2.5 * 2.5 / (2 * sigma * sigma)) / (sigma * std::sqrt(2 * std::numbers::pi));
 }
@@ -61,7 +61,7 @@ TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
           for (const auto& p : points) {
             const FieldSample fast = sphere.sample(p), literal = sphere.sample_literal(p);
             ASSERT_NEAR(fast.value, literal.value, 1e-5) << sigma << " at " << p.eigen().transpose();
-            // per voxel, hence per mm over the least spacing
+            // error per voxel, hence per mm over the minimum spacing
             ASSERT_LT((fast.gradient - literal.gradient).norm() * labels->geometry().min_spacing_mm(), 1e-5)
                 << sigma << " at " << p.eigen().transpose();
           }
@@ -80,7 +80,7 @@ TEST(GaussianSphere, LiteralFormIsTheFormula) {
     for (const double sigma : {0.5, 1.0, 2.0}) {
       const GaussianSphere sphere = gaussian_sphere_of(voxels, sigma);
       for (int n = 0; n < 400; ++n) {
-        // not on a half voxel, where the last bit decides about the window
+        // not at half voxels, where the last bit determines the window
         Point<Voxel> x;
         for (int axis = 0; axis < 3; ++axis) x[axis] = std::uniform_real_distribution<double>(-4, 12)(random);
         const Point<Patient> p = grid.X_PatientVoxel() * x;
@@ -101,7 +101,7 @@ TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
   const FieldSample centre = sphere.sample(grid.X_PatientVoxel() * Point<Voxel>(8, 8, 8));
   EXPECT_NEAR(centre.value, axis_sum * axis_sum * axis_sum, 1e-6);
   EXPECT_LT(centre.value, 0.98);
-  // nothing to feel a direction of, hence none: not one of rounding errors
+  // exactly no gradient, rather than one of rounding errors
   EXPECT_EQ(centre.gradient, Vector<Patient>());
   EXPECT_EQ(sphere.sample_literal(grid.X_PatientVoxel() * Point<Voxel>(8.2, 8.4, 7.7)).gradient,
             Vector<Patient>());
@@ -109,7 +109,7 @@ TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
 }
 
 TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
-  // along i past a flat wall of everything beyond i = 8, at sigma 1
+  // along i across a flat wall of all voxels beyond i = 8, at sigma 1
   const GridGeometry grid = test::make_grid({20, 12, 12}, 0);
   Volume<LabelId> wall(grid);
   for (int k = 0; k < 12; ++k) {
@@ -125,7 +125,7 @@ TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
     };
     const double tiny = 1e-9;
     for (const double half : {6.5, 7.5, 8.5, 9.5}) {
-      // the window gains the plane 2.5 voxels ahead, and loses the one behind; only one of them is full
+      // the window gains the plane 2.5 voxels ahead and loses the one behind; only one of them is full
       EXPECT_NEAR(value(half + tiny) - value(half - tiny), plane_weight(1), 2e-3) << half;
       const double between = half + 0.5;
       EXPECT_LT(std::abs(value(between + tiny) - value(between - tiny)), 1e-6) << between;
@@ -155,7 +155,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
     }
     std::cout << "sigma " << sigma << ": jumps of up to " << largest_jump
               << " % of full force, between them up to " << largest_between << " %\n";
-    // where the ball fills a good part of the plane
+    // where the ball covers a large part of the plane
     EXPECT_GT(largest_jump, 50 * plane_weight(sigma));
     EXPECT_GT(largest_jump, 3 * largest_between);
   }

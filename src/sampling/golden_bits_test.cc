@@ -3,20 +3,20 @@
 #include "palpate/base/hash.h"
 #include "sampling/test_oracles.h"
 
-// What a query for one point gives, down to the last bit, on every SIMD target and in every
-// build: what a recorded run is run again with. The hashes change only when a method does.
+// Single-point queries are bit-identical on every SIMD target and in every build, which replay of recorded
+// runs relies on. These hashes change only when a method does.
 
 namespace palpate {
 namespace {
 
-/// Numbers that no library's distribution has a say in.
+/// Pseudo-random numbers that do not depend on a library's distributions.
 class Numbers {
  public:
   std::uint32_t next() {
     state_ = state_ * 6364136223846793005u + 1442695040888963407u;
     return static_cast<std::uint32_t>(state_ >> 33);
   }
-  /// -3 ... 13 voxels, in steps of 2^-27.
+  /// Coordinate of -3 ... 13 voxels, in steps of 2^-27.
   double coordinate() { return next() / 134217728.0 - 3; }
 
  private:
@@ -39,7 +39,7 @@ Volume<T> volume(Numbers& numbers) {
   return result;
 }
 
-/// Of 2000 samples on each target; fails where two targets differ.
+/// Hash of 2000 samples on each target; fails if two targets differ.
 template <class Sample>
 std::uint64_t hash_of(const Sample& sample) {
   std::uint64_t common = 0;

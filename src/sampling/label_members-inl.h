@@ -1,5 +1,5 @@
-// Which voxels are members, and what derivatives add to a sample, for label_sphere_simd.cc. Included once per
-// target.
+// Membership tests of voxels, and the gradient's transform to a sample, for label_sphere_simd.cc. Included
+// once per target.
 #include "sampling/label_sphere_simd.h"
 #include "sampling/vectors-inl.h"
 
@@ -21,7 +21,8 @@ HWY_INLINE std::uint32_t first_to_last(const LabelRange& range) {
   return static_cast<std::uint32_t>(range.last - range.first);
 }
 
-/// Of lanes as narrow as what is stored: whether each is one of the `span` + 1 labels from `first` on.
+/// Whether each lane is one of the `span` + 1 labels from `first` on; lanes have the width of the stored
+/// type.
 template <class D>
 HWY_INLINE hn::Mask<D> is_in(D d, hn::Vec<D> label, std::uint32_t first, std::uint32_t span) {
   using T = hn::TFromD<D>;
@@ -29,9 +30,9 @@ HWY_INLINE hn::Mask<D> is_in(D d, hn::Vec<D> label, std::uint32_t first, std::ui
   return hn::Eq(hn::Min(above, hn::Set(d, static_cast<T>(span))), above);
 }
 
-/// One run of consecutive labels, the usual set.
+/// Membership in one range of consecutive labels, the common case.
 struct OneRange {
-  /// @param flip  what is stored that is no member instead: the run from behind it round to before it
+  /// @param flip  test for non-members instead: the complementary range, with wrap-around
   template <class T>
   HWY_INLINE explicit OneRange(const LabelGrid<T>& grid, bool flip = false)
       : first(flip ? grid.ranges[0].last + 1u : grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {
@@ -56,7 +57,7 @@ struct AnyRanges {
       : ranges(grid.ranges), count(grid.range_count), flip(flip_hits) {}
   template <class DU>
   HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {
-    // no label has 32 bits: all of them miss so far
+    // no label has 32 bits, so initially all lanes miss
     auto all = hn::Ne(label, hn::Set(du, ~std::uint32_t{0}));
     for (std::size_t n = 0; n < count; ++n) {
       const auto above = hn::Sub(label, hn::Set(du, std::uint32_t{ranges[n].first}));
@@ -80,10 +81,10 @@ struct AnyRanges {
   }
   const LabelRange* ranges;
   std::size_t count;
-  bool flip;  ///< hit() says of which lanes it is not true
+  bool flip;  ///< inverts hit()
 };
 
-/// What a derivative along axis a of the grid adds to a sample, which is value and gradient per mm.
+/// Contribution of a derivative along grid axis a to a sample (value and gradient per mm).
 template <class T>
 HWY_INLINE internal::HWY_NAMESPACE::Quad gradient_column(const LabelGrid<T>& grid, int a) {
   const double* m = grid.voxel_per_mm + a;

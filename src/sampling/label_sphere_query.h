@@ -8,7 +8,8 @@
 
 namespace palpate::internal::label_sphere {
 
-/// Samples the sphere; where its kernel wants points in voxels a few at a time, so that nothing is allocated.
+/// Samples a sphere filter. Kernels that need voxel coordinates are called in chunks, so that nothing is
+/// allocated.
 template <class Kernel>
 void sample_sphere_at(const LabelVoxels& voxels, const Kernel& kernel, std::span<const Point<Patient>> points,
                       std::span<FieldSample> samples) {

@@ -1,25 +1,24 @@
 #include "sampling/label_sphere_simd.h"
 
-// Both spheres weigh a box of voxels with a product of one weight an axis, and their gradients differ from
-// their values in one factor only. With w the weights, s the slopes (of the smooth sphere's weights their
-// derivatives, of the Gaussian's half the differences one voxel away), L 1 for members and else 0:
+// Both sphere filters weight a box of voxels with a separable kernel, and their gradients differ from their
+// values in one factor only. With the weights w, the slopes s (derivatives of the weights for the smooth
+// sphere; half the differences one voxel away for the Gaussian), and L = 1 for members and 0 otherwise:
 //
 //     A(i,k) = sum_j w_j L        V(i) = sum_k w_k A        value = sum_i w_i V     d/di = sum_i s_i V
 //     B(i,k) = sum_j s_j L        Y(i) = sum_k w_k B        d/dj  = sum_i w_i Y
 //                                 Z(i) = sum_k s_k A        d/dk  = sum_i w_i Z
 //
-// Vectors lie along i, where every lane stands for itself until the last sums, which are taken in four parts
-// on every target. What counts of a box that lies in several bricks is gathered first. No operation is fused.
-// Hence the same bits everywhere. The smallest smooth sphere, the one for fine points, has a form of its own
-// in small_sphere-inl.h.
+// Vectors extend along i, where lanes are independent until the final sums, which are taken in four parts on
+// every target. Voxels of a box that spans several bricks are gathered first. No operation is fused. Results
+// are therefore bit-identical on every target. The smallest smooth sphere, the one for high-resolution tools,
+// has a specialisation in small_sphere-inl.h.
 //
-// The slopes sum to 0 and the weights to a known total, but not to the last bit, and deep inside the tissue a
-// gradient of rounding errors would still have a direction. Where the box lies wholly inside the volume and
-// the voxel nearest to x is a member, the sums are therefore taken over the voxels that are not members
-// ("flipped").
+// The slopes sum to 0 and the weights to a known total only up to rounding, and deep inside tissue a gradient
+// of rounding errors would still have a direction. If the box is entirely inside the volume and the voxel
+// nearest to x is a member, the sums are therefore taken over the non-members ("flipped").
 //
-// Compiled once per target by foreach_target.h; only what is marked HWY_INLINE and the four functions at the
-// end live in the target's namespace, and nothing of the standard library is called there.
+// Compiled once per target by foreach_target.h. Only code marked HWY_INLINE and the four functions at the end
+// are in the target's namespace, and no standard library function is called there.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sampling/label_sphere_simd.cc"
@@ -36,21 +35,21 @@ namespace palpate::internal::label_sphere::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// ---- the sums --------------------------------------------------------------------------------------------
+// ---- sums ------------------------------------------------------------------------------------------------
 
-/// The sums along j and k, one for each place along i.
+/// Sums along j and k, for each position along i.
 struct alignas(64) ColumnSums {
   float v[kMaxCount], y[kMaxCount], z[kMaxCount];
 };
 
-/// The part of the box that lies inside the volume, as offsets from its start, ends excluded.
+/// Part of the box inside the volume, as half-open offsets from its start.
 struct BoxPart {
   int begin[3], end[3];
-  bool whole;  ///< all of the box
+  bool whole;  ///< the whole box is inside
 };
 
-/// Along an axis a brick that stores voxel p first is number (p + kToFirst) / kCells, which has it at place
-/// (p + kToFirst) % kCells, and with it all up to place kVoxels - 1.
+/// Along an axis, the first brick that stores voxel p has the number (p + kToFirst) / kCells and stores it at
+/// position (p + kToFirst) % kCells, together with all voxels up to position kVoxels - 1.
 constexpr int kToFirst = BrickLayout::kBorder + BrickLayout::kBefore, kCells = BrickLayout::kCells;
 static_assert((kCells & (kCells - 1)) == 0);
 HWY_INLINE int brick_of(int voxel) {
@@ -67,8 +66,8 @@ struct Box {
   const BoxPart& part;
 };
 
-/// What of a block of lanes of a box counts, read where it stands, from at most two bricks along each axis.
-/// kTwoAlongI: the block's lanes go on in another brick.
+/// Counted voxels of a block of lanes of a box, read in place from at most two bricks along each axis.
+/// kTwoAlongI: the block's lanes continue in a second brick.
 template <bool kTwoAlongI, class Members, class T>
 struct CountedInBricks {
   HWY_INLINE CountedInBricks(const Box<T>& box, int block, const Members& those_that_count)
@@ -106,12 +105,14 @@ struct CountedInBricks {
 
   static constexpr int kMostRows = kCells + 1;
   const Members members;
-  int lanes_of_first, first_of_second;  ///< slice of the second brick
-  /// A row of the box in the block and slice 0, of either brick along k, if it held that.
+  /// Number of lanes in the first brick; first slice of the second brick.
+  int lanes_of_first, first_of_second;
+  /// Rows of the box in this block at slice 0, in either brick along k (extrapolated if that brick does not
+  /// hold slice 0).
   const T *here[2][kMostRows], *next[2][kMostRows];
 };
 
-/// Likewise, of a box that lies in one brick, where most small ones do: at strides that are known.
+/// Counted voxels of a box within one brick, the common case for small boxes, with constant strides.
 template <class Members, class T>
 struct CountedInOneBrick {
   HWY_INLINE CountedInOneBrick(const Box<T>& box, const Members& those_that_count)
@@ -137,8 +138,9 @@ struct CountedInOneBrick {
   const T* first;
 };
 
-/// What of a block of kWidth lanes of a box counts, for some of its slices: all bits where a voxel does, else
-/// 0. Rows stand one after the other, whichever bricks they are of. Lanes beyond the box may hold anything.
+/// Counted voxels of a block of kWidth lanes, gathered for some slices of the box: all bits set if counted,
+/// else 0. Rows are contiguous, independent of the bricks they come from. Lanes beyond the box are
+/// unspecified.
 template <std::size_t kWidth, class Members, class T>
 struct CountedLanes {
   static constexpr int kRows = 256;
@@ -153,7 +155,7 @@ struct CountedLanes {
     return hn::MaskFromVec(hn::Load(d, lanes + row * static_cast<int>(kWidth) + lane));
   }
 
-  /// Slices of the box. Nothing beyond the volume is read.
+  /// Gathers slices of the box; does not read beyond the volume.
   HWY_INLINE void take(int begin_k, int end_k) {
     first_k = begin_k;
     T* to = lanes;
@@ -166,7 +168,7 @@ struct CountedLanes {
     if (!box.part.whole) return take_part(k, to);
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start + block, j = box.axes[1].start, slice = box.axes[2].start + k;
-    // there are bricks for lanes that are in the box
+    // bricks exist only for lanes inside the box
     const int left = box.axes[0].count - block, width = static_cast<int>(kWidth);
     const int needed = left < width ? left : width, in_first = BrickLayout::kVoxels - place_of(i);
     const T* const* table =
@@ -195,7 +197,7 @@ struct CountedLanes {
       for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d))
         hn::Store(counted(hn::LoadU(d, from + lane)), d, to + lane);
   }
-  /// Rows that go on in another brick after so many lanes.
+  /// Gathers rows that continue in a second brick after `lanes_of_first` lanes.
   HWY_INLINE void take_rows(const T* from, const T* then, int lanes_of_first, int rows, T* to) const {
     const D d;
     for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d)) {
@@ -207,7 +209,7 @@ struct CountedLanes {
         hn::Store(counted(hn::IfThenElse(is_first, hn::LoadU(d, a), hn::LoadU(d, b))), d, out);
     }
   }
-  /// What lies beyond the volume does not count.
+  /// Gathers with bounds checks; voxels outside the volume are not counted.
   HWY_INLINE void take_part(int k, T* to) const {
     const BoxPart& part = box.part;
     for (int j = 0; j < box.axes[1].count; ++j) {
@@ -228,14 +230,14 @@ struct CountedLanes {
   int block, first_k = 0;
 };
 
-/// Those lanes of a row whose voxels count, for sums of floats. Where masks are bits they are as they are;
-/// elsewhere they become lanes of all bits or none.
+/// Mask of the counted lanes of a row, for sums of floats. Kept as a bit mask on targets that have them,
+/// otherwise as lanes of all ones or zeros.
 template <class D, class DT>
 struct CountedRow {
 #if HWY_TARGET <= HWY_AVX3
   HWY_INLINE CountedRow(D, DT, hn::Mask<DT> narrow)
       : counts{static_cast<decltype(hn::Mask<D>::raw)>(narrow.raw)} {}
-  /// kOthers: those that do not count are added to.
+  /// @tparam kOthers  adds the lanes that are not counted
   template <bool kOthers>
   HWY_INLINE hn::Vec<D> add(hn::Vec<D> sum, hn::Vec<D> weight) const {
     const auto more = hn::Add(sum, weight);
@@ -250,15 +252,15 @@ struct CountedRow {
   }
   template <bool kOthers>
   HWY_INLINE hn::Vec<D> add(hn::Vec<D> sum, hn::Vec<D> weight) const {
-    // 0 is added for the others: sums are never -0
+    // adds 0 to the other lanes; sums are never -0
     return hn::Add(sum, kOthers ? hn::AndNot(counts, weight) : hn::And(counts, weight));
   }
   hn::Vec<D> counts;
 #endif
 };
 
-/// The sums at lanes of a block and of slices begin_k ... end_k - 1, after those before. kOthers: over what
-/// does not count.
+/// Accumulates the sums at lanes of a block over slices begin_k ... end_k - 1. kOthers: over the voxels that
+/// are not counted.
 template <int kCount, bool kOthers, class D, class T, class Counts>
 HWY_INLINE void sum_columns(D d, const Box<T>& box, const Counts& counts, int block, int lane, int begin_k,
                             int end_k, ColumnSums& sums) {
@@ -296,7 +298,7 @@ HWY_INLINE void sum_slices(const Box<T>& box, const Counts& counts, int block, i
     sum_columns<kCount, kOthers>(d, box, counts, block, lane, begin_k, end_k, sums);
 }
 
-/// Kept out of the way of the other box's registers.
+/// Not inlined, to keep its registers out of the common path.
 template <int kCount, std::size_t kWidth, class Members, class T>
 HWY_NOINLINE void sum_gathered(const Box<T>& box, int block, const Members& members, ColumnSums& sums) {
   CountedLanes<kWidth, Members, T> counts(box, block, members);
@@ -309,7 +311,7 @@ HWY_NOINLINE void sum_gathered(const Box<T>& box, int block, const Members& memb
   }
 }
 
-/// The sums of a block of kWidth lanes.
+/// Sums of a block of kWidth lanes.
 template <int kCount, std::size_t kWidth, class Members, class T>
 HWY_INLINE int sum_block(const Box<T>& box, bool in_place, int block, const Members& members,
                          ColumnSums& sums) {
@@ -329,7 +331,7 @@ HWY_INLINE int sum_block(const Box<T>& box, bool in_place, int block, const Memb
 
 template <int kCount, class Members, class T>
 HWY_INLINE void sum_rows(const Box<T>& box, const Members& members, ColumnSums& sums) {
-  // place and count leave no third brick
+  // whether position and count exclude a third brick
   bool in_place = box.part.whole;
   for (int a = 1; a < 3; ++a) in_place = in_place && box.axes[a].count <= kCells + 1;
   const int length = padded(count_or<kCount>(box.axes[0].count));
@@ -342,7 +344,7 @@ HWY_INLINE void sum_rows(const Box<T>& box, const Members& members, ColumnSums& 
   }
 }
 
-/// Kept out of the way of the usual box's registers.
+/// Not inlined, to keep its registers out of the common path.
 template <int kCount, class T>
 HWY_NOINLINE void sum_unusual(const Box<T>& box, bool flip, ColumnSums& sums) {
   sum_rows<kCount>(box, AnyRanges(box.grid, flip), sums);
@@ -355,7 +357,7 @@ HWY_INLINE void sum_box(const Box<T>& box, bool flip, ColumnSums& sums) {
     static_assert(kCount <= static_cast<int>(kWidth));
     if (box.grid.range_count == 1 && CountedInOneBrick<OneRange, T>::holds(box)) {
       const CountedInOneBrick<OneRange, T> counts(box, OneRange(box.grid));
-      // a branch, which is foreseen: what counts would wait for the voxel in the middle
+      // a predictable branch; computing the mask from it would wait for the voxel in the middle
       if (flip)
         sum_slices<kCount, kWidth, true>(box, counts, 0, 0, kCount, sums);
       else
@@ -370,7 +372,7 @@ HWY_INLINE void sum_box(const Box<T>& box, bool flip, ColumnSums& sums) {
   }
 }
 
-/// sum_i a(i) b(i), in four parts.
+/// Dot product sum_i a(i) b(i), in four partial sums.
 template <int kCount>
 HWY_INLINE float dot(const float* a, const float* b, int count) {
   const hn::CappedTag<float, 4> d;
@@ -402,7 +404,7 @@ HWY_INLINE BoxPart part_inside(const LabelGrid<T>& grid, const AxisWeights (&axe
 template <int kCount, class T, class Kernel>
 HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const SpherePoint& point,
                            double* sample) {
-  // too far away to see a voxel, or not a number
+  // out of reach of all voxels, or NaN
   store_four(internal::HWY_NAMESPACE::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     const double far = reach(kernel, a);
@@ -420,7 +422,7 @@ HWY_INLINE void sample_one(const LabelGrid<T>& grid, const Kernel& kernel, const
   const Box<T> box{grid, axes, part};
   sum_box<kCount>(box, flip, sums);
 
-  // normalised last, in double: the divisions wait for nothing
+  // normalised last, in double, so that the divisions overlap with the sums
   const int count = axes[0].count;
   const double sign = flip ? -1 : 1;
   const double per_sum = sign * axes[0].per_sum * axes[1].per_sum * axes[2].per_sum;

@@ -13,12 +13,12 @@ using test::make_grid;
 
 constexpr unsigned kSeed = 20261120;
 
-/// Bits, not numbers: -0 is not 0 to a hash.
+/// Compares bits, because -0 and 0 have different hashes.
 bool same_bits(const FieldSample& a, const FieldSample& b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-/// One point at a time and all together, on every target.
+/// Compares single-point and batch queries on every target.
 template <class Method>
 void expect_same_bits_everywhere(const Method& method, const std::vector<Point<Patient>>& points) {
   std::vector<FieldSample> expected(points.size());
@@ -61,15 +61,15 @@ TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {
   }
 }
 
-// Sums of rows that lie in one brick, in several, and across two: a sphere that is moved by one voxel with
-// its labels sums the same voxels in the same order.
+// Sums of rows within one brick, in several, and across two: a sphere moved by whole voxels together with its
+// labels sums the same voxels in the same order.
 TEST(LabelMethodTargets, GiveTheSameBitsWhereverBricksMeet) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   GridGeometry small;
   small.dims = {44, 44, 44};
   const Volume<LabelId> labels = internal::random_labels(small, random)->dense();
-  // so few binary digits that the fractions stay as they are
+  // coordinates with few binary digits, so that the fractions are not rounded
   const Point<Patient> middle(21.25, 21.75, 22.375);
   const auto samples_at = [&](int by_i, int by_j, int by_k) {
     GridGeometry grid = small;
@@ -118,10 +118,10 @@ TEST(LabelMethodTargets, GiveTheSameBitsForStoredNormals) {
   }
 }
 
-/// Of 2000 samples in and around a grid of 11 x 10 x 9.
+/// Hash of 2000 samples in and around a grid of 11 x 10 x 9.
 template <class Method>
 std::uint64_t hash_of(const Method& method, const GridGeometry& grid) {
-  // numbers that no library's distribution has a say in
+  // independent of a library's distributions
   std::mt19937 random(kSeed);
   const auto coordinate = [&] { return static_cast<double>(random()) / 268435456.0 - 3; };
   std::uint64_t hash = kHashSeed;
@@ -136,8 +136,8 @@ std::uint64_t hash_of(const Method& method, const GridGeometry& grid) {
   return hash_finish(hash);
 }
 
-// The hashes change only when a method does: with the tests above, the same bits on every target and in every
-// build, which is what a recorded run is run again with.
+// The hashes change only when a method does. Together with the tests above: bit-identical on every target and
+// in every build, which replay of recorded runs relies on.
 TEST(LabelMethodTargets, GiveTheSameBitsInEveryBuild) {
   std::mt19937 random(kSeed);
   GridGeometry grid;

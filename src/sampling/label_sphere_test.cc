@@ -12,7 +12,7 @@ TEST(LabelSet, HoldsWhatWasInsertedAndNotErased) {
   LabelSet set;
   std::set<unsigned> expected;
   for (int n = 0; n < 3000; ++n) {
-    // dense enough for runs, and the last label too
+    // dense enough for ranges, including the last label
     const auto id = static_cast<LabelId>(n % 100 == 0 ? 65535 : 1 + random() % 2000);
     if (random() % 3 == 0) {
       set.erase(id);
@@ -26,7 +26,7 @@ TEST(LabelSet, HoldsWhatWasInsertedAndNotErased) {
     ASSERT_EQ(set.contains(static_cast<LabelId>(id)), expected.contains(id)) << id;
   }
 
-  // the runs hold the same labels, and between two of them one is missing
+  // the ranges contain the same labels, and at least one label is missing between any two of them
   std::set<unsigned> in_runs;
   unsigned free_from = 0;
   for (const LabelRange& range : set.ranges()) {

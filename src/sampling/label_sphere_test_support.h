@@ -12,10 +12,10 @@
 #include "palpate/sampling/voxel_methods.h"
 #include "sampling/test_targets.h"
 
-// What the tests of the label methods share.
+// Helpers of the tests of the label methods.
 namespace palpate::internal {
 
-/// Blobs of labels 0 ... 5 and 40 000: every voxel its own or its neighbour's.
+/// Clusters of the labels 0 ... 5 and 40 000: each voxel has a random label or its neighbour's.
 inline std::shared_ptr<const Bricks<LabelId>> random_labels(const GridGeometry& grid, std::mt19937& random) {
   Volume<LabelId> labels(grid);
   LabelId last = 0;
@@ -42,7 +42,7 @@ inline std::shared_ptr<const Bricks<LabelId>> ball_labels(const GridGeometry& gr
   return label_bricks(labels);
 }
 
-/// Points in and around the grid, whole and half voxel coordinates among them.
+/// Points in and around the grid, including integer and half-integer voxel coordinates.
 inline std::vector<Point<Patient>> random_points(const GridGeometry& grid, double beyond_voxels, int count,
                                                  std::mt19937& random) {
   std::vector<Point<Patient>> points;
@@ -60,12 +60,12 @@ inline std::vector<Point<Patient>> random_points(const GridGeometry& grid, doubl
   return points;
 }
 
-/// The founding force for a full force of 1: value times normal.
+/// The founding force at a full force of 1: value times normal.
 inline Vector<Patient> unit_force(const FieldSample& sample) {
   return sample.gradient.normalized() * -sample.value;
 }
 
-/// A path at constant distance from a centre, winding smoothly and at random, in steps of `step_mm`.
+/// Smooth random path at a constant distance from a centre, in steps of `step_mm`.
 inline std::vector<Point<Patient>> winding_path(const Point<Patient>& centre, double radius_mm,
                                                 double step_mm, int count, std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -75,7 +75,7 @@ inline std::vector<Point<Patient>> winding_path(const Point<Patient>& centre, do
   std::vector<Point<Patient>> path;
   for (int n = 0; n < count; ++n) {
     path.push_back(centre + Vector<Patient>(out * radius_mm));
-    // curvature up to 1/2 per mm, changing over 3 mm
+    // curvature up to 1/2 per mm, varying over 3 mm
     const double turn = 0.5 * step_mm * std::sin(turns + n * step_mm / 3);
     along = (along + turn * out.cross(along)).normalized();
     const Eigen::Vector3d next = (out + along * (step_mm / radius_mm)).normalized();
@@ -85,9 +85,9 @@ inline std::vector<Point<Patient>> winding_path(const Point<Patient>& centre, do
   return path;
 }
 
-/// The force's change from point to point of a path.
+/// Changes of the force between successive points of a path.
 struct Choppiness {
-  std::vector<double> change_percent;  ///< of full force
+  std::vector<double> change_percent;  ///< in percent of the full force
   double quantile(double part) const {
     std::vector<double> sorted = change_percent;
     std::sort(sorted.begin(), sorted.end());

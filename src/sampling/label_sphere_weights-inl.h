@@ -1,4 +1,5 @@
-// The weights of the two spheres along each axis, for label_sphere_simd.cc. Included once per target.
+// Kernel weights of the two sphere filters along each axis, for label_sphere_simd.cc. Included once per
+// target.
 #include "sampling/label_sphere_simd.h"
 
 #if defined(PALPATE_SAMPLING_LABEL_SPHERE_WEIGHTS_INL_H_) == defined(HWY_TARGET_TOGGLE)
@@ -17,17 +18,17 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kMaxCount = 2 * 64;
 
-/// Weights and slopes along one axis, for the voxels from `start` on, before their normalisation:
+/// Weights and slopes along one axis for the voxels from `start` on, before normalisation:
 ///     w_i = weight_i * per_sum,   dw_i/dx = (slope_i * slope_unit - weight_i * drift) * per_sum
 struct alignas(64) AxisWeights {
-  float weight[kMaxCount];  ///< 0 beyond `count`, as far as vectors reach
+  float weight[kMaxCount];  ///< padded with 0 beyond `count` to whole vectors
   float slope[kMaxCount];
   int start, count;
   double per_sum, slope_unit, drift;
-  double total;  ///< of w
+  double total;  ///< sum of w
 };
 
-/// 0, 1, 2, ... in vectors.
+/// 0, 1, 2, ... for vector loads.
 struct alignas(64) WholeNumbers {
   constexpr WholeNumbers() : value() {
     for (int n = 0; n < kMaxCount; ++n) value[n] = static_cast<float>(n);
@@ -44,24 +45,25 @@ HWY_INLINE double nearest(double x) {
   return floor(x + 0.5);
 }
 
-/// How many lanes the rows of a box take: vectors of 16, and a last one of 4 or 8 where that suffices.
+/// Padded row length: vectors of 16 lanes, and a last one of 4 or 8 where that suffices.
 HWY_INLINE int padded(int count) {
   const int rest = count & 15;
   return (count & ~15) + (rest == 0 ? 0 : rest <= 4 ? 4 : rest <= 8 ? 8 : 16);
 }
 
-/// What is the same for every point of a query: kCount voxels along every axis, or 0 where it depends.
+/// The window size: kCount if it is a compile-time constant, or `count` if kCount is 0.
 template <int kCount>
 HWY_INLINE int count_or(int count) {
   return kCount > 0 ? kCount : count;
 }
 
-/// Four sums, one for every place modulo 4, to one. p aligned to 16.
+/// Sum of four partial sums, p aligned to 16 bytes.
 HWY_INLINE float sum_of_four(const float* p) {
   return (p[0] + p[1]) + (p[2] + p[3]);
 }
 
-/// t(u) and u (1-u^2)^2, of which t' = 6/r times. By the quotient rule (t/S)' = t'/S - t S'/S^2.
+/// Weights t(u) and slopes u (1-u^2)^2, where t' = 6/r times that. By the quotient rule (t/S)' = t'/S - t
+/// S'/S^2.
 HWY_INLINE void smooth_axis(double x, double radius, float per_radius, int count, AxisWeights& axis) {
   const hn::CappedTag<float, 4> d;
   const int lanes = static_cast<int>(hn::Lanes(d)), length = padded(count);
@@ -94,8 +96,8 @@ HWY_INLINE void smooth_axis(double x, double radius, float per_radius, int count
   axis.total = 1;
 }
 
-/// Values one voxel away are the same weights on a window moved by one voxel: over the seven voxels of both
-/// windows their difference has the weights e(i-1) - e(i+1).
+/// Values one voxel away use the same weights in a window shifted by one voxel, so over the seven voxels of
+/// both windows their difference has the weights e(i-1) - e(i+1).
 HWY_INLINE void gaussian_axis(double x, const GaussianTable& table, AxisWeights& axis) {
   const hn::CappedTag<float, 4> d;
   const int lanes = static_cast<int>(hn::Lanes(d));

@@ -31,7 +31,7 @@ OctahedralCode encode_octahedral(const Eigen::Vector3d& n, int levels) {
 Eigen::Vector3d decode_octahedral(const OctahedralCode& code, int levels) {
   const double x = static_cast<double>(code.a) / levels, y = static_cast<double>(code.b) / levels;
   const double z = 1 - std::abs(x) - std::abs(y);
-  // below the equator the fold is undone
+  // unfolds the lower hemisphere
   const double fold = std::max(-z, 0.0);
   return Eigen::Vector3d(x - std::copysign(fold, x), y - std::copysign(fold, y), z).normalized();
 }

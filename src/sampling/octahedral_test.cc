@@ -32,7 +32,7 @@ TEST(Octahedral, EveryCodeIsADirectionThatReturnsToIt) {
     for (int b = -127; b <= 127; ++b) {
       const Eigen::Vector3d n = decode_octahedral({a, b}, 127);
       ASSERT_NEAR(n.norm(), 1, 1e-12);
-      // on the square's rim two codes mean one direction
+      // on the border of the square two codes have the same direction
       const Eigen::Vector3d again = decode_octahedral(encode_octahedral(n, 127), 127);
       ASSERT_LT((again - n).norm(), 1e-12) << a << " " << b;
     }
@@ -52,7 +52,7 @@ TEST(Octahedral, CodeIsTheNearestOfAll) {
       }
     }
     const OctahedralCode code = encode_octahedral(direction, levels);
-    // where the square is sheared most, the nearest code may lie beyond the four around the place
+    // where the map is most distorted, the nearest code may not be among the four around the point
     ASSERT_LT(angle_degrees(decode_octahedral(code, levels), direction), 1.1 * best + 1e-9);
   }
 }

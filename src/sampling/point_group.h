@@ -5,13 +5,13 @@
 
 namespace palpate::internal {
 
-/// Points that are sampled together; a multiple of every target's lanes.
+/// Number of points sampled together; a multiple of every target's lane count.
 inline constexpr std::size_t kPointsInGroup = 32;
 
-/// A group of points between the steps of central_differences_batch.cc.
+/// Points between the stages of central_differences_batch.cc.
 struct alignas(64) PointGroup {
-  const void* cell[kPointsInGroup];                               ///< the voxel before the cell along i
-  float u[kPointsInGroup], v[kPointsInGroup], w[kPointsInGroup];  ///< place in the cell
+  const void* cell[kPointsInGroup];  ///< address of the voxel before the cell along i
+  float u[kPointsInGroup], v[kPointsInGroup], w[kPointsInGroup];  ///< fraction in the cell
   float value[kPointsInGroup], gi[kPointsInGroup], gj[kPointsInGroup], gk[kPointsInGroup];
 };
 

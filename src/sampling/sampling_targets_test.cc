@@ -7,8 +7,8 @@
 #include "sampling/label_sphere_test_support.h"
 #include "sampling/test_oracles.h"
 
-// Every method on every SIMD target of the machine: against its oracle, and against the other targets bit
-// for bit. PALPATE_TEST_POINTS says at how many points.
+// Every method on every SIMD target of the machine: compared with its oracle, and bit-identical to the other
+// targets. PALPATE_TEST_POINTS sets the number of points.
 
 namespace palpate {
 namespace {
@@ -23,7 +23,8 @@ std::size_t point_count() {
   return asked != nullptr ? std::strtoull(asked, nullptr, 10) : kDefault;
 }
 
-/// The largest differences from the oracle, in parts of the field's range and of range per smallest voxel.
+/// Maximum differences from the oracle, as fractions of the field's range, and of the range per minimum
+/// spacing.
 struct Worst {
   double value = 0, gradient = 0;
   void add(const FieldSample& a, const FieldSample& b, double range, double spacing_mm) {
@@ -37,13 +38,13 @@ bool same_bits(const std::vector<FieldSample>& a, const std::vector<FieldSample>
                      a.size() * sizeof(FieldSample)) == 0;
 }
 
-/// One method: its oracle, its query for a point and that for many.
+/// A method: its oracle, its single-point query and its batch query.
 struct Method {
   std::function<FieldSample(const Point<Patient>&)> oracle, one;
   std::function<void(std::span<const Point<Patient>>, std::span<FieldSample>)> many;
   double range;
-  double tolerance_one, tolerance_many;  ///< in parts of the range
-  /// Where the gradient has a step, so that rounding decides on which side of it a point lies.
+  double tolerance_one, tolerance_many;  ///< as fractions of the range
+  /// Whether the gradient is discontinuous near a point, so that rounding decides the side.
   std::function<bool(const Point<Patient>&)> ends_abruptly = [](const auto&) { return false; };
 };
 
@@ -157,7 +158,7 @@ TEST(SamplingTargets, SplineOfFloats) {
   expect_all_targets_right_on_a_spline<float>(SplineStorage::kFloat);
 }
 
-/// Of a method that carries its own definition.
+/// Compares a method with its own literal form.
 template <class AnyMethod>
 void expect_all_targets_literal(const AnyMethod& method, double tolerance) {
   expect_all_targets_right(kGrid,
@@ -191,7 +192,7 @@ TEST(SamplingTargets, StoredNormals) {
   const auto ramp = test::random_volume<std::uint16_t>(kGrid, random);
   for (const auto encoding :
        {NormalEncoding::kBytes, NormalEncoding::kOctahedral16, NormalEncoding::kOctahedral24}) {
-    // where the normals nearly cancel, the direction of their sum is less certain
+    // where the normals nearly cancel, the direction of their sum is less accurate
     expect_all_targets_literal(StoredNormals::from_ramp(ramp, encoding), 1e-4);
   }
 }

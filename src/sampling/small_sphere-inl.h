@@ -1,5 +1,5 @@
-// The smooth sphere whose radius is two voxels along every axis, the smallest one: 4 x 4 x 4 voxels as the
-// four planes of four_rows-inl.h. For label_sphere_simd.cc. Included once per target.
+// Smooth sphere with a radius of two voxels along every axis, the smallest: 4 x 4 x 4 voxels as the four
+// planes of four_rows-inl.h. For label_sphere_simd.cc. Included once per target.
 #include "sampling/four_rows-inl.h"
 #include "sampling/label_members-inl.h"
 #include "sampling/vectors-inl.h"
@@ -19,8 +19,8 @@ namespace palpate::internal::label_sphere::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 namespace rows = internal::HWY_NAMESPACE;
 
-/// As many rows of voxels as a part has, of which those count that are members where the voxel nearest to x
-/// is none (`far`), and else the others. A part times them is kept where they count, and 0 elsewhere.
+/// Counted voxels of the rows of a part: the members if the voxel nearest to x is no member (`far`),
+/// otherwise the non-members. Multiplying a part by this keeps its counted lanes and zeroes the others.
 #if HWY_TARGET == HWY_SCALAR
 
 struct Counted {
@@ -63,8 +63,8 @@ HWY_INLINE Counted count_rows(const Members& members, hn::Mask<DLabels> far, con
 
 #endif
 
-/// The weights t(a) and a (1 - a^2)^2 of four voxels from `start` on, a = distance / 2. cell_of() of one
-/// axis.
+/// Weights t(a) and a (1 - a^2)^2 of four voxels from `start` on, a = distance / 2; cell location as in
+/// cell_of(), for one axis.
 struct SmallAxis {
   HWY_INLINE explicit SmallAxis(double x) {
     HWY_ALIGN static constexpr float kBefore[4] = {-0.5f, 0, 0.5f, 1}, kAfter[4] = {0.5f, 0, -0.5f, -1};
@@ -82,7 +82,7 @@ struct SmallAxis {
     weight = t2 * t;
     slope = t2 * a;
   }
-  std::ptrdiff_t start, nearest;  ///< nearest: the voxel nearest to x, from start
+  std::ptrdiff_t start, nearest;  ///< nearest: offset from start of the voxel nearest to x
   rows::Float4 weight, slope;
 };
 
@@ -100,13 +100,13 @@ HWY_INLINE void sample_small(const LabelGrid<T>& grid, const Members& members, c
   }
   const SmallAxis i(x[0]), j(x[1]), k(x[2]);
 
-  // one brick holds them all; around the volume stands free space
+  // one brick holds the whole box; the volume is surrounded by free space
   constexpr std::ptrdiff_t row = BrickLayout::kRow, slice = BrickLayout::kSlice;
   const T* const first = grid.bricks.cell(i.start + 1, j.start + 1, k.start + 1) - (1 + row + slice);
   const bool whole = i.start >= 0 && i.start + 4 <= grid.dims[0] && j.start >= 0 &&
                      j.start + 4 <= grid.dims[1] && k.start >= 0 && k.start + 4 <= grid.dims[2];
 
-  // background is no member
+  // background is never a member
   const std::ptrdiff_t nearest = i.nearest + j.nearest * row + k.nearest * slice;
   const std::uint32_t label = whole ? first[nearest] : 0;
   const int flip = members.has(label) ? 1 : 0;
@@ -116,7 +116,8 @@ HWY_INLINE void sample_small(const LabelGrid<T>& grid, const Members& members, c
       {i.weight, i.slope, j.weight, j.slope, k.weight, k.slope});
 
   // (value, gradient) = value_column f + sum_a column_a s_a with the normalised sums f and s_a, by the
-  // quotient rule with t' = 6/r a (1 - a^2)^2 and r = 2. All but the sums waits for no voxel.
+  // quotient rule with t' = 6/r a (1 - a^2)^2 and r = 2. All of it except the sums is independent of the
+  // voxels and can be computed ahead of their loads.
   const rows::Float4 weight_sums = rows::add_up(i.weight, j.weight, k.weight, k.weight),
                      slope_sums = rows::add_up(i.slope, j.slope, k.slope, k.slope);
   const double w_i = rows::lane_of<0>(weight_sums), w_j = rows::lane_of<1>(weight_sums),

@@ -8,7 +8,7 @@ namespace palpate {
 
 namespace {
 
-/// One axis of the kernel around x: weights that sum to 1 and their derivatives by x, in double.
+/// Kernel along one axis around x, in double: weights with sum 1 and their derivatives by x.
 struct LiteralWeights {
   LiteralWeights(double x, double radius) : start(static_cast<int>(std::floor(x - radius)) + 1) {
     double sum = 0, slope_sum = 0;

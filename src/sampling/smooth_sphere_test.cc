@@ -111,7 +111,7 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
       for (int i = 0; i < 9; ++i) surrounded.at(i + margin, j + margin, k + margin) = labels->at(i, j, k);
     }
   }
-  // what is a member, what is of another label, and what is free space sum to 1
+  // the values for a label set, for the other labels and for free space add up to 1
   Volume<LabelId> free_space = surrounded;
   for (LabelId& voxel : free_space.voxels()) voxel = voxel == 0 ? 1 : 0;
 
@@ -134,7 +134,7 @@ TEST(SmoothSphere, WeightsSumToOneEverywhereTheBorderIncluded) {
 }
 
 TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
-  // a wall across each axis in turn; the surface lies half a voxel before its first centre
+  // a wall across each axis in turn; its surface is half a voxel before its first centre
   for (int axis = 0; axis < 3; ++axis) {
     GridGeometry grid = test::make_grid({40, 40, 40}, 0);
     grid.spacing_mm = {0.4, 0.625, 0.9};
@@ -169,7 +169,7 @@ TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
   const SmoothSphere sphere = smooth_sphere_of({internal::random_labels(grid, random), {1, 2, 3}}, 1.1);
   const double tiny = 1e-7;
   for (int start = 5; start < 12; ++start) {
-    // the window gains and loses a voxel where its end meets a centre
+    // the window gains or loses a voxel where its end coincides with a centre
     const double i = start + sphere.radius_voxels()[0];
     const Point<Patient> before = grid.X_PatientVoxel() * Point<Voxel>(i - tiny, 9.3, 9.8);
     const Point<Patient> after = grid.X_PatientVoxel() * Point<Voxel>(i + tiny, 9.3, 9.8);
@@ -199,7 +199,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
             << of_smallest.quantile(0.99) << " (" << of_smallest.quantile(1) << ")\n";
   EXPECT_LT(all.quantile(0.99), 1);
   EXPECT_LT(all.quantile(1), 1);
-  // over 4^3 voxels it is rough: what the radius is for
+  // over 4^3 voxels the force is rough, hence the minimum radius
   EXPECT_GT(of_smallest.quantile(0.99), 1);
 }
 

@@ -1,18 +1,20 @@
 #include "palpate/sampling/sampling.h"
 
-// The spline at a point of fraction (u, v, w) in its cell is a sum over 4 x 4 x 4 coefficients c_abe, a along
-// i, b along j, e along k, of products of weights
+// The spline at a point with fraction (u, v, w) in its cell is a sum over 4 x 4 x 4 coefficients c_abe, a
+// along i, b along j, e along k, of products of weights:
 //
-//     f   = sum c  p_a(u) p_b(v) p_e(w)       p(t) = ((1-t)^3, 3t^3 - 6t^2 + 4, -3t^3 + 3t^2 + 3t + 1, t^3) /
-//     6 g_i = sum c  q_a(u) p_b(v) p_e(w)       q(t) = p'(t), and so on for g_j and g_k
+//     f   = sum c  p_a(u) p_b(v) p_e(w)
+//     g_i = sum c  q_a(u) p_b(v) p_e(w)       and likewise g_j and g_k
 //
-// The sixteen (a, b) of one e are one vector, a fastest: S_e. Along k first,
+// with p(t) = ((1-t)^3, 3t^3 - 6t^2 + 4, -3t^3 + 3t^2 + 3t + 1, t^3) / 6 and q(t) = p'(t).
+//
+// The sixteen (a, b) of one e form the vector S_e, a fastest. Summing along k first,
 //
 //     V = sum_e p_e(w) S_e,   K = sum_e q_e(w) S_e
 //
-// then f = (p_a p_b) V, g_i = (q_a p_b) V, g_j = (p_a q_b) V, g_k = (p_a p_b) K. Sixteen floats are one
-// vector of AVX-512, two of AVX2, four of SSE; sums are formed in the same order on each: over e as (0 + 1) +
-// (2 + 3), over b as (0 + 2) + (1 + 3), over a alike.
+// f = (p_a p_b) V, g_i = (q_a p_b) V, g_j = (p_a q_b) V, g_k = (p_a p_b) K. Sixteen floats are one vector of
+// AVX-512, two of AVX2, four of SSE; the summation order is the same on each: over e as (0 + 1) + (2 + 3),
+// over b as (0 + 2) + (1 + 3), over a likewise.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sampling/spline.cc"
@@ -26,7 +28,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace palpate::internal::HWY_NAMESPACE {
 
-// p and q as polynomials in t, one row a power
+// p and q as polynomials in t, one row per power
 HWY_ALIGN constexpr float kWeight[4][4] = {{1 / 6.0f, 4 / 6.0f, 1 / 6.0f, 0},
                                            {-0.5f, 0, 0.5f, 0},
                                            {0.5f, -1, 0.5f, 0},
@@ -80,8 +82,8 @@ HWY_EXPORT(spline_float);
 
 }  // namespace internal
 
-// many points are one after the other: sixteen rows of four fill the vectors already, where gathers would
-// fetch every coefficient of every point by itself
+// points are processed one after the other: sixteen rows of four already fill the vectors, while one point
+// per lane would need a gather for every coefficient
 void sample_spline(const SplineField& field, std::span<const Point<Patient>> points,
                    std::span<FieldSample> samples) {
   PALPATE_CHECK(points.size() == samples.size());

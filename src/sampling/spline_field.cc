@@ -9,19 +9,20 @@ namespace palpate {
 
 namespace {
 
-// beyond one voxel outside, the spline's value is the one outside
+// one voxel beyond the grid the spline has reached its outside value
 constexpr double kSplineReach = 1;
 
 constexpr int kMargin = 2;
 
-/// With what queries near the border read: the coefficients are odd about one voxel beyond the grid.
+/// Coefficients with the margin that queries near the border read, continued oddly about one voxel beyond the
+/// grid.
 template <class T>
 Bricks<T> continued_oddly(const Volume<T>& coefficients) {
   GridGeometry wide = coefficients.geometry();
   for (int& n : wide.dims) n += 2 * kMargin;
   Volume<T> c(wide);
-  // along one axis: the voxel that stands n beyond the grid's first, and its sign; 0 one voxel beyond the
-  // grid
+  // mirror image along one axis of the voxel at n beyond the grid's first: its index and sign; sign 0 at one
+  // voxel beyond the grid
   struct Twin {
     int at, sign;
   };
@@ -71,7 +72,7 @@ SplineField::SplineField(const Volume<float>& values, const SplineOptions& optio
     largest = std::max(largest, std::abs(c));
   }
 
-  // the spline overshoots its voxels, so the step follows from the coefficients themselves
+  // the spline's coefficients exceed the range of its values, so the step is derived from the coefficients
   if (options.storage == SplineStorage::kFloat) {
     coefficients_ = continued_oddly(coefficients);
   } else {

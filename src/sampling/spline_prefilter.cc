@@ -15,10 +15,10 @@
 //     d[k] = m[k] (6 f[k] - d[k-1]),   m[k] = 1 / (4 - m[k-1]),   d[-1] = m[-1] = 0
 //     c[k] = d[k] - m[k] c[k+1]
 //
-// Elimination gives them; they are Unser's two recursive filters of pole z = sqrt(3) - 2 as well, since
-// m[k] becomes -z within some ten voxels, and the first m[k] are his initial values for this boundary.
-// Along j and k a whole row of lines goes through side by side, which the compiler turns into vectors;
-// along i four rows do, so that one recursion's latency hides behind the others.
+// These follow from Gaussian elimination of the tridiagonal system. They are also Unser's two recursive
+// filters with the pole z = sqrt(3) - 2, since m[k] converges to -z within about ten voxels, and the first
+// m[k] are his initial values for this boundary. Along j and k a whole row of lines is processed side by
+// side, which the compiler vectorises; along i four rows are, to hide the latency of the recursion.
 namespace palpate::internal {
 
 namespace {
@@ -35,8 +35,8 @@ std::vector<float> pivots(int n) {
   return m;
 }
 
-/// `lines` lines of m.size() values, a line's values `step` apart and the lines `apart` from each other,
-/// which is a constant where they are neighbours.
+/// Filters `lines` lines of m.size() values each, with `step` between the values of a line and `apart`
+/// between lines. `apart` is a compile-time constant for adjacent lines.
 template <class Distance>
 void filter_lines(float* first, std::size_t step, const std::vector<float>& m, std::size_t lines,
                   Distance apart) {

@@ -26,7 +26,7 @@ test::SumOf64 oracle_of(const SplineField& field) {
       field.coefficients());
 }
 
-// ---- the prefilter -------------------------------------------------------------------------------------
+// ---- prefilter -----------------------------------------------------------------------------------------
 
 TEST(SplinePrefilter, GivesBackTheValuesWhenTheSplineIsSampled) {
   // (c[k-1] + 4 c[k] + c[k+1]) / 6 along every axis, with 0 beyond the ends
@@ -78,14 +78,14 @@ TEST(SplinePrefilter, TurnsAnImpulseIntoPowersOfThePole) {
   Volume<float> impulse(make_grid({41, 1, 1}, 0));
   impulse.at(20, 0, 0) = 1;
   internal::spline_prefilter(impulse, 1);
-  // one voxel thick along j and k: there 4 c = 6 f
+  // a single voxel along j and k, where 4 c = 6 f
   const double z = std::sqrt(3.0) - 2, cross = 1.5 * 1.5;
   for (int n = -8; n <= 8; ++n) {
     EXPECT_NEAR(impulse.at(20 + n, 0, 0), cross * std::sqrt(3.0) * std::pow(z, std::abs(n)), 2e-6) << n;
   }
 }
 
-// ---- the spline ---------------------------------------------------------------------------------------
+// ---- spline -------------------------------------------------------------------------------------------
 
 TEST(Spline, PassesThroughItsVoxels) {
   std::mt19937 random(test::kSeed);
@@ -98,7 +98,7 @@ TEST(Spline, PassesThroughItsVoxels) {
         for (int i = 0; i < 8; ++i) {
           const auto p = values.geometry().X_PatientVoxel() * Point<Voxel>(i, j, k);
           EXPECT_NEAR(sample_spline(floats, p).value, values.at(i, j, k), 1e-5);
-          // weights add up to 1: no further off than half a step
+          // the weights add up to 1, so the error is at most half a step
           EXPECT_NEAR(sample_spline(steps, p).value, values.at(i, j, k), 0.5 * steps.scale() + 1e-5);
         }
       }
@@ -128,7 +128,7 @@ TEST(Spline, EqualsTheSumOf64AnywhereOnAnyGrid) {
 }
 
 TEST(Spline, EqualsTheSumOf64OnEveryFaceEdgeAndCorner) {
-  // a grid whose points are exact, because the gradient ends abruptly one voxel outside
+  // a grid with exactly representable points, because the gradient is discontinuous one voxel outside
   std::mt19937 random(test::kSeed);
   const auto values = random_values(make_grid({5, 6, 4}, 0), random);
   const SplineField field(values, {.storage = SplineStorage::kInt16, .outside = 0.125});
@@ -171,7 +171,7 @@ TEST(Spline, HasAGradientThatIsTheDerivativeOfItsValue) {
 }
 
 TEST(Spline, ReproducesACubicPolynomialAwayFromTheBorder) {
-  // cubic splines hold every cubic; the boundary's influence falls by |z| = 0.27 a voxel
+  // cubic splines reproduce cubics; the influence of the boundary decays by |z| = 0.27 per voxel
   const GridGeometry grid = make_grid({48, 48, 48}, 0);
   const auto cubic = [&](const Eigen::Vector3d& x) {
     const double s = (x[0] - 24) / 24, t = (x[1] - 24) / 24, r = (x[2] - 24) / 24;

@@ -13,7 +13,7 @@ namespace {
 using internal::decode_octahedral;
 using internal::encode_octahedral;
 
-/// Bits of each of a normal's numbers, and how many numbers there are.
+/// Bits of each number of a normal, and the largest such number.
 int bits(NormalEncoding encoding) {
   return encoding == NormalEncoding::kOctahedral24 ? 12 : 8;
 }
@@ -21,7 +21,8 @@ int levels(NormalEncoding encoding) {
   return (1 << (bits(encoding) - 1)) - 1;
 }
 
-/// The normal's bits, in the order of stored_normals_simd.h. n: unit or zero.
+/// Encoded normal, in the bit order of stored_normals_simd.h.
+/// @param n  unit or zero
 std::uint32_t encode(const Eigen::Vector3d& n, NormalEncoding encoding) {
   const int width = bits(encoding), most = levels(encoding);
   const std::uint32_t mask = (1u << width) - 1;
@@ -63,7 +64,7 @@ StoredNormals::StoredNormals(const GridGeometry& grid, NormalEncoding encoding)
   PALPATE_CHECK(grid.voxel_count() > 0);
   const double slice = (grid.dims[0] + 2.0) * (grid.dims[1] + 2.0) * bytes_per_voxel();
   PALPATE_CHECK(2 * slice < std::numeric_limits<std::int32_t>::max());
-  // a voxel is read as four bytes, also the last one
+  // padding, because every voxel is read as four bytes
   bytes_.resize(byte_offset(grid.dims[0], grid.dims[1], grid.dims[2]) + 4, 0);
   for (int k = -1; k <= grid.dims[2]; ++k) {
     for (int j = -1; j <= grid.dims[1]; ++j) {
@@ -102,7 +103,7 @@ template <class T>
 StoredNormals StoredNormals::from_ramp_of(const Volume<T>& ramp, NormalEncoding encoding) {
   const GridGeometry& grid = ramp.geometry();
   StoredNormals normals(grid, encoding);
-  // per voxel to per mm: the inverse transpose of the voxel matrix
+  // inverse transpose of the voxel matrix: gradients per voxel to per mm
   const Eigen::Matrix3d gradient_map = normals.X_VoxelPatient_.linear().transpose();
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
@@ -161,7 +162,7 @@ void StoredNormals::sample(std::span<const Point<Patient>> points, std::span<Fie
     for (int c = 0; c < 3; ++c) grid.mm_of_voxel[r][c] = static_cast<float>(mm_of_voxel(r, c));
   }
 
-  // a few points at a time, so that nothing is allocated
+  // in chunks, so that nothing is allocated
   constexpr std::size_t kChunk = 32;
   std::array<internal::stored_normals::StoredPoint, kChunk> in_voxels;
   for (std::size_t first = 0; first < points.size(); first += kChunk) {

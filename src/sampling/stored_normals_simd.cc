@@ -1,18 +1,18 @@
 #include "sampling/stored_normals_simd.h"
 
-// The eight voxels around x lie in the lanes of one vector, of two with 128 bits, of eight with scalars:
+// The eight voxels around x are the lanes of one vector, of two 128-bit vectors, or of eight scalars:
 //
 //     lane  0 1 2 3 4 5 6 7
 //     i     . + . + . + . +
 //     j     . . + + . . + +
 //     k     . . . . + + + +
 //
-// Lanes stand for themselves until the five sums over them, taken in one order on every target; square root
-// and division are exact to the last bit by IEEE 754, and no operation is fused. Hence the same bits
-// everywhere.
+// Lanes are independent until the five horizontal sums, which are taken in one order on every target; square
+// root and division are correctly rounded by IEEE 754, and no operation is fused. Results are therefore
+// bit-identical on every target.
 //
-// Compiled once per target by foreach_target.h; only what is marked HWY_INLINE and the function at the end
-// live in the target's namespace, and nothing of the standard library is called there.
+// Compiled once per target by foreach_target.h. Only code marked HWY_INLINE and the function at the end are
+// in the target's namespace, and no standard library function is called there.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "sampling/stored_normals_simd.cc"
@@ -33,7 +33,7 @@ HWY_INLINE int floor_to_int(double x) {
   return truncated - (x < truncated ? 1 : 0);
 }
 
-/// Bits kFirst ... kFirst + kBits - 1 as a signed number.
+/// Sign-extended bit field of bits kFirst ... kFirst + kBits - 1.
 template <int kFirst, int kBits, class DI>
 HWY_INLINE hn::Vec<DI> signed_field(DI, hn::Vec<DI> voxel) {
   return hn::ShiftRight<32 - kBits>(hn::ShiftLeft<32 - kFirst - kBits>(voxel));
@@ -47,7 +47,7 @@ HWY_INLINE void read_bytes(D d, DI di, hn::Vec<DI> voxel, hn::Vec<D>& x, hn::Vec
   z = hn::Mul(hn::ConvertTo(d, signed_field<24, 8>(di, voxel)), scale);
 }
 
-/// decode_octahedral(), and 0 where a is the number below -levels.
+/// decode_octahedral(); 0 where a is the code for no normal, -levels - 1.
 template <int kBits, class D, class DI>
 HWY_INLINE void read_octahedral(D d, DI di, hn::Vec<DI> voxel, hn::Vec<D>& x, hn::Vec<D>& y, hn::Vec<D>& z) {
   constexpr int kLevels = (1 << (kBits - 1)) - 1;
@@ -68,8 +68,8 @@ HWY_INLINE void read_octahedral(D d, DI di, hn::Vec<DI> voxel, hn::Vec<D>& x, hn
 }
 
 struct alignas(32) Corners {
-  std::int32_t offset[8];  ///< in bytes, from the cell's first voxel
-  float fraction[3][8];    ///< from the corner to x along each axis, in voxels
+  std::int32_t offset[8];  ///< bytes from the cell's first voxel
+  float fraction[3][8];    ///< distance from the corner to x along each axis, in voxels
 };
 
 HWY_INLINE float sum_of_eight(const float* p) {
@@ -78,7 +78,7 @@ HWY_INLINE float sum_of_eight(const float* p) {
 
 template <NormalEncoding kEncoding>
 HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, double* sample) {
-  // more than a voxel outside, or not a number
+  // more than a voxel outside, or NaN
   store_four(rows::all_four(0), sample);
   for (int a = 0; a < 3; ++a) {
     if (!(point.x[a] > -1 && point.x[a] < grid.dims[a])) return;
@@ -140,7 +140,7 @@ HWY_INLINE void sample_one(const StoredGrid& grid, const StoredPoint& point, dou
   const double squared = static_cast<double>(x) * x + static_cast<double>(y) * y + static_cast<double>(z) * z;
   const hn::CappedTag<double, 1> one;
   const double length = squared == 0 ? 1 : hn::GetLane(hn::Sqrt(hn::Set(one, squared)));
-  // minus the normal, as a gradient points
+  // minus the normal, in the direction of a gradient
   const auto component = [&](float c)
                              HWY_ATTR { return 0 - static_cast<double>(static_cast<float>(c / length)); };
   store_four(rows::of_four(value, component(x), component(y), component(z)), sample);

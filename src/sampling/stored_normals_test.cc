@@ -20,7 +20,7 @@ double angle_degrees(const Vector<Patient>& a, const Vector<Patient>& b) {
 template <class T>
 Volume<T> random_ramp(const GridGeometry& grid, std::mt19937& random) {
   Volume<T> ramp(grid);
-  // a part of it free space, so that some voxels have no normal
+  // part of the ramp is free space, so that some voxels have no normal
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
       for (int i = grid.dims[0] / 2; i < grid.dims[0]; ++i) ramp.at(i, j, k) = static_cast<T>(random());
@@ -42,7 +42,7 @@ TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
         for (const auto& p : points) {
           const FieldSample sample = normals.sample(p), literal = normals.sample_literal(p);
           ASSERT_NEAR(sample.value, literal.value, 1e-5);
-          // opposite normals may all but cancel; what is left has a direction in double only
+          // opposite normals may nearly cancel; the remainder has an accurate direction in double only
           ASSERT_LT((sample.gradient - literal.gradient).norm(), 1e-3) << p.eigen().transpose();
         }
       }
@@ -51,7 +51,7 @@ TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
 }
 
 TEST(StoredNormals, AreWeighedByInverseDistanceAsPublished) {
-  // by hand: one corner of the cell is full and points along x, the others are empty
+  // by hand: one corner of the cell is full with a normal along x, the others are empty
   GridGeometry grid;
   grid.dims = {2, 2, 2};
   grid.spacing_mm = {1, 2, 3};
@@ -71,7 +71,7 @@ TEST(StoredNormals, AreWeighedByInverseDistanceAsPublished) {
     const FieldSample sample = normals.sample(p);
     EXPECT_NEAR(sample.value, 0.6 * near / weights, 1e-6);
     EXPECT_EQ(sample.gradient, Vector<Patient>(-1, 0, 0));
-    // at a centre, that voxel
+    // at a voxel centre, that voxel
     EXPECT_NEAR(normals.sample(full).value, 0.6, 0.005);
     EXPECT_EQ(normals.voxel(1, 0, 0).value, 0.6);
   }
@@ -103,7 +103,7 @@ TEST(StoredNormals, PointOutOfARampInThePatientFrameOfAnyGrid) {
 }
 
 TEST(StoredNormals, BytesFlattenASurfaceThatRunsNearlyParallelToAnAxis) {
-  // the top of a ball of 100 mm radius, where its normal leaves the axis by 6 degrees at most
+  // the top of a ball of 100 mm radius, where its normal deviates from the axis by at most 6 degrees
   GridGeometry grid;
   grid.dims = {200, 3, 3};
   grid.spacing_mm = {0.05, 0.5, 0.5};
@@ -121,7 +121,7 @@ TEST(StoredNormals, BytesFlattenASurfaceThatRunsNearlyParallelToAnAxis) {
     }
     return tilts.size();
   };
-  // 5.7 degrees in steps of 1/127 radian are 14 flat places; 24 bits see every voxel turn
+  // 5.7 degrees in steps of 1/127 radian give 14 plateaus; with 24 bits the normal changes at every voxel
   EXPECT_LE(steps(NormalEncoding::kBytes), 15u);
   EXPECT_GE(steps(NormalEncoding::kOctahedral24), 180u);
 }
@@ -160,7 +160,7 @@ TEST(StoredNormals, FeelNothingInFreeSpaceNorWhereThereIsNoPlace) {
     EXPECT_EQ(empty.occupied_voxels(), 0u);
     EXPECT_EQ(empty.sample(grid.centre()).value, 0);
     EXPECT_EQ(empty.sample(grid.centre()).gradient, Vector<Patient>());
-    // in the middle of what is full there is no direction
+    // in the middle of full voxels there is no direction
     EXPECT_EQ(full.sample(grid.X_PatientVoxel() * Point<Voxel>(2.5, 2, 1.5)).gradient, Vector<Patient>());
   }
 }

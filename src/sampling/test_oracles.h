@@ -7,12 +7,12 @@
 #include "palpate/sampling/sampling.h"
 #include "sampling/test_targets.h"
 
-/// The definitions, literally and in double, and what tests of the sampling room share.
+/// Definitions of the methods, literally and in double, and helpers of the tests of sampling.
 namespace palpate::test {
 
 inline constexpr std::uint32_t kSeed = 20261120;
 
-/// A volume's voxels as values, `outside` beyond the grid.
+/// Voxel values of a volume, `outside` beyond the grid.
 struct Values {
   Volume<double> volume;
   double outside = 0;
@@ -28,7 +28,7 @@ Values values_of(const Volume<T>& stored, double scale, double offset, double ou
   return values;
 }
 
-/// The sum of the eight corners' values times their weights.
+/// Weighted sum of the eight corner values.
 inline double trilinear(const Values& values, const Eigen::Vector3d& x) {
   if (!(x.array().abs() < 1e6).all()) return values.outside;
   const Eigen::Vector3d base = x.array().floor();
@@ -46,21 +46,21 @@ inline double trilinear(const Values& values, const Eigen::Vector3d& x) {
   return sum;
 }
 
-/// Between a grid's voxels and the patient, solved rather than taken from what is tested.
+/// Transforms between voxels and the patient, computed independently of the code under test.
 struct GridMaps {
   explicit GridMaps(const GridGeometry& grid)
       : origin(grid.origin.eigen()),
         voxel_per_mm(grid.X_PatientVoxel().linear().fullPivLu().inverse()),
         gradient_per_mm(grid.X_PatientVoxel().linear().transpose().fullPivLu().inverse()) {}
   Eigen::Vector3d to_voxel(const Point<Patient>& p) const { return voxel_per_mm * (p.eigen() - origin); }
-  /// A gradient per mm from one per voxel: L^T g_mm = g_voxel.
+  /// Gradient per mm from a gradient per voxel: L^T g_mm = g_voxel.
   Vector<Patient> per_mm(const Eigen::Vector3d& g) const { return Vector<Patient>(gradient_per_mm * g); }
 
   Eigen::Vector3d origin;
   Eigen::Matrix3d voxel_per_mm, gradient_per_mm;
 };
 
-/// Seven trilinear interpolations.
+/// Reference for central differences: seven trilinear interpolations.
 class SevenTrilinear {
  public:
   explicit SevenTrilinear(Values values) : values_(std::move(values)), maps_(values_.volume.geometry()) {}
@@ -79,7 +79,7 @@ class SevenTrilinear {
   GridMaps maps_;
 };
 
-/// The cubic B-spline and its derivative at a distance from its middle.
+/// Cubic B-spline and its derivative at a distance from its centre.
 inline double b_spline(double t) {
   t = std::abs(t);
   if (t < 1) return 2.0 / 3 - t * t + t * t * t / 2;
@@ -92,8 +92,8 @@ inline double b_spline_slope(double t) {
   return t < 2 ? -sign * (2 - t) * (2 - t) / 2 : 0;
 }
 
-/// The direct sum of 64 B-splines. Coefficients are continued oddly about one voxel beyond the grid, and
-/// the value there and further out is `outside`.
+/// Reference for the spline: direct sum over 64 B-splines. Coefficients are continued oddly about one voxel
+/// beyond the grid; the value there and beyond is `outside`.
 class SumOf64 {
  public:
   SumOf64(Values coefficients, double outside)
@@ -152,7 +152,7 @@ Volume<T> random_volume(const GridGeometry& grid, std::mt19937& random) {
   return volume;
 }
 
-/// Anywhere within `margin` voxels of the grid.
+/// Random point within `margin` voxels of the grid.
 inline Point<Patient> random_point(const GridGeometry& grid, double margin, std::mt19937& random) {
   Eigen::Vector3d voxel;
   for (int axis = 0; axis < 3; ++axis) {
@@ -161,7 +161,7 @@ inline Point<Patient> random_point(const GridGeometry& grid, double margin, std:
   return grid.X_PatientVoxel() * Point<Voxel>(voxel);
 }
 
-/// Every combination of coordinates at and near the borders, on voxel centres and half way.
+/// Every combination of coordinates at and near the borders, at voxel centres and halfway between.
 inline std::vector<Point<Patient>> border_points(const GridGeometry& grid) {
   const auto border = [&](int axis) {
     const double n = grid.dims[axis];

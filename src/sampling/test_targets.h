@@ -10,10 +10,11 @@
 
 #include "palpate/volume/volume.h"
 
-/// What tests of several rooms share: every SIMD target of the machine, grids and places that are awkward.
+/// Test helpers shared by several modules: every SIMD target of the machine, and challenging grids and
+/// points.
 namespace palpate::test {
 
-/// Lets Highway see only the given targets (0: only its fallback), and all again afterwards.
+/// Restricts Highway to the given targets (0: the fallback only) for its lifetime.
 class OnlyTargets {
  public:
   explicit OnlyTargets(std::int64_t targets) {
@@ -38,7 +39,7 @@ inline std::string target_name(std::int64_t target) {
   return target == 0 ? "fallback" : hwy::TargetName(target);
 }
 
-/// Grids of growing awkwardness: unit, anisotropic, oblique, left-handed.
+/// Grids of increasing generality: unit, anisotropic, oblique, left-handed.
 inline GridGeometry make_grid(std::array<int, 3> dims, int kind) {
   GridGeometry grid;
   grid.dims = dims;
@@ -51,7 +52,7 @@ inline GridGeometry make_grid(std::array<int, 3> dims, int kind) {
   return grid;
 }
 
-/// Points that are no place, or so far out that no index counts them.
+/// Points with NaN or infinite coordinates, or too far away for an integer index.
 inline std::vector<Point<Patient>> places_that_are_none(const GridGeometry& grid) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   std::vector<Point<Patient>> points;

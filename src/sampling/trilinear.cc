@@ -4,13 +4,13 @@ namespace palpate {
 
 namespace {
 
-/// Floor of a number that fits an int; std::floor is a library call on baseline x86-64.
+/// Floor of a number in the range of int; std::floor is a library call on baseline x86-64.
 int floor_to_int(double x) {
   const int truncated = static_cast<int>(x);
   return truncated - (x < truncated ? 1 : 0);
 }
 
-/// Less than one voxel beyond the outermost centres on every axis. False for NaN.
+/// Whether x is less than one voxel beyond the outermost centres on every axis; false for NaN.
 bool within_reach(const Eigen::Vector3d& x, const std::array<int, 3>& dims) {
   for (int axis = 0; axis < 3; ++axis) {
     if (!(x[axis] > -1 && x[axis] < dims[axis])) return false;

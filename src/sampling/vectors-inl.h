@@ -1,9 +1,9 @@
-// Four doubles at a time on every SIMD target, and the two ends of a query that every method shares: from
-// a point to its cell, and from what was found there to a sample. Included once per target, after
-// hwy/foreach_target.h; see gaussian_rows.cc for what may stand in a target's namespace.
+// Vectors of four doubles on every SIMD target, and the steps shared by all methods: from a point to its
+// cell, and from the interpolated numbers to a sample. Included once per target, after hwy/foreach_target.h;
+// see label_sphere_simd.cc for the restrictions on code in a target's namespace.
 //
-// Four doubles are one vector of AVX2, two of SSE, four "vectors" of the scalar target. What is written
-// with them is the same sequence of roundings on each.
+// Four doubles are one vector of AVX2, two of SSE, or four "vectors" of the scalar target. Operations on them
+// have the same sequence of roundings on each.
 
 #include <hwy/highway.h>
 
@@ -78,14 +78,14 @@ HWY_INLINE auto quad_of(V lower, V upper) {
     return Quad{{hn::Combine(D4(), upper, lower)}};
   }
 }
-/// Without the way through memory, where a vector's load would wait for four stores.
+/// Built without a round trip through memory, where a vector load would stall on four scalar stores.
 HWY_INLINE Quad of_four(double a, double b, double c, double d) {
   const hn::FixedTag<double, 2> two;
   const auto lower = hn::InterleaveLower(two, hn::Set(two, a), hn::Set(two, b));
   const auto upper = hn::InterleaveLower(two, hn::Set(two, c), hn::Set(two, d));
   return quad_of(lower, upper);
 }
-/// Lanes 0 and 1, or 2 and 3. A template, because only one of its branches is right on a target.
+/// Lanes 0 and 1, or 2 and 3. A template, because only one of its branches compiles on a target.
 template <int kHalf, class AnyQuad>
 HWY_INLINE auto half_of(const AnyQuad& a) {
   if constexpr (kPartsOfQuad == 2) {
@@ -106,7 +106,7 @@ HWY_INLINE double lane(const Quad& a) {
 }
 #endif
 
-/// All four lanes of x between the lanes of low and high, exclusively; false where x is NaN.
+/// Whether all four lanes of x are strictly between those of low and high; false if x is NaN.
 HWY_INLINE bool between(const Quad& low, const Quad& x, const Quad& high) {
   bool all = true;
   for (int n = 0; n < kPartsOfQuad; ++n) {
@@ -115,7 +115,7 @@ HWY_INLINE bool between(const Quad& low, const Quad& x, const Quad& high) {
   return all;
 }
 
-/// The voxel at or just below a point on every axis, and the fraction beyond it, 0 ... 1.
+/// Cell that contains a point: floor of its voxel coordinates, and the fraction 0 ... 1 beyond it.
 struct Cell {
   std::ptrdiff_t i, j, k;
   double u, v, w;
@@ -127,9 +127,9 @@ HWY_INLINE Quad to_voxels(const SamplingMap& map, const double* x) {
          (load_four(c[2]) * all_four(x[2]) + load_four(c[3]));
 }
 
-/// Adding 1.5 * 2^52 rounds to the nearest whole number and leaves it in the low bits of the mantissa:
-/// a floor of x that needs neither a conversion nor a comparison. Where x is a whole number n it may give
-/// n - 1 and the fraction 1, which is the same place.
+/// Adding 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits of the mantissa: a floor
+/// without conversion or comparison. For an integer x = n the result may be n - 1 with fraction 1, which is
+/// the same point.
 HWY_INLINE Cell cell_of(const Quad& x) {
   const Quad magic = all_four(6755399441055744.0);
   const Quad shifted = (x - all_four(0.5)) + magic;
@@ -143,7 +143,7 @@ HWY_INLINE Cell cell_of(const Quad& x) {
           lane<0>(fraction),       lane<1>(fraction),       lane<2>(fraction)};
 }
 
-/// Samples are written as four doubles: value, gradient x, y, z.
+/// A sample is written as four doubles: value, gradient x, y, z.
 static_assert(sizeof(FieldSample) == 4 * sizeof(double));
 static_assert(sizeof(Point<Patient>) == 3 * sizeof(double));
 
@@ -152,7 +152,7 @@ HWY_INLINE void write_outside(const SamplingMap& map, double* sample) {
   sample[1] = sample[2] = sample[3] = 0;
 }
 
-/// From a stored number and its derivatives per voxel to a sample.
+/// Maps a stored number and its derivatives per voxel to a sample.
 HWY_INLINE void write_sample(const SamplingMap& map, double stored, double gi, double gj, double gk,
                              double* sample) {
   const auto& c = map.sample_columns;
