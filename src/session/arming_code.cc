@@ -9,9 +9,9 @@ namespace {
 
 constexpr std::uint32_t kCodes = 1'000'000;
 
-// evenly among all; empty where the system has no chance to give
+// uniformly distributed; empty if the system cannot supply random bytes
 std::string new_code() {
-  // what is above the last whole multiple would come more rarely
+  // rejection sampling: values above the last whole multiple of kCodes would bias the code
   constexpr std::uint32_t kWhole = 0xFFFFFFFF - 0xFFFFFFFF % kCodes;
   std::uint32_t number = 0;
   do {
@@ -22,7 +22,7 @@ std::string new_code() {
   return digits;
 }
 
-// takes as long whichever digit differs
+// constant-time comparison
 bool are_equal(std::string_view one, std::string_view other) {
   if (one.size() != other.size()) return false;
   unsigned differ = 0;
@@ -36,7 +36,7 @@ std::string ArmingCode::shown(std::uint32_t stop, Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   if (now < paused_until_) return "";
   if (code_.empty() || stop != stop_ || now >= until_) {
-    // guesses count whatever code they were at
+    // wrong guesses are counted across codes
     code_ = new_code();
     stop_ = stop;
     until_ = now + kLasts;

@@ -9,28 +9,28 @@
 
 namespace palpate {
 
-/// Six digits by which a page arms a physical device: shown where palpate runs, and good for one rearm after
-/// one stop. Whoever types them has somebody's word who sees the device.
+/// Six-digit code by which a page re-arms a physical device. It is displayed where palpate runs and is valid
+/// for one rearm after one stop, so that whoever enters it is in touch with somebody who sees the device.
 ///
 ///     shown() ── a code of this stop, for kLasts ──► take() ── right: used up
 ///                                                     └─ kMostWrong wrong ones: none for kPause
 ///
-/// With kMostWrong guesses each kPause, at a code that is another one each time, a guesser needs 27 days for
-/// an even chance. Any thread.
+/// At kMostWrong guesses per kPause, each at a fresh code, a guesser needs 27 days for an even chance.
+/// Thread-safe.
 class ArmingCode {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds kLasts{60}, kPause{10};
   static constexpr int kMostWrong = 3;
 
-  /// The code that answers this stop; empty while there is none to be had.
+  /// Code for this stop; empty if none is available.
   std::string shown(std::uint32_t stop, Clock::time_point now = Clock::now());
-  /// Whether it is the one that was shown. It is used up then.
+  /// Checks a code; a correct one is used up.
   bool take(std::uint32_t stop, std::string_view code, Clock::time_point now = Clock::now());
 
  private:
   std::mutex mutex_;
-  std::string code_;  // empty: none
+  std::string code_;  // empty: no valid code
   std::uint32_t stop_ = 0;
   int wrong_ = 0;
   Clock::time_point until_{}, paused_until_{};

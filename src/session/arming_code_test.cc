@@ -10,7 +10,7 @@ namespace {
 
 class ArmingCodes : public ::testing::Test {
  protected:
-  // another one of six digits
+  // a different six-digit code
   static std::string wrong(std::string code) {
     code[0] = code[0] == '9' ? '0' : static_cast<char>(code[0] + 1);
     return code;
@@ -46,7 +46,7 @@ TEST_F(ArmingCodes, GuessesAreFewWhateverCodeTheyAreAt) {
   EXPECT_EQ(code_.shown(1, now_), "");
   EXPECT_FALSE(code_.take(1, "", now_));
   now_ += ArmingCode::kPause;
-  // another stop between two guesses gives no more of them
+  // another stop between two guesses does not grant additional ones
   EXPECT_FALSE(code_.take(1, wrong(code_.shown(1, now_)), now_));
   EXPECT_FALSE(code_.take(2, wrong(code_.shown(2, now_)), now_));
   EXPECT_FALSE(code_.take(3, wrong(code_.shown(3, now_)), now_));
@@ -58,7 +58,7 @@ TEST_F(ArmingCodes, GuessesAreFewWhateverCodeTheyAreAt) {
 TEST_F(ArmingCodes, AreSpreadOverAllThereAre) {
   std::set<std::string> seen;
   for (std::uint32_t stop = 0; stop < 1000; ++stop) seen.insert(code_.shown(stop, now_));
-  // a thousand of a million: two are the same now and then
+  // a thousand out of a million: occasional collisions are expected
   EXPECT_GT(seen.size(), 980u);
   for (char digit = '0'; digit <= '9'; ++digit)
     EXPECT_TRUE(std::ranges::any_of(seen, [&](const std::string& code) { return code[0] == digit; }))

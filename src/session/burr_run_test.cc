@@ -14,7 +14,7 @@
 #include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
 
-/// A scripted hand with a burr, its recording, and the same again.
+/// A scripted hand with a burr: its recording, and the replay.
 namespace palpate {
 namespace {
 
@@ -63,7 +63,7 @@ class BurrRun : public ::testing::Test {
 };
 
 TEST(BurrScene, AStepThatFailsSwitchesTheMotorOff) {
-  // on along the surface until there is none of it
+  // slides along the surface until the surface ends
   const Script script = parse_script(
                             "[[step]]\napproach = \"ball\"\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n"
                             "[[step]]\nslide = 200\ndirection = \"left\"\nspeed = 60\n",
@@ -99,7 +99,7 @@ TEST_F(BurrRun, EveryCutStandsInTheRecording) {
   }
   EXPECT_EQ(waiting, 0);
   EXPECT_EQ(recording_.ticks.back().model_version, version);
-  // not one of them is blended in, and none lets the tool go
+  // no cut is blended in, and none releases the contact
   for (const TickRecord& tick : recording_.ticks)
     ASSERT_EQ(tick.device[0].flags & (kFlagBlend | kFlagInside), 0u) << tick.tick;
 }
@@ -184,7 +184,7 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
   EXPECT_NE(left->labels.layers.front().voxels(), loaded_.model->labels->dense().voxels());
   ASSERT_EQ(left->removed.size(), 1u);
   EXPECT_EQ(left->removed[0].structure, "ball");
-  // by the voxels that are gone, which are coarser
+  // compared with the volume of the removed voxels, which are coarser
   const GridGeometry& grid = loaded_.model->labels->geometry();
   const double voxel_mm3 = grid.spacing_mm.prod();
   const auto count = [&](const Bricks<LabelId>& labels) { return label_counts(labels)[testing::kBone]; };
@@ -192,7 +192,7 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
       voxel_mm3 * static_cast<double>(count(*loaded_.model->labels) - count(*expected->labels));
   EXPECT_GT(by_voxels_mm3, 5);
   EXPECT_NEAR(left->removed[0].volume_mm3 / by_voxels_mm3, 1, 0.1);
-  // of another scene
+  // labels of another scene
   LoadedScene other = loaded_;
   Model model = *other.model;
   model.content_hash = 7;
@@ -200,7 +200,8 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
 }
 
 TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
-  // around the ball a region that is not felt, in it a part of the ball, and a threshold's structure besides
+  // overlapping layers: a region without contact around the ball, a part of the ball, and a structure by
+  // threshold
   constexpr LabelId kRegion = 77, kPart = 78;
   const Volume<LabelId> before = loaded_.model->labels->dense();
   LabelMap layers;
@@ -240,7 +241,7 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
   const auto opened = open_playback(RecordingSource(recording_), loaded_.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
   ViewerHost& playback = **opened;
-  // forwards and back
+  // forwards and backwards
   for (const double part : {0.0, 0.6, 1.0, 0.4}) {
     const TickRecord& wanted =
         recording_.ticks[static_cast<std::size_t>(part * static_cast<double>(recording_.ticks.size() - 1))];
@@ -293,7 +294,7 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
     for (; event != recording->events.end() && event->tick <= tick.tick; ++event)
       if (event->kind == EventKind::kSweep) meter.see(cut_of(event->sweep).sweep);
     meter.see(tick);
-    // all along, and more often while it comes near
+    // sampled throughout the run, and more often during the approach
     const auto nearest = meter.nearest_mm().begin();
     const bool comes_near = nearest != meter.nearest_mm().end() && nearest->second > 0;
     if (n % (recording->ticks.size() / 23) != 0 && !(comes_near && n % 10 == 0)) continue;
@@ -315,7 +316,7 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
 }
 
 TEST(BurrScene, InLayersItTellsHowNearTheHeadItselfCame) {
-  // what a shell of 2 mm yields, its own surface does not: there the proxy of the outer layer stays
+  // the outer layer's proxy stays at its own surface while a shell of 2 mm is pressed in
   LoadedScene loaded = testing::loaded_ball(2);
   loaded.scene.force.method = ForceMethod::kProxy;
   Model model = *loaded.model;
@@ -345,7 +346,7 @@ TEST(BurrScene, InLayersItTellsHowNearTheHeadItselfCame) {
   EXPECT_NEAR((*opened)->state().nearest_mm.at(testing::kBone), 0, 0.11);
 }
 
-// two strokes at two places, the second of which is undone, done again and undone
+// two strokes at two places; the second is undone, redone and undone
 const char* const kTwoStrokes =
     "[[step]]\napproach = \"ball\"\nfrom = \"superior\"\n[[step]]\nmotor = true\n[[step]]\npress = 1.0\n"
     "[[step]]\nhold = 0.3\n[[step]]\nmotor = false\n[[step]]\nleave = true\n"
@@ -356,7 +357,7 @@ const char* const kTwoStrokes =
 TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   const test::TemporaryFolder folder;
   const LoadedScene loaded = testing::loaded_burr();
-  // where the second one was, the ball is whole again
+  // where the second stroke was, the ball is whole again
   const Script script =
       parse_script(std::string(kTwoStrokes) +
                        "[[step]]\napproach = \"ball\"\nfrom = \"anterior\"\n[[step]]\npress = "
@@ -403,7 +404,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   ASSERT_EQ(simulated->removed.size(), 1u);
   EXPECT_EQ(simulated->removed[0].volume_mm3, gone_mm3);
 
-  // in the page of the recording, before the undo and after
+  // playback before the undo and after it
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
   ViewerHost& playback = **opened;
@@ -426,10 +427,10 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
 }
 
 TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
-  // PALPATE_TEST_EDITS=2000 is the whole campaign
+  // the full campaign is PALPATE_TEST_EDITS=2000
   const char* const asked = std::getenv("PALPATE_TEST_EDITS");
   const long edits = asked != nullptr ? std::atol(asked) : 200;
-  // a stroke of a second after the other, all around, every third of which is undone
+  // consecutive strokes of one second all around the ball; every third is undone
   constexpr long kEditsOfStroke = 65;
   const long strokes = (edits + kEditsOfStroke - 1) / kEditsOfStroke;
   std::string text;

@@ -26,7 +26,7 @@ double processor_time_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// Places where soft tissue ends, on some lines through the volume.
+// Points at which soft tissue borders empty space, on some lines through the volume.
 std::vector<Point<Patient>> soft_borders(const Model& model) {
   constexpr int kLines = 24;
   const Bricks<LabelId>& labels = *model.labels;
@@ -51,7 +51,8 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
   return places;
 }
 
-// The median of some frames in which every device presses there; nothing: no tissue there is solved.
+// Median processor time of a few frames in which every device presses at `at`; empty if no tissue is solved
+// there.
 std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std::size_t devices) {
   constexpr int kFrames = 7;
   TickRecord felt;
@@ -77,7 +78,7 @@ CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t 
                                 double most_frame_s) {
   if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_coarsened > 1)
     return {std::move(model), {}};
-  // of places that are spread over all of them one is enough
+  // one of several spread-out points suffices
   constexpr std::size_t kTries = 5;
   const std::vector<Point<Patient>> places = soft_borders(*model);
   std::optional<double> made_s;
@@ -106,7 +107,7 @@ Result<CarriedCells> carried_under_law(const Model& felt, TissueLaw law, std::si
                                        const Progress& progress) {
   const auto preparing = kept_preparing();
   if (has_other_surfaces(felt, law)) {
-    // those that are felt stay meanwhile
+    // the current surfaces stay in memory meanwhile
     const auto bytes = memory_of_surfaces(seen_under_law(felt, law), *preparing, progress);
     if (!bytes) return bytes.error();
     if (auto allowed = allow_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();

@@ -9,29 +9,31 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/yield_solver.h"
 
-/// Cells of soft tissue that a machine has the time for.
+/// Choice of the soft-tissue solver's cell size by this machine's speed.
 namespace palpate {
 
-/// A model whose soft tissue is solved in time.
+/// Model whose soft tissue can be solved in real time on this machine.
 struct CarriedCells {
   std::shared_ptr<const Model> model;
-  std::string told;  ///< that its cells are coarser than they should be, in words; empty: they are not
+  std::string told;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
 };
 
-/// Solves some frames on this thread, at a place where soft tissue is outermost, and lets cells be 1.25, 1.6
-/// or 2 times as long (Model::tissue_coarsened) as long as a frame takes more of the thread's processor time
-/// than that. It takes the time of some 40 frames at most. A model that does not yield, or that has such a
-/// factor already, is given back as it is.
+/// Measures the solver's frame time on this thread, at a point where soft tissue is outermost, and increases
+/// the cell length by a factor of 1.25, 1.6 or 2 (Model::tissue_coarsened) until a frame fits `most_frame_s`
+/// of processor time. Takes at most the time of about 40 frames. A model whose tissue is not elastic, or that
+/// already has a factor, is returned unchanged.
 /// @param model         prepared for the proxy
-/// @param devices       that press at once, each with a box of its own in every frame; 1 ... kMaxDevices
-/// @param most_frame_s  by default three quarters of the time from one frame to the next, so that other
-///                      threads have some
+/// @param devices       number of devices that press simultaneously, each with a solver box of its own; 1 ...
+/// kMaxDevices
+/// @param most_frame_s  processor time available per frame; by default three quarters of the frame period,
+/// which leaves some to other threads
 CarriedCells with_carried_cells(std::shared_ptr<const Model> model, std::size_t devices,
                                 double most_frame_s = 0.75 * kYieldFrame_s);
 
-/// A model whose soft tissue goes by that law (under_law, with surfaces that were prepared before where they
-/// are kept), and where it yields by it as above, whatever factor the model has. Takes seconds where the law
-/// has other surfaces. Errors: those of under_law; kBadInput where there is no memory for both at a time.
+/// Switches a model to another law (under_law; surfaces prepared earlier are taken from the cache) and, if
+/// that law is elastic, chooses the cell size as above, ignoring the factor of `felt`. Takes seconds if the
+/// law needs other surfaces. Errors: those of under_law; kBadInput if both sets of surfaces do not fit in
+/// memory.
 Result<CarriedCells> carried_under_law(const Model& felt, TissueLaw law, std::size_t devices,
                                        const Progress& progress = {});
 

@@ -36,16 +36,16 @@ TEST(CarriedCells, AreAsTheSceneHasThemElsewhere) {
   const CarriedCells fast = with_carried_cells(model, 2, 1e3);
   EXPECT_EQ(fast.model, model);
   EXPECT_THAT(fast.told, IsEmpty());
-  // nothing yields there
+  // the law of layers needs no solver
   const auto layers = ball_under(TissueLaw::kLayers);
   EXPECT_EQ(with_carried_cells(layers, 1, 0).model, layers);
-  // a session was told already
+  // a model with a factor is returned unchanged
   auto told = std::make_shared<Model>(*model);
   told->tissue_coarsened = 1.6;
   EXPECT_EQ(with_carried_cells(told, 1, 0).model, told);
 }
 
-// a session that goes on with coarser cells has let go of the model that the hand planned its way in
+// the session may release the model that the hand planned its path in, once it uses coarser cells
 TEST(CarriedCells, TheHandKeepsTheModelThatItLooksAt) {
   LoadedScene loaded = testing::loaded_ball();
   const auto script = parse_script("[[step]]\napproach = \"ball\"\n", "test script");

@@ -14,32 +14,32 @@
 
 namespace palpate {
 
-/// Requests of viewers that wait until somebody where palpate runs agrees to them.
+/// Requests of viewers that wait for the consent of an operator where palpate runs.
 ///
 ///     viewer ── ask() ──► the one that waits longest is shown ── answer() by a key ──► granted or not
 ///                └─ another of the same viewer's takes its place        └─► take_answers(): the viewer is
 ///                told
 ///
-/// An answer is to what was shown: it names its number, and one that has been replaced meanwhile is another.
-/// Any thread; `grant` is called on that of answer(), without any lock of this.
+/// An answer names the number of the question that was displayed; a question that replaced it has another
+/// number. Thread-safe; `grant` is called on the thread of answer(), without holding a lock of this class.
 class Consent {
  public:
   using Clock = std::chrono::steady_clock;
-  /// A question that nobody answers is refused after so long.
+  /// Time after which an unanswered question is refused.
   static constexpr std::chrono::seconds kPatience{20};
 
-  /// @param who, id  of the request, for the answer
-  /// @param what     "turn the object by 20 degrees": what they want to do
-  /// @param grant    does it; its error is the viewer's
+  /// @param who, id  viewer and request id, for the answer
+  /// @param what     description of the change: "turn the object by 20 degrees"
+  /// @param grant    carries the request out; its error is reported to the viewer
   void ask(const ViewerIdentity& who, std::int64_t id, std::string what, std::function<Result<void>()> grant,
            Clock::time_point now = Clock::now());
-  /// The one to be answered next.
+  /// Question to be answered next.
   std::optional<ConsentQuestion> question(Clock::time_point now = Clock::now());
-  /// @param number  of the question that was shown
+  /// @param number  number of the question that was displayed
   void answer(std::uint64_t number, bool agreed, Clock::time_point now = Clock::now());
-  /// A viewer is gone: nobody waits for an answer.
+  /// Discards the questions and answers of a viewer that disconnected.
   void forget(const ViewerIdentity& who);
-  /// What viewers are to be told since the last time.
+  /// Answers for viewers since the last call.
   std::vector<LateAnswer> take_answers(Clock::time_point now = Clock::now());
 
  private:
@@ -56,7 +56,7 @@ class Consent {
 
   std::mutex mutex_;
   std::uint64_t questions_ = 0;
-  std::list<Waiting> waiting_;  // in the order in which their viewers asked first
+  std::list<Waiting> waiting_;  // in the order of each viewer's first request
   std::vector<LateAnswer> answers_;
 };
 

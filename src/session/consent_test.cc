@@ -9,7 +9,7 @@ namespace {
 using ::testing::HasSubstr;
 using std::chrono_literals::operator""s;
 
-// questions at times of the test's own
+// questions on a simulated clock
 struct Asked {
   Consent consent;
   Consent::Clock::time_point now{};
@@ -67,7 +67,7 @@ TEST(Consent, DecliningAndSilenceAreToldInWords) {
   EXPECT_EQ(asked.granted, 0);
 }
 
-// a key is for what was shown when it was pressed
+// a key press answers the question displayed at that moment
 TEST(Consent, AnAnswerIsToWhatWasShown) {
   Asked asked;
   asked.ask(1, 5, "turn the object by 3 degrees");
@@ -85,7 +85,7 @@ TEST(Consent, AnAnswerIsToWhatWasShown) {
   EXPECT_EQ(asked.granted, 0) << "no such question";
 }
 
-// one that goes on asking keeps nobody else waiting
+// repeated requests of one viewer do not delay the others
 TEST(Consent, EachViewerHasOnePlaceInTheOrderOfTheFirstQuestion) {
   Asked asked;
   asked.ask(1, 1, "one");

@@ -31,8 +31,8 @@ std::size_t CutList::sweeps_until(std::uint32_t version) const {
   return static_cast<std::size_t>(std::ranges::upper_bound(versions_, version) - versions_.begin());
 }
 
-// Strokes are followed from the first on, which takes as long as there are sweeps; until another undo or redo
-// is looked at, it is known.
+// Replays all strokes from the first, linear in the number of sweeps. The result is cached until a version
+// with another number of undos and redos is requested.
 const CutList::InForce& CutList::in_force(std::uint32_t version) const {
   const auto later = std::ranges::upper_bound(changes_, version, {}, &Change::version);
   const auto changes = static_cast<std::size_t>(later - changes_.begin());

@@ -10,49 +10,49 @@
 
 namespace palpate {
 
-/// All sweeps that a model was cut by and all strokes that were undone or done again, each with the version
-/// of the model that it led to. For any version it tells which sweeps are in force, done and not undone, in
-/// their order. An undo takes sweeps off the end of that list.
+/// Sweeps and stroke changes of a session, each with the model version that it produced. For any version it
+/// returns the sweeps in force (cut and not undone), in order. An undo removes sweeps from the end of that
+/// list.
 class CutList {
  public:
-  /// A stroke that was undone or done again.
+  /// Undo or redo of a stroke.
   struct Change {
     std::uint32_t version = 0;
     StrokeAction action = StrokeAction::kUndo;
-    std::size_t sweeps = 0;  ///< so many came before it, whatever became of them
+    std::size_t sweeps = 0;  ///< Number of sweeps before it, whether in force or not
   };
 
-  /// Room for so many more sweeps and one more change, whose add() does not fail then.
+  /// Reserves memory for that many further sweeps and one change, so that add() cannot fail.
   void reserve(std::size_t sweeps);
-  /// @param version  never below one that was told before
+  /// @param version  not lower than any version passed before
   void add(std::uint32_t version, const SweepRecord& sweep);
   void add(std::uint32_t version, StrokeAction action);
 
-  /// All, in their order.
+  /// All sweeps and changes in chronological order.
   std::span<const SweepRecord> sweeps() const { return sweeps_; }
-  std::span<const std::uint32_t> versions() const { return versions_; }  ///< of the sweeps
+  std::span<const std::uint32_t> versions() const { return versions_; }  ///< Versions of the sweeps
   std::span<const Change> changes() const { return changes_; }
 
-  /// How many sweeps a version is cut by.
+  /// Number of sweeps in force at a version.
   std::size_t count(std::uint32_t version) const;
-  /// Of these those from number `first` on, at most so many.
+  /// Sweeps in force at a version, from index `first` on, at most `most`.
   std::vector<SweepRecord> by(std::uint32_t version, std::size_t first, std::size_t most) const;
-  /// How long the list was after each undo up to that version.
+  /// Length of the list after each undo up to that version.
   const std::vector<std::uint64_t>& undone_to(std::uint32_t version) const {
     return in_force(version).undone_to;
   }
 
  private:
-  // sweeps, one after the other; without `end`
+  // half-open range of sweep indices
   struct Run {
     std::size_t begin = 0, end = 0;
   };
-  /// What holds from one undo or redo to the next.
+  /// State between two consecutive undos or redos.
   struct InForce {
     std::vector<Run> runs;
     std::vector<std::uint64_t> undone_to;
-    std::size_t goes_on = 0;  // sweeps from here on are in force, each from its version on
-    std::size_t changes = 0;  // as many have led to it
+    std::size_t goes_on = 0;  // sweeps from this index on are in force, each from its own version on
+    std::size_t changes = 0;  // number of changes that led to this state
     bool known = false;
   };
   const InForce& in_force(std::uint32_t version) const;
@@ -61,7 +61,7 @@ class CutList {
   std::vector<SweepRecord> sweeps_;
   std::vector<std::uint32_t> versions_;
   std::vector<Change> changes_;
-  mutable InForce last_;  // that was asked for
+  mutable InForce last_;  // cache of the last query
 };
 
 }  // namespace palpate

@@ -22,7 +22,7 @@ TEST(CutList, EveryVersionHasTheSweepsOfItsStrokes) {
   std::mt19937 engine(seed);
   const auto random = [&] { return static_cast<std::uint32_t>(engine()); };
   CutList list;
-  // the oracle: strokes as lists, and what was in them after each version
+  // oracle: strokes as lists of sweeps, and the sweeps in force after each version
   using Strokes = std::vector<std::vector<SweepRecord>>;
   Strokes done, undone;
   std::vector<std::vector<SweepRecord>> of_version{{}};
@@ -62,7 +62,7 @@ TEST(CutList, EveryVersionHasTheSweepsOfItsStrokes) {
     of_version.push_back(in_force);
     undone_to.push_back(left);
   }
-  // in any order, as somebody looks through a recording
+  // random access, as when seeking in a recording
   for (int n = 0; n < 2000; ++n) {
     const std::uint32_t at = random() % (version + 1);
     const std::vector<SweepRecord>& oracle = of_version[at];

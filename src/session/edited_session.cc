@@ -1,8 +1,8 @@
 // edited_session FILE press|mill
 //
-// Explores the tests' ball on the real clock, edited five times a second, until it is killed: pressed by a
-// script, or milled by a burr that a pointer leads around it. Says so by one byte on its standard output for
-// each edit. For killed_session_test.cc.
+// Explores the tests' ball on the real clock, with five edits per second, until it is killed: either pressed
+// by a script, or milled by a burr that a pointer leads around it. Writes one byte to standard output per
+// edit. For killed_session_test.cc.
 #include "session/edited_session.h"
 
 #include <unistd.h>
@@ -43,7 +43,8 @@ int main(int count, char** arguments) {
   options.request = [&] {
     if (mills) {
       if (edits == 0) PALPATE_CHECK(host->take_pointer(true, {1, true}).ok());
-      // around the ball, in and out by a millimetre; first it waits outside for its force
+      // around the ball, in and out by a millimetre; during the first second it waits outside until the force
+      // is on
       const double time_s = std::chrono::duration<double>(Clock::now() - begun).count();
       const double r = palpate::testing::kBoneRadius_mm + 2 + (time_s < 1 ? 5 : std::cos(5 * time_s));
       const double turn = 0.7 * time_s;

@@ -4,11 +4,10 @@
 
 #include "palpate/link/viewer_server.h"
 
-/// What edited_session asks of its session, one edit after the other, so that who reads its recording knows
-/// what has to be in it.
+/// Sequence of edits that edited_session makes, so that a reader of its recording knows the expected content.
 namespace palpate::testing {
 
-/// A tissue has that from the edit of that number on.
+/// Stiffness of the tissue from edit `number` on.
 inline double edited_stiffness_N_per_mm(std::uint32_t number) {
   return 0.8 + 0.01 * (number % 40);
 }
@@ -19,12 +18,12 @@ inline bool ask_for_stiffness(ViewerHost& host, std::uint32_t number) {
   return host.set(tissue).ok();
 }
 
-/// Asks for the edit of that number, from 1, as the viewer of that number.
+/// Requests edit `number`, from 1, as the viewer of that number.
 inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
   SettingsRequest settings;
   settings.by = by;
-  // after a stop, as soon as the hand has left what it touched
+  // re-arm after a stop as soon as the tip is free
   if (const auto stop = host.state().stop) (void)host.rearm({*stop, by});
   switch (number % 4) {
     case 0:
@@ -46,8 +45,7 @@ inline bool ask_for_edit(ViewerHost& host, std::uint32_t number) {
   }
 }
 
-/// Likewise of one who mills: a stroke, and then it is undone, or what was undone before is done again. There
-/// may be none.
+/// Same for a milling session: a stroke, then an undo or a redo, if there is a stroke to undo or redo.
 inline bool ask_for_stroke_edit(ViewerHost& host, std::uint32_t number) {
   const ViewerIdentity by{number, true};
   SettingsRequest settings;

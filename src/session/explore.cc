@@ -24,14 +24,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr auto kStatusPeriod = std::chrono::milliseconds(100);
-// how soon an end is noticed
+// polling period for requests and for the end of the session
 constexpr auto kPoll = std::chrono::milliseconds(20);
 
 double seconds_since(Clock::time_point then) {
   return std::chrono::duration<double>(Clock::now() - then).count();
 }
 
-/// The parts of a session, all of which live on after its end until its figures are taken.
+/// Parts of a session. All of them outlive its end until the figures have been collected.
 struct Session {
   const Model& model;
   ServoLoop& loop;
@@ -39,21 +39,21 @@ struct Session {
   TipSource& tip;
   const ExploreWatch& watch;
   ViewedSession& viewed;
-  Training* training;      // nullptr: there are no tasks
-  Supervisor* supervisor;  // nullptr: there is none
+  Training* training;      // null: there are no tasks
+  Supervisor* supervisor;  // null: the session is not supervised
   const std::string& careful_bounds;
   bool asks_here;
 };
 
-/// What was shown last: a key answers nothing that nobody has seen.
+/// What the last status displayed: a key may only answer what the user has been shown.
 struct Shown {
   std::uint32_t stop = 0;
   std::uint64_t question = 0;
-  std::optional<Error> refusal;  // to be shown next
-  std::size_t runs = 0;          // of tasks, that are over
+  std::optional<Error> refusal;  // to be displayed next
+  std::size_t runs = 0;          // finished runs of tasks already displayed
 };
 
-// Nothing pushes while nobody watches.
+// Stops the force while the supervisor is dead, and restarts the supervisor.
 class SupervisorKeeper {
  public:
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
@@ -67,7 +67,7 @@ class SupervisorKeeper {
     next_try_ = again ? Clock::time_point() : Clock::now() + std::chrono::seconds(1);
   }
   int deaths() const { return deaths_; }
-  /// Why there is none in the place of the last one that died.
+  /// Reason why the dead supervisor could not be replaced.
   const std::optional<Error>& failure() const { return failure_; }
 
  private:
@@ -114,7 +114,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.device_trouble = session.tip.driver().trouble();
   status.stop = session.viewed.stop_that_holds();
   status.rearmed_in_page = session.viewed.rearmed_in_page();
-  // told to nobody who does not see the device
+  // the code is shown only to a user who sees the device
   if (session.asks_here) status.arming_code = session.viewed.arming_code();
   status.question = session.viewed.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
@@ -160,7 +160,7 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
   }
 }
 
-// until the script is done, the time is up, the user stops it or the driver gives up
+// runs until the script is done, the time is up, the user stops the session or the driver gives up
 void watch_until_over(const Session& session, const ExploreOptions& options, const Progress& progress,
                       const std::function<void(const ExploreStatus&)>& show, ExploreResult& result) {
   RateMeter rate;
@@ -184,9 +184,9 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
   }
 }
 
-// Whoever explores may choose any method; the direct ones are made ready when they are chosen. Surfaces are a
-// part of what every version of the model follows from, so that they come before the first. Where they do
-// not suit the scene and nobody asked for them, they are passed over.
+// Prepares the proxy. The user may choose any method later; direct methods are prepared on demand. Surfaces
+// are inherited by every model version, so they have to exist before the first. If they cannot be built for
+// the scene the proxy is simply not available, unless it was requested.
 Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& progress) {
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
   auto ready = ready_for(model, kProxyAlone, progress);
@@ -195,7 +195,7 @@ Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& 
   return {};
 }
 
-// ends the threads in the order in which they feed each other, and takes their figures
+// ends the threads in the order of the data flow, and collects their figures
 void finish(const Session& session, ExploreResult& result) {
   session.tip.end();
   result.threads = session.tip.followers();
@@ -220,13 +220,13 @@ void finish(const Session& session, ExploreResult& result) {
     result.summary.skipped = result.health.skipped;
     result.summary.trouble = result.trouble;
   }
-  // the recorder has seen the last tick
+  // the recorder has processed the last tick
   if (session.training != nullptr) {
     session.training->end();
     result.runs = session.training->finished();
   }
   result.holds = session.watch.holds();
-  // a pointer has no list of what it is to touch
+  // a pointer session has no list of structures to be touched: report only those that were
   if (session.tip.pointer())
     std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
   result.max_force_N = session.watch.max_force_N();
@@ -249,7 +249,7 @@ ViewedParts viewed_parts(const RunSetup& setup, const Scene& scene, TipSource& t
   return parts;
 }
 
-/// The supervisor's record, open as long as this lives.
+/// Descriptor of the supervisor's record file; closed by the destructor.
 class SupervisorLog {
  public:
   static Result<SupervisorLog> open(const std::filesystem::path& file) {
@@ -270,7 +270,7 @@ class SupervisorLog {
   int number_;
 };
 
-/// Of a session without a supervisor: nullptr.
+/// Starts the supervisor; nullptr if the session has none.
 Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options, const SupervisorLog& log,
                                                   const DeviceDriver& driver) {
   if (options.supervisor.empty()) return std::unique_ptr<Supervisor>();
@@ -284,8 +284,8 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
   return Supervisor::start(settings);
 }
 
-// A scope is a tool that turns, and the simulated device on the real clock is a tip that a hand leads: what
-// turns here is a device that somebody holds.
+// Rejects scope steps: on the real clock, the simulated device is a tip led by a hand model; only a physical
+// device can turn a scope here.
 Result<void> check_script(const Script& script) {
   for (std::size_t n = 0; n < script.steps.size(); ++n)
     if (std::holds_alternative<ScopeStep>(script.steps[n]))
@@ -305,7 +305,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
                               const std::function<void(const ExploreStatus&)>& status) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (auto possible = check_script(script); !possible) return possible.error();
-  // a hand without anything to touch has nothing to do; a viewer may look, and move the tip
+  // without anything to touch a script is useless, while a viewer may still look and move the tip
   const bool felt = is_anything_felt(*loaded.model), scripted = options.devices[0] == kSimulatedHand;
   if (!felt && scripted)
     if (auto touchable = check_felt(loaded); !touchable) return touchable.error();
@@ -329,7 +329,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
     if (!started) return started.error();
     training = *std::move(started);
   }
-  // who shows it may fail before anything pushes
+  // the viewer server may fail to start, so it comes before any force is rendered
   ViewedSession viewed(
       viewed_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(), carried.told));
   std::shared_ptr<void> viewers;
@@ -365,7 +365,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   auto recorder = Recorder::start((*loop)->ring(), recording, header, see, &viewed.told());
   if (!recorder) return recorder.error();
 
-  // however this ends, nobody looks at the loop or the watch when they are gone
+  // however the session ends, viewers are disconnected before the loop and the watch are destroyed
   struct EndOfViewing {
     std::shared_ptr<void>& viewers;
     ViewedSession& viewed;

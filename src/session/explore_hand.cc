@@ -11,13 +11,14 @@ namespace palpate {
 namespace {
 
 constexpr std::chrono::nanoseconds kHandPeriod = std::chrono::milliseconds(2);
-// the way to the next intention, so that it is not reached before the one after it comes
+// time to reach an intention: longer than the period, so that the next one arrives before the hand comes to
+// rest
 constexpr std::int64_t kLead_ns = 2 * kHandPeriod.count();
-// a hand that was held up longer goes on from where it was
+// upper bound of a step: a hand whose thread was delayed longer continues from where it was
 constexpr double kMostStep_s = 0.02;
 constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
 constexpr double kLeaving_mm_s = 50, kComingBack_mm_s = 20;
-// farther than a hand trembles
+// more than the amplitude of the tremor
 constexpr double kAwayFromAll_mm = 3;
 
 }  // namespace
@@ -67,7 +68,7 @@ void HandThread::move(double dt_s) {
   const Vector<World> force_N(device.force_N[0], device.force_N[1], device.force_N[2]);
   if (force_N.norm() > 0) outward_ = force_N.normalized();
 
-  // viewers turn the object too
+  // viewers may have rotated the object
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
   HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_led_to(), edits_.law_led_to()};
   const auto intention = hand_.next(felt, dt_s, commands);
@@ -96,7 +97,7 @@ void HandThread::intend(const Point<World>& target) {
   driver_.intend(mapping_.to_device(target), monotonic_ns() + kLead_ns);
 }
 
-// along the force that it felt last: nothing holds it up, so that it gets out of anything
+// moves along the last contact force; the path is not checked, so that it gets out of any contact
 void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
   if (!wanted_) return;
   if (!led_) {
@@ -110,7 +111,7 @@ void HandThread::withdraw(const DeviceTick& felt, double dt_s) {
   intend(*led_);
 }
 
-// to where the script left off; whether it is there
+// moves back to where the script was interrupted; returns whether it has arrived
 bool HandThread::come_back(double dt_s) {
   if (!led_) return true;
   const Vector<World> way = *wanted_ - *led_;

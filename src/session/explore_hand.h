@@ -15,23 +15,23 @@
 
 namespace palpate {
 
-/// How a script changes the model; on the hand's thread.
+/// Edits of the model by a script; called on the hand's thread.
 struct ScriptEdits {
   std::function<void(StrokeAction)> change_stroke;
-  /// HandCommands::stroke_led_to, of the last change.
+  /// HandCommands::stroke_led_to of the last change.
   std::function<std::optional<std::uint32_t>()> stroke_led_to;
   std::function<void(TissueLaw)> change_law;
-  /// HandCommands::law_led_to, of the last change.
+  /// HandCommands::law_led_to of the last change.
   std::function<std::optional<std::uint32_t>()> law_led_to;
 };
 
-/// A scripted hand on a thread of its own, as slow as a person beside the servo: it feels the latest tick and
-/// says where it wants to be a little later. It rests while the force is off or still coming in, as somebody
-/// does who feels it go, and does not catch up on time in which its thread did not run. Of an emergency stop
-/// it leaves what it touches, since only a free hand gets its force back, and comes back when it has it.
+/// Scripted hand on a thread of its own, with a person's reaction time: it reads the latest tick and commands
+/// a position for a short time later. It rests while the force is off or ramping in, as a person would, and
+/// does not catch up on time in which its thread did not run. After an emergency stop it withdraws from
+/// contact, because force is given back only to a free tip, and returns once the force is on.
 class HandThread {
  public:
-  /// @param told  what the loop is told by the script; outlives the hand
+  /// @param told    log of the script's commands to the loop; outlives the hand
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
              EventLog& told, ScriptEdits edits, bool repeat);
@@ -39,9 +39,9 @@ class HandThread {
   HandThread(const HandThread&) = delete;
   HandThread& operator=(const HandThread&) = delete;
 
-  /// Error kUnavailable where the system gives no thread.
+  /// Error kUnavailable if the system cannot create a thread.
   Result<void> begin();
-  /// The hand stays where it wants to be.
+  /// Ends the thread; the hand stays at its last commanded position.
   void end();
 
   // ---- any thread
@@ -65,10 +65,10 @@ class HandThread {
   EventLog& told_;
   const ScriptEdits edits_;
   const bool repeat_;
-  // where the script wants it, where it is led, and the way out of what it touches
+  // position by the script; position while withdrawn; unit direction out of the contact
   std::optional<Point<World>> wanted_, led_;
   Vector<World> outward_{0, 0, 1};
-  double clear_mm_ = 0;  // that it has gone without touching anything
+  double clear_mm_ = 0;  // distance covered without contact
   std::atomic<bool> end_{false}, done_{false};
   std::atomic<double> progress_{0};
   std::thread thread_;

@@ -1,4 +1,4 @@
-// A session on the real clock. How punctual it is depends on the machine, so nothing here asks for that.
+// Sessions on the real clock. Latency depends on the machine, so no test here requires any.
 #include "palpate/session/explore.h"
 
 #include <gmock/gmock.h>
@@ -18,7 +18,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::loaded_ball;
 
-// longer than anything here takes on a machine that has nothing else to do
+// longer than any session here takes on an idle machine
 constexpr double kPatience_s = 30;
 
 Script script_of(const std::string& steps) {
@@ -27,7 +27,7 @@ Script script_of(const std::string& steps) {
   return *script;
 }
 
-// quick: approach, press, hold for some of the ten looks a second, turn, leave
+// brief: approach, press, hold for several status periods, rotate, leave
 const char* const kTouch =
     "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\nsettle = 0.1\n"
     "[[step]]\nhold = 1.0\n[[step]]\nrotate = 4.0\nseconds = 0.2\n[[step]]\nleave = true\nspeed = 200.0\n";
@@ -43,11 +43,11 @@ double force_N(const TickRecord& tick) {
 
 class Explore : public ::testing::Test {
  protected:
-  // a session with its recording read again; replays to what was felt
+  // runs a session, reads its recording and checks that it replays
   ExploreResult run(const Script& script, const ExploreOptions& options,
                     const std::function<void(const ExploreStatus&)>& status = {}) {
     const auto file = folder_ / "run.h5";
-    // room for all of it, however long the recorder has no processor
+    // ring large enough for the whole run, in case the recorder's thread is delayed
     ExploreOptions roomy = options;
     roomy.loop.ring_s = std::min(kPatience_s, 2e4 / options.run.rate_hz.value_or(1000));
     auto result = explore(loaded_, script, roomy, file, Progress({}, &stop_), status);
@@ -76,7 +76,7 @@ class Explore : public ::testing::Test {
     EXPECT_EQ(again->run_hash, result.summary.run_hash);
   }
 
-  // every point in time had its tick or is counted as skipped
+  // every nominal tick time has its tick or is counted as skipped
   void expect_on_the_grid(const ExploreResult& result, double rate_hz) {
     double elapsed_s = 0;
     for (std::size_t t = 1; t < recording_.ticks.size(); ++t) elapsed_s += recording_.ticks[t].dt_s;
@@ -115,7 +115,7 @@ TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
   EXPECT_GE(result.max_force_N, result.holds[0].peak_force_N);
   EXPECT_LE(result.max_force_N, result.limit_N);
 
-  // the turn got to the servo
+  // the rotation reached the servo
   const auto& turned = recording_.ticks.back().rotation_target_wxyz;
   EXPECT_NEAR(2 * std::acos(turned[0]) * 180 / M_PI, 4, 1e-6);
 }
@@ -124,9 +124,9 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
   loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = kPatience_s;
-  // what it pressed on may be gone
+  // the pressed surface may have been removed
   options.repeat = true;
-  // each when the one before was not refused and some time has gone by
+  // the next request follows once the last was accepted and some time has passed
   const ExploreRequest wanted[] = {ExploreRequest::kUndoStroke, ExploreRequest::kMotor,
                                    ExploreRequest::kMotor,      ExploreRequest::kUndoStroke,
                                    ExploreRequest::kRedoStroke, ExploreRequest::kNone};
@@ -139,7 +139,7 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
     touched = touched || status.structure == "ball";
     if (status.refusal) {
       refused.push_back(status.refusal->what);
-      // the first is before there is a stroke; what was cut may be on its way yet
+      // the first undo precedes any stroke; the sweeps of a stroke may still be being removed
       if (at > 1) --at;
     }
     if (!touched || status.time_s < asked_s + 0.6) return;
@@ -187,7 +187,7 @@ TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   ExploreOptions options;
   options.seconds = kPatience_s;
   options.repeat = true;
-  // asked fifty times a second: a few times while the ball is touched, when the one before is there
+  // polled fifty times a second: a few requests while the ball is in contact, each after the last took effect
   int asked = 0;
   bool waits = false;
   options.request = [&] {
@@ -197,7 +197,7 @@ TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   const auto result = run(script_of(kTouch), options, [&](const ExploreStatus& status) {
     waits = status.method_awaited.has_value();
     if (shown.empty() || shown.back() != status.method) shown.push_back(status.method);
-    // some three seconds, or what a slow machine needs
+    // about three seconds, longer on a slow machine
     if (status.time_s > 2.5 && shown.size() > 2) stop_.store(true);
   });
   EXPECT_EQ(result.summary.method_missing, 0u) << "each is felt when it is there";
@@ -208,8 +208,9 @@ TEST_F(Explore, TheMethodChangesWhenAskedInACircle) {
   EXPECT_TRUE(felt.contains(ForceMethod::kSpline)) << "the one after the first";
 }
 
-// From the tick in which the loop was told to stop: never more than the ramp leaves of what is asked and
-// allowed, and no step larger than the ramp's own and those of what is asked. The last force before it.
+// Checks the fade-out from the tick with the pause on: the force never exceeds the ramp's share of the
+// demanded and permitted force, and no step exceeds the ramp's plus that of the demand. Returns the force
+// before it.
 double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
   const auto pause = std::find_if(ticks.begin(), ticks.end(),
                                   [](const TickRecord& tick) { return tick.switches & kSwitchPaused; });
@@ -225,8 +226,8 @@ double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
     const double left = std::max(0.0, 1 - faded_s / kOutputFeel.ramp_out_s);
     EXPECT_LE(force_N(*tick), left * now.unclamped_force_N + 1e-9);
     EXPECT_LE(force_N(*tick), limit_N);
-    // a machine that stands still gets nothing at once, and what it comes back from is another step, as what
-    // the passivity controller holds back for a tick
+    // force is zero at once if the loop stalls, and its return is another step; the same holds for ticks in
+    // which the passivity controller dissipates
     constexpr std::uint32_t kWithheld = kFaultFlags | kFlagStale | kFlagSlew | kFlagPassivity;
     if (((now.flags | before.flags) & kWithheld) != 0) continue;
     const double ramp_N = tick->dt_s / kOutputFeel.ramp_out_s * before.unclamped_force_N;
@@ -240,7 +241,7 @@ double expect_fading(const std::vector<TickRecord>& ticks, double limit_N) {
 TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
   ExploreOptions options;
   options.seconds = kPatience_s;
-  // a hand without a processor bounces on the surface, and may be stopped in the air
+  // a hand whose thread is delayed bounces on the surface, and may be stopped out of contact
   double pressed_N = 0;
   for (int attempt = 0; attempt < 5 && pressed_N < 0.3; ++attempt) {
     stop_.store(false);
@@ -253,7 +254,7 @@ TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
   EXPECT_GE(pressed_N, 0.3);
 }
 
-// only a free hand gets its force back: it leaves by itself, and goes on where it was
+// force is given back only to a free tip: the hand withdraws by itself and resumes
 TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   ExploreOptions options;
   options.seconds = kPatience_s;
@@ -261,7 +262,7 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   int stops = 0, shown_since = 0;
   bool rearmed = false;
   options.request = [&] {
-    // a stop is asked for three times, and only stops
+    // three stop requests: each only stops
     if (stops < 3 && (stops > 0 || seen.force_N > 0.5)) {
       shown_since = 0;
       return ++stops, ExploreRequest::kEmergencyStop;
@@ -271,7 +272,7 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   const auto result = run(script_of(kPress), options, [&](const ExploreStatus& status) {
     seen = status;
     if (status.refusal) {
-      // the key is pressed again and again until the line shows that it is heard
+      // the key is pressed repeatedly until the status shows its effect
       EXPECT_THAT(status.refusal->what,
                   ::testing::AnyOf(HasSubstr("touches something"), HasSubstr("not stopped")));
     }
@@ -345,7 +346,7 @@ TEST_F(Explore, WithoutARecordingItStillCounts) {
   EXPECT_FALSE(result->recording_failure);
 }
 
-// who moves the tip may look on; a hand with a script has nothing to touch
+// a viewer who moves the tip may look on; a scripted hand has nothing to touch
 TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
   Model model = *loaded_.model;
   for (Tissue& tissue : model.tissues) tissue.felt = false;

@@ -12,11 +12,11 @@
 
 namespace palpate {
 
-/// What the ticks of a session tell: one thread (the recorder's) shows it every tick, others ask. A lock is
-/// taken for each tick, which the servo never does.
+/// Figures of a session, computed from its ticks: one thread (the recorder's) adds every tick, others query.
+/// Each tick takes a lock, which the servo never does.
 class ExploreWatch {
  public:
-  /// Of the last 0.9 to 1 s before the latest tick.
+  /// Figures over the last 0.9 to 1 s before the latest tick.
   struct LastSecond {
     double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0;
     double compute_p50_us = 0;
@@ -27,9 +27,9 @@ class ExploreWatch {
 
   LastSecond last_second() const;
   std::vector<HoldFigure> holds() const;
-  /// The largest force sent, of any device.
+  /// Largest commanded force of any device.
   double max_force_N() const;
-  /// How near a burr came to what is protected, in all ticks.
+  /// Smallest distance between a burr and each protected structure over all ticks.
   std::map<LabelId, double> nearest_mm() const;
 
  private:
@@ -45,7 +45,7 @@ class ExploreWatch {
   NearestMeter nearest_;
   double max_force_N_ = 0;
   std::array<Part, kParts> parts_;  // a ring: the tenth t is part t % kParts
-  std::uint64_t tenth_ = 0;         // of the latest tick
+  std::uint64_t tenth_ = 0;         // tenth of the latest tick
 };
 
 }  // namespace palpate

@@ -22,7 +22,7 @@ TickRecord tick_at(double time_s, double lateness_us, double compute_us = 5) {
   return record;
 }
 
-// nearest rank, by sorting
+// quantile by nearest rank
 double quantile(std::vector<double> values, double q) {
   std::sort(values.begin(), values.end());
   const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(values.size())));
@@ -37,13 +37,13 @@ TEST(ExploreWatch, LastSecondAgreesWithSortedTicks) {
   std::vector<TickRecord> ticks;
   double time_s = 0;
   for (int n = 0; n < 3000; ++n) {
-    // now and then a stall, of up to two seconds
+    // an occasional stall of up to two seconds
     time_s += n % 501 == 500 ? 1e3 * dt_s(random) / 4 : dt_s(random);
     ticks.push_back(tick_at(time_s, lateness_us(random), lateness_us(random)));
     watch.see(ticks.back());
     if (n % 97 != 0) continue;
 
-    // the tenths of a second that end with the latest tick's
+    // the ten tenths of a second that end with the latest tick's
     const double first_s = (std::floor(time_s * 10) - 9) / 10;
     std::vector<double> late, computed;
     for (const TickRecord& tick : ticks)
@@ -53,7 +53,7 @@ TEST(ExploreWatch, LastSecondAgreesWithSortedTicks) {
       }
     const auto last = watch.last_second();
     SCOPED_TRACE("seed " + std::to_string(kSeed) + ", tick " + std::to_string(n));
-    // buckets are 1.6 % wide, and times are whole nanoseconds
+    // histogram buckets are 1.6 % wide, and times are whole nanoseconds
     const auto expect_close = [](double actual, double expected) {
       EXPECT_NEAR(actual, expected, 0.017 * expected + 0.002);
     };
@@ -88,11 +88,11 @@ TEST(ExploreWatch, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
   for (int n = 0; n < 400; ++n) {
     TickRecord record = tick_at(n * 1e-3, 1);
     record.devices = 2;
-    // of 1 N: within a fifth of one that is asked for
+    // target 1 N: within a fifth of it
     record.device[0].force_N = {0, 0.6, n == 40 ? 1.1 : 0.8};
     record.device[0].label = n < 300 ? testing::kBone : testing::kCartilage;
     record.device[1].force_N = {n == 7 ? 1.5 : 0.1, 0, 0};
-    // of a device that is not there
+    // device number 2 does not exist
     record.device[2].force_N = {9, 9, 9};
     watch.see(record);
   }

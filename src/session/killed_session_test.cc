@@ -1,4 +1,4 @@
-// What is left of a session that is killed: everything up to the last flush, edits included.
+// A session that is killed: everything up to the last flush remains readable, edits included.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@
 namespace palpate {
 namespace {
 
-// edited_session, with the end of a pipe to which it says each edit
+// process of edited_session, with the pipe on which it reports each edit
 struct Edited {
   /// @param does  "press" or "mill"
   Edited(const std::filesystem::path& file, const char* does) {
@@ -42,7 +42,7 @@ struct Edited {
   int said = -1;
 };
 
-// what a viewer's edits left in a session, in order
+// checks the recorded edits of the viewers, in order
 void expect_edits(const Recording& recording, bool count_askers) {
   std::uint32_t version = recording.header.model_version;
   std::set<std::uint32_t> askers;
@@ -55,12 +55,12 @@ void expect_edits(const Recording& recording, bool count_askers) {
     if (event.change.is_of_tissue()) {
       EXPECT_EQ(event.change.stiffness_N_per_mm, testing::edited_stiffness_N_per_mm(event.by.viewer));
     }
-    // from this tick on and not before
+    // effective from this tick on, not earlier
     EXPECT_GE(tick.model_version, version);
     ASSERT_GT(event.tick, 0u);
     EXPECT_LT(recording.ticks[event.tick - 1].model_version, version);
   }
-  // sweeps stand before the version that they are of
+  // sweeps precede the model version that they produced
   std::uint32_t next = recording.header.model_version + 1;
   for (const RecordingEvent& event : recording.events) {
     if (event.kind == RecordingEvent::Kind::kSweep) {
@@ -71,7 +71,7 @@ void expect_edits(const Recording& recording, bool count_askers) {
   if (!recording.ticks.empty()) {
     EXPECT_EQ(recording.ticks.back().model_version, version) << "an edit that was felt is missing";
   }
-  // every edit up to the last one that is there; of strokes there may be none to undo
+  // no edit is missing before the last one recorded; a stroke edit may have had nothing to undo
   if (count_askers) {
     EXPECT_EQ(askers.size(), askers.empty() ? 0 : *askers.rbegin());
   }
@@ -91,7 +91,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
     const Edited session(file, does);
     ASSERT_TRUE(session.next_edit()) << "it never ran";
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 4000));
-    // what is safe by now
+    // data on disk at this time
     const auto before = RecordingSource::open(file);
     ASSERT_TRUE(before.ok()) << before.error().message();
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 400'000));
@@ -127,7 +127,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
   EXPECT_EQ(sweeps > 0, loaded.model->cuts());
 }
 
-// PALPATE_TEST_KILLS=50 is the whole campaign, of each
+// the full campaign is PALPATE_TEST_KILLS=50, for each kind
 int kills_or(int few) {
   const char* asked = std::getenv("PALPATE_TEST_KILLS");
   return asked != nullptr ? std::atoi(asked) : few;
@@ -163,7 +163,7 @@ TEST(LongRecording, ReplaysInMemoryThatDoesNotGrowWithIt) {
     return peak;
   };
   const double once = peak_MiB(10), four_times = peak_MiB(40);
-  // 30 000 ticks more would be 54 MB in memory
+  // the additional 30 000 ticks would occupy 54 MB in memory
   EXPECT_LT(four_times - once, 12) << once << " MiB and " << four_times << " MiB";
 }
 

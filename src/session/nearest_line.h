@@ -10,28 +10,28 @@
 
 namespace palpate {
 
-/// How near burrs had come to what is protected (NearestMeter), up to any place of a recording.
+/// Smallest distance between burrs and protected structures (NearestMeter) up to any time of a recording.
 class NearestLine {
  public:
-  /// @param model  as NearestMeter takes it
+  /// @param model  as for NearestMeter
   explicit NearestLine(const Model& model) : meter_(model) {}
 
-  /// The next ticks, and what was told up to them, as the parts of a recording have it: either may be empty.
+  /// Adds the next ticks and the events before them, as a part of a recording has them; either may be empty.
   void see(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events);
 
-  /// By label; right to kStep_mm, never too small.
+  /// Distance by label; accurate to kStep_mm, never too small.
   std::map<LabelId, double> at(double time_s) const;
   static constexpr double kStep_mm = 0.01;
 
  private:
-  // it came nearer than it had been, by a step at least
+  // new minimum, at least a step below the previous one
   struct Nearer {
     double time_s;
     LabelId label;
     double mm;
   };
   NearestMeter meter_;
-  std::deque<RecordingEvent> waiting_;  // of which no tick has heard yet
+  std::deque<RecordingEvent> waiting_;  // events that have not taken effect with a tick yet
   std::map<LabelId, double> told_mm_;
   std::vector<Nearer> nearer_;
 };

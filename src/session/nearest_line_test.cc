@@ -20,7 +20,7 @@ TEST(NearestLine, IsTheSameHoweverARecordingComesInParts) {
   ASSERT_FALSE((*ready)->protected_structures.empty());
   const Point<Patient> centre = (*ready)->labels->geometry().centre();
 
-  // the motor is off: what was swept alone tells how near it came
+  // the motor is off: distances come from the sweeps alone
   std::vector<TickRecord> ticks(20);
   for (std::size_t n = 0; n < ticks.size(); ++n) {
     ticks[n].tick = n;
@@ -39,10 +39,10 @@ TEST(NearestLine, IsTheSameHoweverARecordingComesInParts) {
   const std::span<const RecordingEvent> told(events);
   NearestLine whole(**ready), before(**ready), apart(**ready);
   whole.see(all, told);
-  // all that was told comes first, in a part without ticks
+  // all events first, in a part without ticks
   before.see({}, told);
   before.see(all, {});
-  // within parts, some of it too early
+  // split within parts; some events precede their ticks
   apart.see(all.first(4), told.first(3));
   apart.see(all.subspan(4, 3), {});
   apart.see({}, told.subspan(3));

@@ -38,7 +38,7 @@ Error is_a_recording() {
           "palpate explore feels the scene anew"};
 }
 
-/// Where one stands in a recording. One thread at a time.
+/// Playback position in a recording. Not thread-safe.
 class Place {
  public:
   Place(double begin_s, double end_s) : begin_s_(begin_s), end_s_(end_s), from_s_(begin_s) {}
@@ -48,7 +48,7 @@ class Place {
     const double passed_s = std::chrono::duration<double>(Clock::now() - since_).count();
     const double now_s = from_s_ + speed_ * passed_s;
     if (now_s > begin_s_ && now_s < end_s_) return now_s;
-    // it rests at the end that it came to
+    // playback stops at either end
     if (speed_ > 0 ? now_s >= end_s_ : now_s <= begin_s_) stand(speed_ > 0 ? end_s_ : begin_s_, false);
     return std::clamp(now_s, begin_s_, end_s_);
   }
@@ -57,7 +57,7 @@ class Place {
     return playing_;
   }
   double speed() const { return speed_; }
-  /// Where it began to play, or stands.
+  /// Position at which playback began, or at which it is paused.
   double from_s() const { return from_s_; }
 
   void follow(const PlayRequest& request) {
@@ -83,14 +83,15 @@ class Place {
   bool playing_ = false;
 };
 
-/// What the model became while it was recorded.
+/// Changes of the model during the recording.
 struct Edits {
   explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_coarsened) {}
 
   std::vector<ModelChange> tissues;
   LawsByVersion laws;
   CutList cuts;
-  // mm3 of each structure that are gone with a version; of each that took away or put back something, rising
+  // removed volume per structure in mm3, for each version that removed or restored something; ascending
+  // versions
   struct Gone {
     std::uint32_t version = 0;
     std::map<LabelId, double> removed_mm3;
@@ -100,13 +101,13 @@ struct Edits {
 
   void hear(const RecordingEvent& event);
 };
-// an hour of milling without a break; what comes after is not shown
+// an hour of uninterrupted milling; later sweeps are not shown
 constexpr std::size_t kMostSweeps = 1'000'000;
 
 void Edits::hear(const RecordingEvent& event) {
   const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
   if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
-  // versions only rise, whatever a file says
+  // versions ascend, whatever an untrusted file contains
   last_version = std::max(last_version, event.number);
   const bool is_shown = cuts.sweeps().size() < kMostSweeps && cuts.changes().size() < kMostSweeps;
   if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
@@ -118,7 +119,7 @@ void Edits::hear(const RecordingEvent& event) {
              event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
 }
 
-/// What is gone with each version. Once for all of the recording, so that any place of it is looked up.
+/// Computes the removed volume of every version in one pass, so that any position can be looked up.
 /// Errors: kInterrupted.
 Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& edits) {
   RemovedVolume removed(model);
@@ -142,7 +143,8 @@ Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& ed
   }
 }
 
-/// A model's labels less what sweeps took, for one place of a recording after another.
+/// Labels of a model minus the swept volume, at one position of the recording after another; extends the
+/// previous result if possible.
 class CutLabels {
  public:
   std::shared_ptr<const Bricks<LabelId>> by(const Model& model, std::vector<SweepRecord> sweeps) {
@@ -164,7 +166,7 @@ class CutLabels {
   }
 
  private:
-  std::vector<SweepRecord> sweeps_;  ///< that are taken
+  std::vector<SweepRecord> sweeps_;  ///< Sweeps applied to carving_
   std::shared_ptr<const Carving> carving_;
   std::shared_ptr<const Bricks<LabelId>> labels_;
 };
@@ -189,7 +191,7 @@ class Playback final : public ViewerHost {
             },
             std::move(begins_s)) {
     if (yields.empty()) return;
-    // what was solved from ticks of the block before is seldom asked for
+    // A solution whose input ticks are in an earlier block is rare enough to be read separately.
     const auto tick_at = [this, source = std::move(recording)](
                              std::uint64_t row, const Progress& progress) -> std::optional<TickRecord> {
       if (auto kept = blocks_.kept_at(row)) return kept;
@@ -214,7 +216,7 @@ class Playback final : public ViewerHost {
       yields ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
     }
     stiffness_N_per_mm = {};
-    // what the other methods make of it depends on the stiffest of all tissues
+    // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
     if (shown_.method != static_cast<std::uint8_t>(ForceMethod::kProxy)) return shown_;
     const auto tissues = tissues_at(shown_.model_version);
     for (std::size_t d = 0; d < static_cast<std::size_t>(shown_.devices); ++d) {
@@ -256,7 +258,7 @@ class Playback final : public ViewerHost {
     state.tissues = tissues_at(shown_.model_version);
     state.sweeps = edits_.cuts.count(shown_.model_version);
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
-    // the last version that was cut up to this one
+    // last version that removed material, up to the one shown
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
     if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
     state.nearest_mm = nearest_.at(shown_.time_s);
@@ -320,7 +322,7 @@ class Playback final : public ViewerHost {
   void forget(const ViewerIdentity& /*viewer*/) override {}
 
  private:
-  // as the changes left them that had led to that version
+  // tissue settings of that version
   std::vector<ViewedTissueState> tissues_at(std::uint32_t version) const {
     auto tissues = viewed_tissues(*model_);
     for (const ModelChange& change : edits_.tissues)
@@ -338,14 +340,14 @@ class Playback final : public ViewerHost {
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
   const NearestLine nearest_;
-  const std::unique_ptr<const PlayedTask> task_;  // null: it is looked at as none
-  const std::shared_ptr<SharedPlan> plan_;        ///< may be null
+  const std::unique_ptr<const PlayedTask> task_;  // null: the recording is not shown as a run of a task
+  const std::shared_ptr<SharedPlan> plan_;        ///< Plan shown along with the recording; may be null
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   mutable Place place_;
   mutable TickRecord shown_;
   mutable TickBlocks blocks_;
-  std::unique_ptr<PlayedYields> yields_;  // null: nothing yields
+  std::unique_ptr<PlayedYields> yields_;  // null: no tissue deforms
 };
 
 }  // namespace
@@ -364,7 +366,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                  "the recording's clock does not rise, so that there is no time to look at", "",
                  "palpate replay without --view compares its ticks"};
 
-  // how near a burr came, and how tissue yielded, is told of what is prepared for the proxy
+  // the distances of a burr and the deformation of tissue are computed with the proxy's surfaces
   const auto with_surfaces = [&]() -> Result<void> {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = ready_for(std::move(model), kProxyAlone, progress);
@@ -372,7 +374,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
     model = solved_as_recorded(*std::move(ready), head.header);
     return {};
   };
-  // patches of a task lie on the surfaces that are felt
+  // a task's patches lie on the rendered surfaces
   if (model->cuts() || is_elastic(model->tissue_law) || task)
     if (auto ready = with_surfaces(); !ready) return ready.error();
 
@@ -409,7 +411,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
       },
       progress);
   if (!seen) return seen.error();
-  // that tissue began to yield later is known only now: once more, with the surfaces that this takes
+  // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
   if (!yields_first && edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
     yields = std::make_unique<YieldIndex>(*model);

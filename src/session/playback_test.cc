@@ -17,7 +17,7 @@ using testing::loaded_ball;
 
 constexpr std::size_t kTicks = 10'000;
 
-// three blocks, of a clock that now and then misses ticks
+// three blocks; the clock occasionally skips ticks
 Recording counted_recording() {
   Recording recording;
   recording.header.model_hash = loaded_ball().model->content_hash;
@@ -49,7 +49,7 @@ std::unique_ptr<ViewerHost> playback_of(const RecordingSource& source) {
   return opened ? *std::move(opened) : nullptr;
 }
 
-// the tick that is shown when the place has been read
+// waits until the block has been read and returns the tick shown
 TickRecord shown_when(const ViewerHost& playback, const std::function<bool(const TickRecord&)>& is_there,
                       std::array<double, kMaxDevices>* stiffness = nullptr) {
   std::array<double, kMaxDevices> N_per_mm{};
@@ -83,7 +83,7 @@ TEST(Playback, ShowsTheTickOfEveryPlace) {
   std::ranges::shuffle(rows, random);
   for (const std::size_t row : rows) {
     const TickRecord& wanted = recording.ticks[row];
-    // at its own time, and until the next one's
+    // at its own time and until the time of the next tick
     for (const double later_s : {0.0, 0.0009}) {
       ASSERT_TRUE(playback->play(at(wanted.time_s + later_s)));
       std::array<double, kMaxDevices> N_per_mm{};
@@ -93,13 +93,13 @@ TEST(Playback, ShowsTheTickOfEveryPlace) {
       EXPECT_EQ(tick.time_s, wanted.time_s);
       EXPECT_EQ(tick.state_hash, wanted.state_hash);
       EXPECT_EQ(tick.device[0].tip_patient_mm, wanted.device[0].tip_patient_mm);
-      // the tissue as it was then, no stiffer than the device bears
+      // tissue settings as of that tick, limited by the device's stiffness
       const double own = row < 6000 ? loaded_ball().model->tissues[0].stiffness_N_per_mm : 0.125;
       EXPECT_EQ(playback->state().tissues[0].stiffness_N_per_mm, own);
       EXPECT_EQ(N_per_mm[0], wanted.device[0].label == 0 ? 0 : std::min(own, 1.0));
     }
   }
-  // beyond its ends
+  // positions outside the recording are clamped
   ASSERT_TRUE(playback->play(at(-5)));
   EXPECT_EQ(shown_when(*playback, [](const TickRecord& tick) { return tick.tick == 0; }).tick, 0u);
   ASSERT_TRUE(playback->play(at(1e9)));
@@ -144,7 +144,7 @@ TEST(Playback, PlaysToEitherEndAndRestsThere) {
     request.speed = speed;
     ASSERT_TRUE(playback->play(request));
     EXPECT_EQ(playback->state().playback->speed, speed);
-    // never against its direction
+    // the position is monotonic in the direction of playback
     const bool forwards = speed > 0;
     std::array<double, kMaxDevices> N_per_mm{};
     double last_s = playback->snapshot(N_per_mm).time_s;
@@ -163,7 +163,7 @@ TEST(Playback, PlaysToEitherEndAndRestsThere) {
   play(32);
   play(-32);
   play(32);
-  // from the end it begins anew
+  // playback restarts from the beginning when it is at the end
   play(32);
 }
 
@@ -217,14 +217,14 @@ TEST(Playback, TellsWhereItCannotGoOn) {
   Recording recording = counted_recording();
   const auto playback = playback_of(recording);
   ASSERT_NE(playback, nullptr);
-  // as a file that somebody writes to
+  // the recording changes, as if another process wrote to the file
   for (std::size_t i = 8192; i < kTicks; ++i) recording.ticks[i].time_s += 1;
   ASSERT_TRUE(playback->play(at(9.5)));
   (void)shown_when(*playback,
                    [&](const TickRecord&) { return playback->state().playback->failure.has_value(); });
   ASSERT_TRUE(playback->state().playback->failure);
   EXPECT_NE(playback->state().playback->failure->what.find("has changed"), std::string::npos);
-  // and reads it anew for whoever asks again
+  // reading is retried on the next request
   for (std::size_t i = 8192; i < kTicks; ++i) recording.ticks[i].time_s -= 1;
   ASSERT_TRUE(playback->play(at(9.5)));
   const TickRecord there = shown_when(*playback, [](const TickRecord& tick) { return tick.time_s > 9; });

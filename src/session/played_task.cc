@@ -34,7 +34,7 @@ void PlayedTask::keep(double time_s) {
   kept_.push_back({time_s, viewed_run(reader_.run(), name_, kOnlyRun)});
   kept_.back().run.events.clear();
   if (kept_.size() < kMost) return;
-  // half as many, each for twice the time
+  // halve the number of samples and double the period
   std::size_t left = 0;
   for (std::size_t n = 0; n < kept_.size(); n += 2) kept_[left++] = std::move(kept_[n]);
   kept_.resize(left);

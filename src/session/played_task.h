@@ -10,24 +10,26 @@
 
 namespace palpate {
 
-/// A recording as a run of a task: how far it was at any of its places, and what came of it. It is looked
-/// through once, as it is scored; how far it was is kept twenty times a second, and less often where that
-/// would be more than 20 000 times.
+/// Recording as a run of a task: progress at any position, and the result. The recording is processed once,
+/// by the same evaluator that scores it; progress is stored twenty times per second, and less often if that
+/// would exceed 20 000 samples.
 class PlayedTask {
  public:
-  /// @param model  as the recording begins with, with its surfaces
+  /// @param model  at the beginning of the recording, with its surfaces
   PlayedTask(const PlayedTaskOptions& options, TaskInScene in_scene, const Model& model);
 
   /// Errors: those of TaskEvaluator::see().
   Result<void> see(const RecordingPart& part);
-  /// All of the recording has been seen. @param is_whole  it was not cut short
-  /// Errors: kBadInput where no tick was of the run.
+  /// Called after the whole recording was passed to see().
+  /// @param is_whole  whether the recording is complete
+  /// Errors: kBadInput if no tick belongs to the run.
   Result<void> finish(bool is_whole);
 
   const ViewedTask& task() const { return viewed_; }
-  /// As it was at a place of the recording. @param time_s  TickRecord::time_s
+  /// Progress at a position.
+  /// @param time_s  TickRecord::time_s
   ViewedTraining at(double time_s) const;
-  /// At a place after the run's end; null before.
+  /// Debriefing at a position after the run's end; null before.
   std::shared_ptr<const ViewedDebriefing> debriefing_at(double time_s) const {
     return time_s >= end_s_ ? debriefing_ : nullptr;
   }
@@ -41,7 +43,7 @@ class PlayedTask {
   RunReader reader_;
   RunTrace trace_;
   struct Kept {
-    double at_s;  // of the recording
+    double at_s;  // time in the recording
     ViewedTraining run;
   };
   std::vector<Kept> kept_;  // without events

@@ -16,7 +16,7 @@
 namespace palpate {
 namespace {
 
-// below what reads the recording
+// nice value; lower priority than the thread that reads the recording
 constexpr int kSolverPriority = 5;
 
 }  // namespace
@@ -69,7 +69,7 @@ void PlayedYields::run() {
     try {
       shown = solve(wanted);
     } catch (const std::bad_alloc&) {
-      // tissue is shown at rest
+      // out of memory: tissue is shown at rest
     }
     lock.lock();
     shown_ = std::move(shown);
@@ -81,7 +81,7 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
   const Progress progress({}, &ending_);
   Shown shown;
   auto some = index_.up_to(number, kMostOn);
-  // on from the last one, or anew a little before
+  // continue from the last solution, or start a few solutions earlier
   const auto last = std::ranges::find(some, solver_.frame().number, &YieldIndex::Solution::number);
   const bool goes_on = last != some.end() && last + 1 != some.end();
   some = some.last(goes_on ? static_cast<std::size_t>(some.end() - last) - 1
@@ -99,8 +99,8 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
   return shown;
 }
 
-// With the labels and surfaces of that version, on from the one before where more was cut. Null: it is no
-// version that can be made, or there is no time left.
+// Model with the labels and surfaces of that version, derived from the previous one if only more was cut.
+// Null if the version cannot be built or the thread is ending.
 std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
   const std::size_t by = cuts_.count(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);

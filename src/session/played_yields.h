@@ -19,40 +19,41 @@
 
 namespace palpate {
 
-/// How tissue has yielded at the place of a recording that is shown, solved again by a thread of its own:
+/// Deformation of soft tissue at the displayed position of a recording, solved again on a thread of its own:
 ///
 ///     tick that is shown ──► number of its solution ──► ticks that it and a few before were solved from
 ///                                                                              │
 ///     viewers ◄── where nodes went ◄── a solver that goes on in their boxes ◄──┘
 ///
-/// Where it is played forwards every solution follows from the one before, as in the run. At another place it
-/// begins kLeadIn solutions earlier. Any thread.
+/// During forward playback each solution continues from the previous one, as in the original run. At another
+/// position the solver starts kLeadIn solutions earlier. Thread-safe.
 class PlayedYields {
  public:
-  /// Solutions before the one that is wanted, with which a new place begins: the first is solved to its end,
-  /// the others by as little as in the run, so that a tool on its way is met as it was then.
+  /// Number of solutions before the requested one from which a new position starts. The first is solved to
+  /// convergence, the others with as few iterations as in the run, so that a moving tool meets the same state
+  /// as then.
   static constexpr std::size_t kLeadIn = 3;
-  /// With no more solutions between, the one that is wanted follows from the last one.
+  /// Largest number of intermediate solutions for which the requested one is continued from the last one.
   static constexpr std::size_t kMostOn = 8;
 
-  /// The tick in a row of the recording; nothing where it cannot be read. On the thread of the solver.
+  /// Returns the tick in a row of the recording; empty if it cannot be read. Called on the solver's thread.
   using TickAt = std::function<std::optional<TickRecord>(std::uint64_t row, const Progress& progress)>;
 
-  /// @param model  as the recording began with, with the proxy's surfaces
-  /// @param cuts   what became of it
-  /// @throws std::system_error  there is no thread to be had
+  /// @param model  at the beginning of the recording, with the proxy's surfaces
+  /// @param cuts   sweeps and stroke changes of the recording
+  /// @throws std::system_error  if no thread can be created
   PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, LawsByVersion laws,
                TickAt tick_at);
   ~PlayedYields();
   PlayedYields(const PlayedYields&) = delete;
   PlayedYields& operator=(const PlayedYields&) = delete;
 
-  /// What is to be solved: a solution's number, 0 none.
-  /// @param near  of another place no farther away than so many solutions is shown what yielded there until
-  ///              this one is solved
+  /// Requests a solution by its number; 0: none.
+  /// @param near  until it is solved, the deformation of another position is shown if that is at most this
+  /// many solutions away
   void want(std::uint32_t number, std::uint32_t near);
-  /// Around a device's tool, at the place that is wanted or near it; null: nothing has yielded, or it is not
-  /// known yet.
+  /// Deformation around a device's tool at the requested position or near it; null if nothing is deformed, or
+  /// nothing is solved yet.
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
 
  private:
@@ -68,13 +69,13 @@ class PlayedYields {
   const LawsByVersion laws_;
   const TickAt tick_at_;
 
-  // of the thread
+  // used by the solver's thread only
   YieldSolver solver_;
-  std::shared_ptr<const Model> cut_;  // the last that was asked for
-  std::size_t cut_by_ = 0;            // sweeps
+  std::shared_ptr<const Model> cut_;  // model of the last request
+  std::size_t cut_by_ = 0;            // number of sweeps applied to it
   std::vector<std::uint64_t> undone_to_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable changed_;
   std::uint32_t wanted_ = 0, near_ = 0, done_ = 0;
   Shown shown_;

@@ -6,7 +6,7 @@
 
 namespace palpate {
 
-/// Ticks a second, of the last second. One thread at a time.
+/// Tick rate over the last second; 1/s. Not thread-safe.
 class RateMeter {
  public:
   double see(std::uint64_t ticks) {

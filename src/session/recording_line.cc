@@ -14,7 +14,7 @@ double length_s(const Contact& contact) {
   return contact.end_s - contact.begin_s;
 }
 
-// finite, as JSON wants it
+// JSON has no representation of NaN and infinity
 double force_N(const DeviceTick& device) {
   const double force = std::hypot(device.force_N[0], device.force_N[1], device.force_N[2]);
   return std::isfinite(force) ? force : 0;
@@ -96,12 +96,12 @@ void RecordingLine::see(const RecordingPart& part) {
 }
 
 void RecordingLine::see(const RecordingEvent& event) {
-  // a burr leaves a hundred in a second, and its cuts are versions of the model too; tissue is solved 64
-  // times
+  // a burr produces a hundred sweeps per second, each a model version too; tissue produces 64 solutions per
+  // second
   const bool cut = event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut;
   if (cut || event.kind == RecordingEvent::Kind::kSweep || event.kind == RecordingEvent::Kind::kYield) return;
   const bool always = event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm;
-  // stops have room of their own beside the rest
+  // stops and rearms have a separate quota
   if (events_.size() >= (always ? 2 * kMostEvents : kMostEvents)) {
     ++line_.events_left_out;
     return;
@@ -158,9 +158,9 @@ void RecordingLine::drop_short_contacts() {
 ViewedRecording RecordingLine::take() {
   for (Contact& contact : open_) end(contact);
   if (line_.contacts.size() > kMostContacts) drop_short_contacts();
-  // one device's may have begun before another's that ended earlier
+  // a contact of one device may have begun before another device's contact that ended earlier
   std::ranges::stable_sort(line_.contacts, {}, &Contact::begin_s);
-  // what no tick had heard of
+  // events after the last tick
   line_.events_left_out += events_.size() - timed_;
   events_.resize(timed_);
   for (auto& [tick, event] : events_) line_.events.push_back(std::move(event));

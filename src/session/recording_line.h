@@ -9,18 +9,18 @@
 
 namespace palpate {
 
-/// What a time line shows of a recording, gathered as its ticks go by: memory for it does not depend on how
-/// many there are.
+/// Time line of a recording, accumulated tick by tick; memory is bounded independently of the number of
+/// ticks.
 class RecordingLine {
  public:
-  /// A shorter break does not end a contact: nobody would see it.
+  /// Maximum gap within a contact; shorter gaps would not be visible on the time line.
   static constexpr double kBreak_s = 0.05;
   static constexpr std::size_t kMostContacts = 2000, kMostEvents = 2000, kForces = 1000;
 
-  /// @param head  of the recording whose ticks follow
+  /// @param head  header of the recording whose ticks follow
   explicit RecordingLine(const RecordingHead& head);
   void see(const RecordingPart& part);
-  /// After the last part.
+  /// Returns the time line, after the last part.
   ViewedRecording take();
 
  private:
@@ -33,11 +33,11 @@ class RecordingLine {
   const double rate_hz_;
   const int devices_;
   ViewedRecording line_;
-  ViewedRecording::Contact open_[kMaxDevices];  // what each device touched last; of no label: nothing yet
+  ViewedRecording::Contact open_[kMaxDevices];  // current contact per device; label 0: none yet
   std::uint64_t seen_ = 0;
   std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
-      events_;             // with the tick in which they took hold
-  std::size_t timed_ = 0;  // of them have their time
+      events_;             // events with the tick in which they took effect
+  std::size_t timed_ = 0;  // number of events whose time is set
 };
 
 }  // namespace palpate

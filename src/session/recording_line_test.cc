@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// 1 kHz, of these labels one after the other, pressed with as many newtons
+// ticks at 1 kHz with these labels in sequence; the force in newtons equals the label
 ViewedRecording line_of(const std::vector<LabelId>& labels, const std::vector<RecordingEvent>& events = {}) {
   RecordingHead head;
   head.header.rate_hz = 1000;
@@ -33,7 +33,7 @@ RecordingEvent event(RecordingEvent::Kind kind, std::uint64_t tick, AskedBy by =
 }
 
 TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
-  // touched for 100 ms, a break too short to count, another structure, a break that counts
+  // contact of 100 ms, a gap below the threshold, another structure, a gap above the threshold
   std::vector<LabelId> labels(100, 1);
   labels.insert(labels.end(), 40, 0);
   labels.insert(labels.end(), 60, 1);
@@ -54,7 +54,7 @@ TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
 }
 
 TEST(RecordingLine, HasTheContactsOfAllDevices) {
-  // one hand rests on a structure while the other one comes and goes
+  // one device rests on a structure while the other makes and breaks contact
   RecordingHead head;
   head.header.rate_hz = 1000;
   head.header.devices = 2;
@@ -87,7 +87,7 @@ TEST(RecordingLine, HasTheContactsOfAllDevices) {
 }
 
 TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
-  // 1 to 7 ticks each, far apart
+  // contacts of 1 to 7 ticks, far apart
   std::vector<LabelId> labels;
   std::size_t all = 0;
   for (; all < 9000; ++all) {
@@ -97,7 +97,7 @@ TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
   const ViewedRecording line = line_of(labels);
   EXPECT_EQ(line.contacts.size(), RecordingLine::kMostContacts);
   EXPECT_EQ(line.contacts.size() + line.contacts_left_out, all);
-  // 1286 of seven, then of six
+  // 1286 contacts of seven ticks, the rest of six
   for (const auto& contact : line.contacts) EXPECT_GT(contact.end_s - contact.begin_s, 0.0055);
   EXPECT_TRUE(std::ranges::is_sorted(line.contacts, {}, &ViewedRecording::Contact::begin_s));
   EXPECT_EQ(line.force_N.size(), RecordingLine::kForces);

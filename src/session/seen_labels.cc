@@ -11,7 +11,8 @@
 namespace palpate {
 namespace {
 
-/// Nodes beyond a grid that is told, over which what moved at its border fades out, as on the page.
+/// Width of the margin around a solver grid over which boundary displacements fade to zero, in nodes; the
+/// page does the same.
 constexpr double kFadeNodes = 3;
 
 MovedNodes moved_nodes(const ViewedYield& yield, const Bricks<LabelId>& labels) {
@@ -35,14 +36,14 @@ MovedNodes moved_nodes(const ViewedYield& yield, const Bricks<LabelId>& labels) 
         moved_mm.push_back(to_axes * moved);
         const Eigen::Vector3d at =
             (X_VoxelPatient * box.patient(box.cell_mm * Eigen::Vector3d(i, j, k))).eigen().array().round();
-        // what is there and has not moved is held, as bone is
+        // a node in material that has not moved at all is fixed, as bone is
         empty.push_back(moved.isZero(0) && labels.anywhere(static_cast<int>(at[0]), static_cast<int>(at[1]),
                                                            static_cast<int>(at[2])) == 0);
       }
   return {box, std::move(moved_mm), empty, kFadeNodes};
 }
 
-/// Voxels of a grid that a box of nodes may move.
+/// Enlarges a voxel box by the voxels that the nodes of a solver box may displace.
 void widen(VoxelBox& within, const ElasticBox& box, const GridGeometry& grid) {
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   for (int corner = 0; corner < 8; ++corner) {

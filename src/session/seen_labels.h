@@ -10,11 +10,11 @@
 
 namespace palpate {
 
-/// Labels where soft tissue that yields is seen, as viewers are told of it, for pictures of the volume that
-/// are made here. Versions share what is the same in them. Any thread; whoever comes second waits.
+/// Label map deformed by soft tissue, as viewers see it, for volume pictures rendered by this process.
+/// Versions share unchanged bricks. Thread-safe; concurrent callers wait.
 class SeenLabels {
  public:
-  /// @returns ViewerHost::seen_labels(), by what the host says of its labels and of what has yielded
+  /// @returns ViewerHost::seen_labels(), from the host's labels and deformation
   std::shared_ptr<const Bricks<LabelId>> of(const ViewerHost& host);
 
  private:

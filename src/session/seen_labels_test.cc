@@ -12,7 +12,7 @@ namespace {
 constexpr int kSide = 60;
 constexpr LabelId kFat = 3;
 
-/// Fat below the plane k = 40, in voxels of 0.5 mm, and what has yielded in it.
+/// Host with fat below the plane k = 40, in voxels of 0.5 mm, and its deformation.
 class YieldingHost : public testing::FakeHost {
  public:
   YieldingHost() : FakeHost({kSide, kSide, kSide}) {
@@ -33,7 +33,8 @@ class YieldingHost : public testing::FakeHost {
   ViewedScene yielding_;
 };
 
-/// Nodes of 1 mm around a tool that leans on the fat at (x, 15) mm, which has gone down by so much there.
+/// Deformation field with nodes of 1 mm around a tool pressed into the fat at (x, 15) mm, to a depth of
+/// `depth_mm`.
 std::shared_ptr<const ViewedYield> dent(double x_mm, double depth_mm) {
   auto yield = std::make_shared<ViewedYield>();
   yield->nodes = {17, 17, 17};
@@ -50,7 +51,7 @@ std::shared_ptr<const ViewedYield> dent(double x_mm, double depth_mm) {
   return yield;
 }
 
-/// The first slice above fat in a column.
+/// Index of the first slice above the fat in a column.
 int top(const Bricks<LabelId>& labels, int i, int j) {
   int k = kSide;
   while (k > 0 && labels.at(i, j, k - 1) == 0) --k;
@@ -64,11 +65,11 @@ TEST(SeenLabels, ADentIsADent) {
 
   host.yields[0] = dent(15, 3);
   const auto dented = seen.of(host);
-  // 3 mm are 6 voxels; nodes half a voxel below the surface carry on what is above them
+  // 3 mm are 6 voxels; nodes half a voxel below the surface displace what is above them
   EXPECT_NEAR(top(*dented, 30, 30), 40 - 6, 1);
-  // a ring of 3 mm around it, by what the field says there
+  // the deformation 3 mm from the centre, according to the field
   EXPECT_NEAR(top(*dented, 36, 30), 40 - 6 * std::exp(-0.5), 1);
-  // and nothing far away
+  // no deformation far away
   EXPECT_EQ(top(*dented, 2, 2), 40);
   EXPECT_EQ(seen.of(host), dented) << "nothing is made anew while all stays";
 
@@ -85,7 +86,7 @@ TEST(SeenLabels, WhatTwoToolsDoIsAddedUp) {
   host.yields = {dent(15, 3)};
   const auto one = seen.of(host);
   for (int i = 0; i < kSide; i += 3) EXPECT_EQ(top(*both, i, 30), top(*one, i, 30)) << i;
-  // each for itself where they are apart
+  // two dents that do not overlap are independent
   host.yields = {dent(10, 3), dent(22, 3)};
   const auto apart = seen.of(host);
   EXPECT_NEAR(top(*apart, 20, 30), 34, 1);

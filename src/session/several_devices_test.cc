@@ -13,13 +13,13 @@
 #include "palpate/device/simulated_device.h"
 #include "palpate/session/explore.h"
 
-/// Sessions with devices that are known by name, and with several at once.
+/// Sessions with named devices, and with several devices.
 namespace palpate {
 namespace {
 
 using ::testing::HasSubstr;
 
-// a device of a maker's with a clock of its own, held by a firm hand that presses it into the ball
+// vendor's device with a clock of its own, held by a stiff simulated hand that presses it into the ball
 class HeldArm final : public DeviceDriver {
  public:
   struct Told {
@@ -43,7 +43,7 @@ class HeldArm final : public DeviceDriver {
   Result<void> open(bool may_move) override { return require_consent(info_, may_move); }
   void run(ServoFunction& servo, ServoClock& clock) noexcept override {
     DeviceCommand command;
-    // from outside, by 10 mm/s, as long as there is force to come in: contact that begins inside is none
+    // approaches from outside at 10 mm/s once the force has ramped in: contact that begins inside is ignored
     const Point<Device> pressed = plant_.intention();
     double outside_mm = 4;
     plant_.reset(pressed + Vector<Device>(outside_mm, 0, 0));
@@ -74,7 +74,7 @@ class HeldArm final : public DeviceDriver {
   DeviceInfo info_;
 };
 
-// which nobody gets to run
+// device that never runs
 class FourArms final : public DeviceDriver {
  public:
   std::span<const DeviceInfo> devices() const override { return infos_; }
@@ -89,13 +89,13 @@ class FourArms final : public DeviceDriver {
 
 class SeveralDevices : public ::testing::Test {
  protected:
-  // an arm by the name "arm", where the ball's surface is on the right
+  // session with an arm named "arm", which starts where the ball's surface is on the right
   ExploreOptions with_arm(std::vector<std::string> devices, double rate_hz, bool simulated = false) {
     ExploreOptions options;
     options.devices = std::move(devices);
     options.loop.realtime = false;
     options.loop.ring_s = 30;
-    // on a machine that stalls again and again a hand waits long for its force
+    // on a machine with many stalls the hand waits long for its force
     options.seconds = 60;
     options.known.add({"arm", "an arm",
                        [this, rate_hz, simulated] {
@@ -135,7 +135,7 @@ class SeveralDevices : public ::testing::Test {
   std::optional<ExploreResult> result_;
 };
 
-// 1 kHz and 250 Hz on one ball: whoever follows, the recording is of both, and comes back
+// 1 kHz and 250 Hz on one ball: whichever device is the follower, the recording contains both and replays
 TEST_F(SeveralDevices, OfTwoRatesAreRecordedAndReplayed) {
   const Recording recording = run(with_arm({kSimulatedHand, "arm"}, 250, true), touch());
   EXPECT_EQ(recording.header.devices, 2);
@@ -155,7 +155,7 @@ TEST_F(SeveralDevices, OfTwoRatesAreRecordedAndReplayed) {
     moved += !same;
   }
   EXPECT_GT(both, 50u) << "felt at once";
-  // one state of the slower one is what several ticks see
+  // several ticks use the same state of the slower device
   EXPECT_GT(held, moved);
   ASSERT_EQ(result_->threads.size(), 2u);
   EXPECT_EQ(result_->threads[1].device, "held arm");
@@ -180,7 +180,7 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
     ASSERT_EQ(tick.device[1].most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   }
   EXPECT_GT(told_.largest_N, 0);
-  // two millimetres deep at most, and less than that as the hand is pushed back
+  // two millimetres deep at most, and less because the hand is pushed back
   EXPECT_LT(told_.largest_N, 3 * careful.stiffness_N_per_mm);
   EXPECT_EQ(result_->threads[0].device, "held arm") << "its thread ticks";
   EXPECT_LE(recording.ticks[0].max_force_N, 0.88) << "its continuous force";
@@ -233,7 +233,7 @@ TEST_F(SeveralDevices, NamesThatCannotBeAreRefusedWithThoseThatAreThere) {
   EXPECT_THAT(refused({"arm", "arm"}), HasSubstr("twice"));
   EXPECT_THAT(refused({"arm", kSimulatedHand}), HasSubstr("first"));
   EXPECT_THAT(refused({}), HasSubstr("needs a device"));
-  // one name may be several devices
+  // a name may stand for several devices
   ExploreOptions options = with_arm({kPointer, "arms"}, 500);
   options.known.add(
       {"arms", "four arms", [] { return std::make_unique<FourArms>(); }, [] { return DeviceReport(); }});

@@ -25,7 +25,7 @@ Point<Patient> point_of(const std::array<double, 3>& place) {
   return {place[0], place[1], place[2]};
 }
 
-// regions name their trajectories by place
+// regions refer to trajectories by index
 Result<void> remove_trajectory(PlanFile& plan, std::size_t place) {
   for (PlanRegion& region : plan.regions) {
     if (region.shape == PlanShape::kStructures) continue;
@@ -58,7 +58,7 @@ Result<PlanFile> changed_plan(PlanFile plan, const PlanRequest& request) {
     if (request.target_mm) trajectory.target = point_of(*request.target_mm);
   }
   if (plans_nothing(plan)) return plan;
-  // as the command line reads it, and to the same last bit
+  // round trip through the text, so that the values are bit-identical to what the command line would read
   auto read = parse_plan(plan_text(plan), plan.source);
   if (read) return read;
   Error error = read.error();

@@ -112,7 +112,7 @@ TEST(SharedPlan, AChangeOfAnotherVersionIsRefusedAndOneGoesBackToAny) {
   ASSERT_TRUE(open.plan->change(removed).ok());
   EXPECT_EQ(open.plan->viewed()->trajectories.size(), 1u);
   EXPECT_EQ(open.plan->viewed()->trajectories[0].name, "other");
-  // the region's trajectory is another place now
+  // the index of the region's trajectory has changed
   ASSERT_TRUE(open.plan->change(open.save()).ok());
   const auto read = load_plan(open.file);
   ASSERT_TRUE(read.ok());
@@ -141,7 +141,7 @@ TEST(SharedPlan, WhatNoPlanCanBeIsRefusedAndNothingOfItIsDone) {
     }
     EXPECT_EQ(open.plan->viewed(), before);
   };
-  refused(open.add("hole"), ErrorKind::kBadInput);  // a name that there is
+  refused(open.add("hole"), ErrorKind::kBadInput);  // duplicate name
   PlanRequest short_one = open.request(0);
   short_one.target_mm = {2, -1, 12.05};
   refused(short_one, ErrorKind::kBadInput);
@@ -156,8 +156,8 @@ TEST(SharedPlan, WhatNoPlanCanBeIsRefusedAndNothingOfItIsDone) {
   refused(half, ErrorKind::kUsage);
   PlanRequest used = open.request(1);
   used.remove = true;
-  refused(used, ErrorKind::kUsage);  // a region lies on it
-  // and at a recording all of it
+  refused(used, ErrorKind::kUsage);  // a region depends on it
+  // with a recording, every edit is refused
   const OpenPlan looked(kPlan, false);
   EXPECT_FALSE(looked.plan->change(looked.add("third")).ok());
   EXPECT_FALSE(looked.plan->viewed()->can_change);
@@ -185,7 +185,7 @@ TEST(SharedPlan, AFileThatIsNotThereBeginsEmptyAndIsMadeBySaving) {
   ASSERT_TRUE(open.plan->change(open.save()).ok());
   EXPECT_EQ(load_plan(open.file)->trajectories.at(0).name, "first");
   EXPECT_EQ(load_plan(open.file)->title, "plan");
-  // of a recording it has to be there, and its folder in any case
+  // with a recording the file has to exist; its folder has to exist in any case
   EXPECT_FALSE(SharedPlan::open(open.folder / "none.toml", open.model, false).ok());
   EXPECT_FALSE(SharedPlan::open(open.folder / "nowhere" / "plan.toml", open.model, true).ok());
   EXPECT_FALSE(SharedPlan::open(write_text(open.folder / "bad.toml", "title = 1\n"), open.model, true).ok());

@@ -1,5 +1,5 @@
-// Random sequences of stops, rearms, pauses, faults, viewers coming and going, on a clock of the test's own:
-// a stop only ever stops.
+// Random sequences of stops, rearms, pauses, faults, and viewers connecting and disconnecting, on a simulated
+// clock. Invariant: a stop request never does anything but stop.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -50,13 +50,13 @@ Parameters campaign_parameters() {
   return parameters;
 }
 
-// a viewer with what it has seen of the session
+// a viewer and its last observation of the session
 struct Onlooker {
   ViewerIdentity identity;
   std::uint32_t seen_stop = 0;
 };
 
-/// One session, ticked by hand.
+/// Session whose ticks the test calls.
 class CampaignSession {
  public:
   CampaignSession(std::shared_ptr<const Model> model, bool simulated, std::mt19937_64& random)
@@ -113,7 +113,7 @@ class CampaignSession {
   std::uint64_t question_ = 0;
   double height_mm_ = kFree_mm, wanted_mm_ = testing::kBoneRadius_mm - 0.7;
   int trouble_ = 0, troubled_ticks_ = 0;
-  bool stopped_ = false;  // by what was asked, and granted
+  bool stopped_ = false;  // expected state, from the requests that were granted
 };
 
 void CampaignSession::tick() {
@@ -148,7 +148,7 @@ void CampaignSession::stop() {
   stopped_ = true;
 }
 
-// by what was seen last, which may be long ago, by a guess, or by what holds
+// answers the stop observed last, which may be outdated, a random one, or the current one
 void CampaignSession::rearm() {
   ++rearms;
   Onlooker& who = somebody();
@@ -231,12 +231,12 @@ void CampaignSession::act() {
     }
     default:
       wanted_mm_ = below(2) == 0 ? kFree_mm : testing::kBoneRadius_mm - 0.1 * below(10);
-      // a way there
+      // a few ticks of approach
       for (int n = below(20); n > 0; --n) tick();
   }
 }
 
-// every tick again, from what the recording would hold
+// replays every tick from what a recording would contain
 void CampaignSession::replay_it() {
   Recording recording;
   recording.header.model_hash = model_->content_hash;
@@ -250,7 +250,7 @@ void CampaignSession::replay_it() {
 }
 
 TEST(StopCampaign, AStopNeverRaisesForceAndTheNextTickSendsNone) {
-  // PALPATE_TEST_STOPS=10000 is the whole campaign
+  // the full campaign is PALPATE_TEST_STOPS=10000
   const char* wanted = std::getenv("PALPATE_TEST_STOPS");
   const int sequences = wanted != nullptr ? std::atoi(wanted) : 1000;
   const unsigned seed = test::test_seed();

@@ -82,7 +82,7 @@ std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int way,
   return way > 0 ? nearest->ticks.back() : nearest->ticks.front();
 }
 
-// with the mutex
+// with the mutex locked
 std::optional<std::size_t> TickBlocks::missing() const {
   if (failure_) return std::nullopt;
   if (!is_kept(wanted_)) return wanted_;
@@ -107,7 +107,7 @@ void TickBlocks::read() {
       failure_ = ticks.error();
       continue;
     }
-    // times are looked for in it
+    // times are looked up by binary search in the block
     if (ticks->empty() || !std::ranges::is_sorted(*ticks, {}, &TickRecord::time_s) ||
         ticks->front().time_s != begins_s_[*block]) {
       failure_ = Error{ErrorKind::kBadInput, "the recording has changed while it was looked at", "",

@@ -16,36 +16,36 @@
 
 namespace palpate {
 
-/// The ticks of a recording around the place at which it is played, read by a thread of its own in blocks.
-/// Any thread.
+/// Cache of a recording's ticks around the playback position, read in blocks by a thread of its own.
+/// Thread-safe.
 class TickBlocks {
  public:
   using Block = std::vector<TickRecord>;
-  /// Reads one block, by its number; on the thread of the reader.
+  /// Reads one block by its number; called on the reader's thread.
   using Read = std::function<Result<Block>(std::size_t block, const Progress& progress)>;
 
-  /// Ticks of a block, and how many blocks are kept: some 40 MB.
+  /// Ticks per block and number of cached blocks: about 40 MB.
   static constexpr std::uint64_t kTicks = 4096;
   static constexpr std::size_t kMostKept = 4;
 
-  /// @param begins_s  time of each block's first tick, rising; not empty
-  /// @throws std::system_error  there is no thread to be had
+  /// @param begins_s  time of each block's first tick, ascending; not empty
+  /// @throws std::system_error  if no thread can be created
   TickBlocks(Read read, std::vector<double> begins_s);
   ~TickBlocks();
   TickBlocks(const TickBlocks&) = delete;
   TickBlocks& operator=(const TickBlocks&) = delete;
 
-  /// The last tick that is not after `at_s`, where its block has been read; from now on that is read first.
-  /// Until then, where it plays, a tick of the nearest block that has been read of those that it has come
-  /// through: a reader that is slower than what is played still shows how far it is.
-  /// @param way     1: it plays, -1: backwards, 0: it rests
-  /// @param from_s  where it began to play
+  /// Last tick not after `at_s`, if its block has been read; the block is read with priority from now on.
+  /// Until then, during playback, a tick of the nearest cached block between `from_s` and `at_s`: if reading
+  /// is slower than playback the picture still advances.
+  /// @param way     1: forwards, -1: backwards, 0: paused
+  /// @param from_s  position at which playback began
   std::optional<TickRecord> tick_at(double at_s, int way, double from_s);
-  /// The tick in a row, where its block is kept.
+  /// Tick in a row, if its block is cached.
   std::optional<TickRecord> kept_at(std::uint64_t row) const;
-  /// Why nothing more is read.
+  /// Reason why reading has stopped.
   std::optional<Error> failure() const;
-  /// What could not be read is read anew: a busy machine has no process for a reader now and then.
+  /// Retries after a failure: a busy machine may temporarily be unable to start a reader process.
   void try_again();
 
  private:
@@ -64,9 +64,9 @@ class TickBlocks {
   const Read read_block_;
   const std::vector<double> begins_s_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::condition_variable wanted_changed_;
-  std::list<Kept> kept_;  // what was wanted last stands first
+  std::list<Kept> kept_;  // most recently wanted first
   std::size_t wanted_ = 0;
   int way_ = 0;
   std::optional<Error> failure_;

@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kBlocks = 12;
 constexpr double kBlock_s = 1;
 
-// of two ticks each, one as the block begins and one in its middle
+// block of two ticks, at its beginning and in its middle
 TickBlocks::Block block_of(std::size_t number) {
   TickBlocks::Block ticks(2);
   for (std::size_t i = 0; i < ticks.size(); ++i) {
@@ -28,19 +28,19 @@ std::vector<double> begins_s() {
   return begins;
 }
 
-// A reader that reads one block when it is told to.
+// Reader that reads one block per call of read_one().
 class TickBlocksReadSlowly : public ::testing::Test {
  protected:
   ~TickBlocksReadSlowly() override {
     ended_ = true;
     told_.release(2);
   }
-  // the tick's number, where there is one
+  // number of the tick shown, if any
   std::optional<std::uint64_t> shown_at(double at_s, int way, double from_s) {
     const auto tick = blocks_.tick_at(at_s, way, from_s);
     return tick ? std::optional(tick->tick) : std::nullopt;
   }
-  // the block that waits to be read
+  // waits until the reader is about to read `block`
   bool comes_to_read(std::size_t block) {
     return testing::soon([&] { return reading_ == block; });
   }
@@ -73,7 +73,7 @@ TEST_F(TickBlocksReadSlowly, WhatPlaysFasterThanItIsReadShowsHowFarItIs) {
   EXPECT_EQ(shown_at(3.2, 1, 0.6), std::nullopt);
   read_one();
   ASSERT_TRUE(testing::soon([&] { return shown_at(3.2, 1, 0.6) == 1; })) << "of the block that it began in";
-  // the next has been passed when it comes
+  // by the time it has been read, playback has passed the next block
   ASSERT_TRUE(comes_to_read(3));
   EXPECT_EQ(shown_at(7.9, 1, 0.6), 1);
   read_one();
@@ -82,7 +82,7 @@ TEST_F(TickBlocksReadSlowly, WhatPlaysFasterThanItIsReadShowsHowFarItIs) {
   read_one();
   ASSERT_TRUE(testing::soon([&] { return shown_at(7.9, 1, 0.6) == 15; })) << "the tick itself";
 
-  // after a leap nothing that lies before it, and what rests shows nothing else
+  // after a seek no tick before the target is shown, and while paused no substitute at all
   EXPECT_EQ(shown_at(10.2, 1, 10.2), std::nullopt);
   EXPECT_EQ(shown_at(10.2, 0, 10.2), std::nullopt);
   // backwards

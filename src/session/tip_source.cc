@@ -38,14 +38,14 @@ class ScriptSource final : public TipSource {
   std::vector<TouchFigure> touches() const override { return hand_->touches(); }
 
  private:
-  // the device rests where the hand begins
+  // device at rest where the hand begins
   static SimulatedDevice resting_at(const RunSetup& setup, const Point<World>& start) {
     SimulatedDevice device(setup.device, setup.hand, setup.script.delay_s);
     device.reset(WorkspaceMapping(device.info(), setup.workspace).to_device(start));
     return device;
   }
 
-  // the hand looks at it as long as it lives, also where the session goes on with another
+  // the hand refers to this model for its lifetime, even if the session switches to another version
   const std::shared_ptr<const Model> model_;
   const WorkspaceSettings workspace_;
   const std::string plant_;
@@ -56,14 +56,14 @@ class ScriptSource final : public TipSource {
   std::optional<HandThread> hand_;
 };
 
-// nobody asks for a force
+// no target forces are requested
 std::vector<HoldAsked> all_touched(const Model& model) {
   std::vector<HoldAsked> asked;
   for (const LabelId structure : model.label_of_surface) asked.push_back({structure, {}});
   return asked;
 }
 
-/// A tip that a person leads, from here or afar: there is nothing to begin and nothing to be done.
+/// Tip led by a person, locally or remotely: it needs no start and is never done.
 class LedSource : public TipSource {
  public:
   explicit LedSource(const RunSetup& setup) : asked_(all_touched(*setup.model)) {}
@@ -105,7 +105,7 @@ class PointerSource final : public LedSource {
   PointerDriver driver_;
 };
 
-/// A device that somebody holds.
+/// Physical device held by an operator.
 class HeldSource final : public LedSource {
  public:
   HeldSource(const RunSetup& setup, std::string name, std::unique_ptr<DeviceDriver> driver)
@@ -119,7 +119,7 @@ class HeldSource final : public LedSource {
   const std::unique_ptr<DeviceDriver> driver_;
 };
 
-/// Several as one. What a script asks and what becomes of it is the first one's, as only that can have one.
+/// Several sources combined. Script and progress are those of the first, the only one that can have a script.
 class SeveralSources final : public TipSource {
  public:
   SeveralSources(std::vector<std::unique_ptr<TipSource>> sources, const SeveralSettings& settings)
@@ -186,12 +186,12 @@ Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunS
   return std::unique_ptr<TipSource>(std::make_unique<HeldSource>(setup, name, std::move(driver)));
 }
 
-// what of a session's limits its devices say
+// applies the devices' limits to the session
 void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
                   std::string& told) {
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const DeviceInfo& info = devices[d];
-    // what a hand holds with the simulated device is known better
+    // the stiffness limit of a hand with the simulated device is known more precisely
     const bool scripted = d == 0 && options.devices[0] == kSimulatedHand;
     if (!scripted) setup.parameters.device[d] = device_parameters(info, setup.workspace);
     if (info.simulated) continue;
@@ -259,7 +259,7 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
         std::move(sources), SeveralSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
   const DeviceDriver& driver = all->driver();
   const auto devices = driver.devices();
-  // a session without a script has the rate of the clock that it ticks by
+  // a session without a script ticks at the rate of its clock device
   const DeviceInfo& clock = devices[driver.clock_owner()];
   if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
     setup.script.rate_hz = std::clamp(*clock.rate_hz, kLowestRate_hz, kHighestRate_hz);

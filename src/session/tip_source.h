@@ -11,39 +11,40 @@
 
 namespace palpate {
 
-/// Who moves the tip of a session, and the device whose tip it is.
+/// Source of a session's tip motion, with the driver of the device concerned.
 class TipSource {
  public:
   virtual ~TipSource() = default;
   virtual DeviceDriver& driver() = 0;
-  /// "script", "pointer" or "device"; of several the pointer's, where there is one
+  /// "script", "pointer" or "device"; of several sources "pointer" if there is one
   virtual const char* name() const = 0;
-  /// What each device is, for a recording: "premium-1.5, pointer"
+  /// Names of the devices for a recording: "premium-1.5, pointer"
   virtual std::string devices() const = 0;
-  /// Threads beside the loop's.
+  /// Threads in addition to the loop's.
   virtual std::vector<TickingThread> followers() const { return {}; }
 
-  /// Whose holds are measured.
+  /// Structures whose holds are measured.
   virtual std::vector<HoldAsked> asked() const = 0;
-  /// Where a viewer moves it; else null.
+  /// Driver of a viewer's pointer; null if there is none.
   virtual PointerDriver* pointer() { return nullptr; }
 
-  /// The loop runs. @param told  what it is told, by a script for example; outlives the tip
+  /// Called when the loop runs.
+  /// @param told  log of the commands to the loop, such as a script's; outlives the tip source
   /// Errors: those of HandThread::begin().
   virtual Result<void> begin(ServoLoop& loop, EventLog& told, ScriptEdits edits) = 0;
   virtual bool done() const = 0;
   virtual double progress() const = 0;
-  /// The tip stays where it is.
+  /// Ends the source's threads; the tip stays where it is.
   virtual void end() = 0;
-  /// After end(): steps that failed, a sentence each.
+  /// Failed steps, one sentence each; valid after end().
   virtual std::vector<std::string> trouble() const = 0;
-  /// After end().
+  /// Figures of touches; valid after end().
   virtual std::vector<TouchFigure> touches() const = 0;
 };
 
-/// The devices of a session, made and, where they are physical, opened: one alone, or several as one.
-/// @param setup  gets what each may be made to feel, and in its trouble what is careful there
-/// @param told   gets that again, a line each
+/// Creates the devices of a session and opens those that are physical: a single source, or several combined.
+/// @param setup  receives each device's limits and, in its trouble, the conservative bounds among them
+/// @param told   receives these bounds again, one per line
 /// Errors: those of check_devices(), of ScriptedHand::create() and of opening a driver.
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
                                                   const Progress& progress, std::string& told);

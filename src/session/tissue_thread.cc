@@ -14,13 +14,14 @@ namespace palpate {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-// below what ticks, above what carves and makes fields
+// nice value: below the ticking threads, above carving and field generation
 constexpr int kPriority = 5;
 
-/// @param unit_mm  what is seen is so many `times` of it
+/// Samples a field for display.
+/// @param times  factor by which `unit_mm` is scaled
 std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
                                           const ElasticField& unit_mm, double times) {
-  // every second node: what is seen is smooth
+  // every second node suffices, since the displacement is smooth
   constexpr int kEvery = 2;
   auto viewed = std::make_shared<ViewedYield>();
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -79,7 +80,7 @@ void TissueThread::run() {
   OtherCpus cpus;
   Clock::time_point next = Clock::now();
   for (bool ending = false; !ending;) {
-    // a tick that takes the processor from a solution comes later than one that finds it idle
+    // avoid the servo's CPU: a tick that has to preempt a solution is later than one that finds the CPU idle
     cpus.than(loop_.cpu());
     try {
       solve_next();
@@ -94,9 +95,9 @@ void TissueThread::run() {
 
 void TissueThread::solve_next() {
   const TickRecord felt = loop_.snapshot();
-  // there is no tick since the last one
+  // no tick since the last one
   if (felt.state_hash == 0 || (any_ && felt.tick <= last_input_)) return;
-  // a replay has the model that the tick felt
+  // a replay solves with the model of the tick
   const std::shared_ptr<const Model> model = felt_();
   if (model->version != felt.model_version) return;
   any_ = true;
@@ -108,7 +109,7 @@ void TissueThread::solve_next() {
   show(felt);
 }
 
-// nothing is felt of it: no tick is told
+// chain mail does not affect the force, so no input tick is recorded
 void TissueThread::move_mail(const Model& model, const TickRecord& felt) {
   mail_.advance(model, felt);
   ++mail_frame_;

@@ -15,19 +15,19 @@
 
 namespace palpate {
 
-/// Solves tissue that yields beside a running loop, a frame after the other: from the latest tick to the next
-/// ones. What the loop is told stands in `told` with the tick that it was solved from, so that a recording
-/// replays. Of a chain mail nothing is felt, and nothing told. A machine that is slower than a frame gets
-/// fewer of them; where memory runs out, the last one stays.
+/// Solves deforming tissue concurrently with a running loop, frame by frame: from the latest tick, for use in
+/// the following ticks. Each solution passed to the loop is logged in `told` with the tick that it was solved
+/// from, so that a recording replays. A chain mail affects no force and is not logged. A machine that is
+/// slower than the frame rate produces fewer frames; if memory runs out, the last frame stays.
 class TissueThread {
  public:
-  /// @param felt  the model that is felt now; asked from the thread
+  /// @param felt  returns the current model version; called on this thread
   TissueThread(ServoLoop& loop, EventLog& told, std::function<std::shared_ptr<const Model>()> felt);
   ~TissueThread();
   TissueThread(const TissueThread&) = delete;
   TissueThread& operator=(const TissueThread&) = delete;
 
-  /// How tissue has yielded around a device's tool by the last frame; null: nothing has. Any thread.
+  /// Deformation around a device's tool in the last frame; null: none. Thread-safe.
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
 
  private:
@@ -45,15 +45,15 @@ class TissueThread {
   std::uint32_t mail_frame_ = 0;
   bool any_ = false;
   std::uint64_t last_input_ = 0;
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below
   std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> shown_;
   bool ending_ = false;
   std::condition_variable ends_;
   std::thread thread_;
 };
 
-/// A solver's field around a device's tool under the force with which it pressed in that tick; null: there is
-/// none.
+/// Deformation field around a device's tool under the force with which it pressed in that tick; null if there
+/// is none.
 std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& felt,
                                                 std::size_t device);
 

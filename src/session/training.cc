@@ -28,14 +28,14 @@ RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs) {
   history.best.assign(task.metrics.size(), kNotKnown);
   std::vector<bool> in_band;
   for (std::size_t n = 0; n < runs.size(); ++n) {
-    // one without a tick is none, and is kept nowhere
+    // a run without ticks does not count and is not stored
     if (runs[n].score.ticks == 0) continue;
     in_band.push_back(runs[n].score.in_band);
     if (n + 1 == runs.size() || !runs[n].score.in_band) continue;
     for (const MetricValue& value : runs[n].score.metrics) {
       double& best = history.best[value.part];
       const bool more = info_of(value.metric).more_is_better;
-      // what is not known is never better
+      // a value that is not known is never better
       if (std::isnan(best) || (more ? value.value > best : value.value < best)) best = value.value;
     }
   }
@@ -90,7 +90,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
     return Error{ErrorKind::kBadInput, "this session has no task of that name", "begin",
                  "the scene lists those that can be begun"};
   const auto place = static_cast<std::size_t>(found - options_.tasks.begin());
-  // what there is of patches is copied before the recorder could wait for it
+  // allocate and copy the patches before locking, so that the recorder's thread does not wait for it
   auto live = std::make_unique<Live>(Live{place,
                                           0,
                                           TaskEvaluator(in_scene_[place]),
@@ -179,7 +179,7 @@ void Training::see(const TickRecord& tick, std::span<const RecordingEvent> told)
     live.trace.see(live.evaluator);
     if (live.evaluator.ended()) over(RunEnd::kTask);
   } catch (const std::exception&) {
-    // no memory for it: it is told, or not even that
+    // Out of memory: the run ends with kTrouble, or is dropped if even that fails.
     try {
       if (live_) over(RunEnd::kTrouble);
     } catch (const std::exception&) {
@@ -188,7 +188,7 @@ void Training::see(const TickRecord& tick, std::span<const RecordingEvent> told)
   }
 }
 
-// with the lock
+// with the mutex locked
 void Training::over(RunEnd end) {
   live_->trace.finish(live_->evaluator);
   Over over{nullptr, {}};
@@ -204,7 +204,7 @@ void Training::over(RunEnd end) {
   run.header = header_;
   ViewedTraining state = seen(*live_);
   state.phase = ViewedTraining::Phase::kKeeping;
-  // nothing presses any more that would be of it
+  // the run is over: no force belongs to it any more
   std::ranges::fill(state.forces_N, 0);
   std::ranges::fill(state.protected_N, 0);
   state.touch_N = 0;
@@ -234,7 +234,7 @@ void Training::keep() {
     try {
       runs.push_back(over.run);
       finished.history = history_of(task, runs);
-      // one without a tick is none
+      // a run without ticks does not count
       if (keeps(over.run.learner) && over.run.score.ticks > 0) {
         const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
@@ -255,7 +255,7 @@ void Training::keep() {
         events.resize(ViewedDebriefing::kMostEvents);
       }
     } catch (const std::exception&) {
-      // no memory for what would be shown of it
+      // out of memory: the run has no debriefing
     }
     lock.lock();
     finished_.push_back(std::move(finished));
@@ -276,9 +276,9 @@ void Training::end() {
   if (keeper_.joinable()) keeper_.join();
 }
 
-// ---- what is told
+// ---- state published to viewers
 
-// with the lock
+// with the mutex locked
 ViewedTraining Training::seen(const Live& live) const {
   ViewedTraining state = viewed_run(live.evaluator, options_.tasks[live.task].name, live.number);
   state.keeps = keeps(live.learner);

@@ -18,12 +18,14 @@
 
 namespace palpate {
 
-/// A live session's tasks (palpate/session/training.h). Any thread; see() the recorder's alone.
+/// Tasks of a live session (palpate/session/training.h). Thread-safe, except that see() is called by the
+/// recorder's thread only.
 class Training {
  public:
-  /// Looks the tasks up. Errors: those of look_up(), where they have to fit; kInterrupted.
+  /// Looks the tasks up in the scene.
   /// @param model  with its surfaces
-  /// @param devices  of the session: a task with a scope needs two
+  /// @param devices  number of devices of the session: a task with a scope needs two
+  /// Errors: those of look_up(), if the tasks have to fit; kInterrupted.
   static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,
                                                  std::size_t devices, const Progress& progress);
   ~Training() { end(); }
@@ -31,33 +33,34 @@ class Training {
   Training& operator=(const Training&) = delete;
 
   const std::vector<ViewedTask>& tasks() const { return viewed_; }
-  /// Before the first tick.
+  /// Called before the first tick.
   void begin_session(const RecordingHeader& header);
-  /// A tick, and what it is the first one to have heard of. Throws nothing.
+  /// Processes a tick and the events that took effect with it. Does not throw.
   void see(const TickRecord& tick, std::span<const RecordingEvent> told = {}) noexcept;
-  /// What is under way ends, and all that is over has been kept. Nothing is seen any more.
+  /// Ends the run under way and waits until all finished runs are stored. Later ticks are ignored.
   void end();
 
-  /// Errors: kBadInput for a name that no task has, kUsage where a run is under way or the last one is being
-  /// kept, where something is taken off already of which the task has a plan, and where a lesson is of
-  /// another task. @param learner  whose it is; empty: that of the session or of the lesson
+  /// Begins a run.
+  /// @param learner  pseudonym; empty: the learner of the session or of the lesson
+  /// Errors: kBadInput for an unknown task; kUsage while a run is under way or the last one is being stored,
+  /// if material was removed already and the task has a plan, and if a lesson requires another task.
   Result<void> begin(const std::string& task, const std::string& learner = "");
-  /// Error kUsage where none is under way.
+  /// Error kUsage if no run is under way.
   Result<void> end_run();
-  /// Ends the run that is under way, else begins the task that was done last, or the first.
+  /// Ends the run under way; if there is none, begins the task done last, or the first.
   Result<void> begin_or_end();
 
-  /// Whose the runs are from now on, and which task alone may be begun. Errors: kUsage while a run is under
-  /// way and for a task that there is not; those of check_learner.
+  /// Sets the learner of the following runs, and the only task that may be begun. Errors: kUsage while a run
+  /// is under way and for an unknown task; those of check_learner.
   Result<void> teach(const LessonRequest& request);
   ViewedState::Lesson lesson() const;
-  /// Those of TrainingOptions.
+  /// Learning curves, by TrainingOptions::curves.
   bool keeps_runs() const { return static_cast<bool>(options_.curves); }
   Result<std::string> curves(const std::string& learner) const { return options_.curves(learner); }
 
   ViewedTraining state() const;
   std::shared_ptr<const ViewedDebriefing> debriefing() const;
-  /// Those that are over and kept, in their order, without the first so many.
+  /// Finished and stored runs in chronological order, without the first `but`.
   std::vector<FinishedRun> finished(std::size_t but = 0) const;
 
  private:
@@ -81,21 +84,21 @@ class Training {
   std::vector<TaskInScene> in_scene_;
   std::vector<ViewedTask> viewed_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members below, except keeper_
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
-  std::optional<RemovalFollower> gone_;  // where a task has a plan
+  std::optional<RemovalFollower> gone_;  // removed volume; set if a task has a plan
   std::unique_ptr<Live> live_;
   struct Over {
     std::unique_ptr<Live> live;
     TaskRun run;
   };
-  std::deque<Over> over_;  // to be kept
+  std::deque<Over> over_;  // queue of runs to be stored
   bool keeping_ = false, ending_ = false;
   std::uint32_t runs_ = 0;
   std::size_t last_task_ = 0;
   ViewedState::Lesson lesson_;
-  ViewedTraining state_;  // of a run that is not under way
+  ViewedTraining state_;  // state while no run is under way
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::vector<FinishedRun> finished_;
   std::thread keeper_;

@@ -98,7 +98,7 @@ void expect_same(const TaskScore& live, const TaskScore& scored) {
   }
 }
 
-/// A real session of the ball; what it told and what its recording is scored as.
+/// Real-time session with the ball: what it published, and the score of its recording.
 class LiveTask : public ::testing::Test {
  protected:
   ExploreResult run(const TrainingOptions& training, const std::function<void(ViewerHost&)>& viewer = {}) {
@@ -106,7 +106,7 @@ class LiveTask : public ::testing::Test {
     PALPATE_CHECK(script.ok());
     ExploreOptions options;
     options.training = training;
-    options.loop.ring_s = 30;  // room for all of it
+    options.loop.ring_s = 30;  // large enough for the whole run
     std::atomic<bool> over{false};
     std::thread watching;
     if (viewer)
@@ -156,7 +156,7 @@ TEST_F(LiveTask, IsTheScoreOfItsRecordingBitForBit) {
     EXPECT_FALSE(std::isnan(live.score.metrics[3].value)) << "coverage";
     expect_same(live.score, scored(task, {}));
     expect_same(live.score, scored(task, live.ticks));
-    // of a run that ended with its recording the hashes are one
+    // a run that ends with its recording has the recording's hash
     if (end == "recording") {
       EXPECT_FALSE(std::isnan(live.score.metrics[6].value)) << "the answer";
       EXPECT_EQ(live.run_hash, result.summary.run_hash);
@@ -235,7 +235,7 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
     std::array<double, kMaxDevices> unused{};
     ASSERT_TRUE(testing::soon([&] { return std::abs(host.snapshot(unused).time_s - at_s) < 0.002; }));
   };
-  // how far it was
+  // progress at that position
   stand_at(begin_s + 0.5 * live.score.time_s);
   ViewedTraining there = host.training();
   EXPECT_EQ(there.phase, Phase::kRunning);
@@ -243,7 +243,7 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
   EXPECT_NEAR(there.time_s, 0.5 * live.score.time_s, 0.06);
   EXPECT_EQ(host.debriefing(), nullptr);
   for (const ViewedTaskEvent& event : there.events) EXPECT_LE(event.time_s, 0.5 * live.score.time_s + 0.002);
-  // what came of it, after its end, bit for bit
+  // the debriefing after the run's end, bit for bit
   stand_at(end_s + 0.01);
   there = host.training();
   EXPECT_EQ(there.phase, Phase::kOver);
@@ -256,12 +256,12 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
               std::bit_cast<std::uint64_t>(live.score.metrics[n].value));
   EXPECT_EQ(debriefing->end, "task");
   EXPECT_EQ(debriefing->last_tick, live.ticks.last);
-  // and back again
+  // and backwards again
   stand_at(begin_s + 0.1);
   EXPECT_EQ(host.training().phase, Phase::kRunning);
   EXPECT_EQ(host.debriefing(), nullptr);
   EXPECT_THAT(host.train({"ball", false}).error().what, HasSubstr("recording"));
-  // before it began there was no run
+  // no run before its beginning
   const auto later = opened({live.ticks.first + 200, live.ticks.last});
   ASSERT_TRUE(later.ok());
   EXPECT_EQ((*later)->training().phase, Phase::kNone);
@@ -284,7 +284,7 @@ TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {
   EXPECT_THAT(refused.error().message(), HasSubstr("heart"));
 }
 
-/// Ticks made by hand.
+/// Training fed with synthetic ticks.
 class HandMade : public ::testing::Test {
  protected:
   std::unique_ptr<Training> training(TrainingOptions options = {}, const std::string& end = "recording") {
@@ -361,8 +361,7 @@ TEST_F(HandMade, AClockThatGoesBackEndsIt) {
 TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin("ball").ok());
-  // 40 s at 1 kHz, a peak of one tick each second
-  // and one in the very last
+  // 40 s at 1 kHz with a peak of one tick each second and one in the very last tick
   for (std::uint64_t n = 0; n < 40001; ++n) training->see(tick(n, n % 1000 == 500 || n == 40000 ? 0.9 : 0.3));
   ASSERT_TRUE(training->end_run().ok());
   wait_until_kept(*training);
@@ -392,7 +391,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
     while (!may_go.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     kept.push_back(run.number);
     RunHistory history;
-    // of the second run nothing is known
+    // the second run could not be stored
     if (run.number == 2) {
       history.not_kept = Error{ErrorKind::kUnavailable, "the disk is full", "", ""};
       return history;
@@ -425,7 +424,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   EXPECT_EQ(training->debriefing()->metrics[0].best, 0.4) << "the peak of the run before";
   EXPECT_EQ(training->debriefing()->metrics[0].value, 0.3);
   EXPECT_TRUE(training->debriefing()->not_kept);
-  // one that no tick has seen is none
+  // a run without ticks does not count
   ASSERT_TRUE(training->begin("ball").ok());
   ASSERT_TRUE(training->end_run().ok());
   wait_until_kept(*training);
@@ -451,7 +450,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
     ASSERT_TRUE(training->end_run().ok());
     wait_until_kept(*training);
   };
-  // nobody's is kept nowhere, and each learner has a history of his or her own
+  // a run without a learner is not stored, and every learner has a separate history
   do_run("");
   EXPECT_FALSE(training->debriefing()->kept);
   EXPECT_FALSE(training->state().keeps);
@@ -461,7 +460,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   EXPECT_EQ(training->debriefing()->runs, 1);
   do_run("L007");
   EXPECT_EQ(training->debriefing()->runs, 2);
-  // a teacher chooses whose what is begun without a name is
+  // a teacher chooses the learner of runs that are begun without a name
   ASSERT_TRUE(training->teach({"L042", {}, {}, false}).ok());
   EXPECT_TRUE(training->state().keeps);
   EXPECT_EQ(training->lesson().learner, "L042");
@@ -469,7 +468,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   ASSERT_TRUE(training->teach({"", {}, {}, false}).ok());
   do_run("");
   EXPECT_EQ(kept, (std::vector<std::string>{"L007", "L042", "L007", "L042"}));
-  // and what may be begun
+  // and the task that may be begun
   EXPECT_EQ(training->teach({{}, "none", {}, false}).error().where, "task");
   EXPECT_EQ(training->teach({"two\nlines", {}, {}, false}).error().kind, ErrorKind::kBadInput);
   ASSERT_TRUE(training->teach({{}, "ball", {}, false}).ok());
@@ -486,7 +485,7 @@ TEST_F(HandMade, AKeyBeginsAndEnds) {
   EXPECT_EQ(training->finished()[0].run.end, RunEnd::kAsked);
 }
 
-// ---- a scope in a second device
+// ---- a scope on a second device
 
 TaskFile scope_task() {
   auto task = parse_task(R"(title = "Watch"
@@ -563,7 +562,7 @@ TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
   EXPECT_NEAR((*training)->finished()[0].run.score.metrics[0].value, 0.0995, 1e-9);
 }
 
-// ---- something that is taken off
+// ---- material removal
 
 class TakeOffLive : public ::testing::Test {
  protected:
@@ -631,7 +630,7 @@ TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
   end();
   EXPECT_NEAR(volume_of(0), 268, 5);
 
-  // a hole that is there already would be the next run's
+  // material removed before a run begins would be attributed to that run
   EXPECT_THAT(training_->begin("take-off").error().message(), HasSubstr("taken off already"));
   ticks(10, {change(ModelChange::kUndo)});
   ASSERT_TRUE(training_->begin("take-off").ok());
@@ -657,7 +656,7 @@ TEST(ViewedTask, SaysWhatIsToBeDoneAndWhere) {
   EXPECT_THAT(task.to_find, ElementsAre(testing::kBone));
   EXPECT_EQ(task.answer_s, 0.3);
   ASSERT_EQ(task.regions.size(), 1u);
-  // all around the ball is free: no way to look at it is better than others
+  // all of the ball is exposed: no viewing direction is preferred
   EXPECT_EQ(task.regions[0].outward, (std::array<double, 3>{0, 0, 0}));
   EXPECT_GT(task.regions[0].radius_mm, 5);
   ASSERT_TRUE(task.regions[0].extent.has_value());

@@ -11,7 +11,7 @@
 #include "palpate/session/playback.h"
 #include "palpate/tissue/carving.h"
 
-/// A run of two devices, a probe in one and a burr in the other, its recording, and the same again.
+/// A run of two devices, one with a probe and one with a burr: its recording, and the replay.
 namespace palpate {
 namespace {
 
@@ -38,7 +38,7 @@ class TwoToolsRun : public ::testing::Test {
     recording_ = std::move(*read);
   }
 
-  // both are pressed in, and led along
+  // both are pressed in and moved along the surface
   void run() {
     std::shared_ptr<const Model> model = loaded_.model;
     Parameters parameters;
@@ -60,7 +60,7 @@ class TwoToolsRun : public ::testing::Test {
       summary_.see(ticks_.back());
     }
   }
-  // as a session does, with a row for all of it
+  // cuts as a session does, recording each sweep
   std::shared_ptr<const Model> cut(const std::shared_ptr<const Model>& model, const SessionState& state) {
     EXPECT_TRUE(finished_cuts(state.hands[0].burr, 0).empty());
     const std::vector<Cut> cuts = finished_cuts(state.hands[1].burr, 1);
@@ -94,7 +94,7 @@ TEST_F(TwoToolsRun, ComesBackFromItsRecording) {
       EXPECT_EQ(event.sweep.device, 1u);
       EXPECT_EQ(event.sweep.radius_mm, 2);
     }
-  // each leaned on the bone with its own tool
+  // each device was in contact with the bone by its own tool
   const DeviceTick &probe = recording_.ticks.back().device[0], &burr = recording_.ticks.back().device[1];
   EXPECT_EQ(probe.label, testing::kBone);
   const auto clear_mm = [](const DeviceTick& device) {
@@ -111,7 +111,7 @@ TEST_F(TwoToolsRun, ReplaysToTheSameHash) {
   EXPECT_TRUE(again->identical) << again->difference;
   EXPECT_EQ(again->run_hash, summary_.run_hash);
   EXPECT_EQ(again->ticks, ticks_.size());
-  // and not with the tools in the other hands
+  // with the tools exchanged the replay differs
   Model exchanged = *loaded_.model;
   std::swap(exchanged.tools[0], exchanged.tools[1]);
   const auto other = replay(recording_, std::make_shared<const Model>(exchanged));

@@ -88,7 +88,7 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
     add_region(file.regions[n].name, view_of(in_scene.regions[n], model));
     task.regions.back().extent = extent_of(file.regions[n], in_scene.regions[n]);
   }
-  // then those of the plan
+  // the regions of the plan follow those of the task
   for (std::size_t n = 0; file.plan && n < file.plan->regions.size(); ++n)
     add_region(file.plan->regions[n].name, view_of(in_scene.plan->plan.regions[n], model));
   for (const TaskStep& step : file.steps) {
@@ -135,7 +135,8 @@ void RunTrace::finish(const TaskEvaluator& run) {
   samples_.push_back(std::exchange(coming_, {}));
 }
 
-// half as many, each for twice the time: of two samples the later place and the greater force
+// halves the number of samples and doubles the period; a merged sample takes the later position and the
+// larger forces
 void RunTrace::thin_out() {
   std::vector<ViewedDebriefing::Sample> kept;
   kept.reserve(kMost);
@@ -148,7 +149,7 @@ void RunTrace::thin_out() {
       sample.forces_N[f] = std::max(sample.forces_N[f], before.forces_N[f]);
     kept.push_back(sample);
   }
-  // one that is left over goes on
+  // an unpaired last sample is merged into the sample being accumulated
   if (samples_.size() % 2 == 0) {
     coming_.touch_N = std::max(coming_.touch_N, samples_.back().touch_N);
     for (std::size_t f = 0; f < forces_; ++f)
@@ -208,7 +209,7 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   told.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMostForces);
   told.samples = trace.samples();
 
-  // of many patches every so many-th
+  // subsample the patches if there are too many
   std::vector<SurfacePatches::Patch> patches;
   for (const RegionInScene& region : evaluator.task().regions)
     for (const SurfacePatches::Patch& patch : region.patches.all()) patches.push_back(patch);

@@ -11,15 +11,15 @@
 
 namespace palpate {
 
-/// The way of a tip and its force in a run: at most so many samples, evenly in time, each with the greatest
-/// force since the one before.
+/// Trajectory and forces of a run: a bounded number of samples, uniform in time, each with the maximum forces
+/// since the previous sample.
 class RunTrace {
  public:
-  static constexpr std::size_t kMost = 1200;  ///< and the last one
+  static constexpr std::size_t kMost = 1200;  ///< Maximum number of samples, not counting the last one
 
   explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMostForces)) {}
   void see(const TaskEvaluator& run);
-  /// The last sample is of the last tick.
+  /// Adds the last tick as the last sample.
   void finish(const TaskEvaluator& run);
   const std::vector<ViewedDebriefing::Sample>& samples() const { return samples_; }
 
@@ -32,15 +32,17 @@ class RunTrace {
   std::vector<ViewedDebriefing::Sample> samples_;
 };
 
-/// A task as viewers are told of it. @param model  with its labels
+/// Task as published to viewers.
+/// @param model  with its labels
 ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, const Model& model);
 ViewedTaskEvent viewed_event(const TaskEvent& event);
-/// The last of some events, and how many came before these.
+/// Publishes the most recent events and the number of earlier ones.
 void tell_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to);
 
-/// How far a run is that is under way. @param name  OfferedTask::name
+/// Progress of a run that is under way.
+/// @param name  OfferedTask::name
 ViewedTraining viewed_run(const TaskEvaluator& run, const std::string& name, std::uint32_t number);
-/// A run that is over.
+/// Debriefing of a finished run.
 ViewedDebriefing debriefed(const TaskEvaluator& run, const RunTrace& trace, const FinishedRun& finished);
 
 }  // namespace palpate

@@ -7,14 +7,14 @@
 namespace palpate {
 namespace {
 
-// no unit of a scan but the Hounsfield has values as low: air is -1000
+// only the Hounsfield scale has values this low: air is -1000
 constexpr float kOnlyHounsfield = -500;
 
 constexpr std::array kCaveatKinds{Word<CaveatKind>{CaveatKind::kPlacement, "placement"},
                                   Word<CaveatKind>{CaveatKind::kSide, "side"},
                                   Word<CaveatKind>{CaveatKind::kForce, "force"}};
 
-// what the scene says, else what the values do
+// declared modality; if unknown, inferred from the scan's values
 Modality modality_of(Modality said, const Volume<float>* scan) {
   if (said != Modality::kUnknown || !scan) return said;
   const auto& voxels = scan->voxels();

@@ -6,17 +6,17 @@
 
 namespace palpate {
 
-/// What a viewer shows of a model: volumes, structures, tissues, tools. What holds of a device and of what
-/// may be changed is left as it is by default.
-/// @param devices  of the session, at least one: each has its tool
-/// @param said  as the scene says it; unknown: what the scan's values tell
+/// Model data as published to viewers: volumes, structures, tissues, tools. Fields about devices and
+/// permitted changes keep their defaults.
+/// @param devices  number of devices of the session, at least one: each has its tool
+/// @param said  modality that the scene declares; if unknown, it is inferred from the scan's values
 ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said);
 
-/// The tissues as a model has them.
+/// Tissue settings of a model.
 std::vector<ViewedTissueState> viewed_tissues(const Model& model);
 
-/// Of tissue that yields, force over depth at the device, N/mm: how stiff it is there and now. 0 without
-/// depth.
+/// Secant stiffness of deforming tissue at the device: current force divided by current depth; N/mm. 0 at
+/// zero depth.
 double yielding_stiffness_N_per_mm(const DeviceTick& felt);
 
 }  // namespace palpate

@@ -21,12 +21,12 @@
 namespace palpate {
 namespace {
 
-// viewers ask with every pose; the figures are of a second
+// viewers poll with every pose, while the health figures cover the last second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
-// how long what a burr took away waits at most for a thread that takes it from the surfaces
+// longest time that swept volume waits before the cutter thread removes it from the surfaces
 constexpr auto kCutPoll = std::chrono::milliseconds(10);
 constexpr int kLowestPriority = 19;
-// from the volume's centre
+// plausibility bound on a viewer's pointer position; distance from the volume's centre
 constexpr double kFarthestTip_mm = 2000;
 
 Error bad(std::string what, std::string where, std::string remedy) {
@@ -66,7 +66,7 @@ StoppedBy stopped_by(Asker asker) {
   return StoppedBy::kSession;
 }
 
-// in a request's words
+// key by which a viewer's request names a tissue setting of the scene
 std::string request_key(const std::string& scene_key) {
   if (scene_key == "stiffness") return "stiffness_N_per_mm";
   if (scene_key == "friction") return "dynamic_friction";
@@ -85,17 +85,17 @@ Error not_made(const std::exception& why) {
           "go on by the proxy, or end other programs for their memory"};
 }
 
-// which may be chosen, by index: one that does not suit the volume is left out
+// force methods that viewers may choose, by index; a method that does not suit the volume is excluded
 std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
   std::array<bool, kForceMethods.size()> choosable{};
-  // what the direct methods read knows nothing of what a burr takes away
+  // fields of the direct methods are not updated when a burr removes material
   for (const ForceMethodInfo& info : kDirectMethods)
     choosable[index_of(info.method)] = !model.cuts() && check_force_field(model, info.method).ok();
   choosable[index_of(ForceMethod::kProxy)] = model.has(ForceMethod::kProxy);
   return choosable;
 }
 
-// what of a request would change something
+// reduces a request to the settings that differ from the current ones
 SettingsRequest changes_of(SettingsRequest request, const Parameters& now, TissueLaw law, bool law_is_awaited,
                            bool method_is_awaited) {
   const auto leave_out = [](auto& wanted, const auto& held) {
@@ -114,14 +114,14 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, Tissu
   return request;
 }
 
-// whether a hand that is pushed again would feel more of it
+// whether a setting could increase the force or release a restriction once the force is re-armed
 bool feels_more(const SettingsRequest& wanted, const Parameters& now) {
   return (wanted.max_force_N && *wanted.max_force_N > now.max_force_N) || wanted.friction == true ||
          wanted.viscosity == true || wanted.passivity == false || wanted.paused == false ||
          wanted.motor == true || wanted.law.has_value();
 }
 
-/// What a request wants, as a person is asked for it: "pause the force, and turn the object by 20 degrees".
+/// Text of the consent question for a request: "pause the force, and turn the object by 20 degrees".
 class Words {
  public:
   Words& add(const std::string& what) {
@@ -157,7 +157,7 @@ std::string words_for(const SettingsRequest& wanted, const Parameters& now) {
   return words.text();
 }
 
-// names come from files: no byte of theirs moves a terminal's cursor
+// names come from files: control characters are replaced so that none can move a terminal's cursor
 std::string plain_name(std::string name) {
   for (char& c : name)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
@@ -202,7 +202,7 @@ void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   if (is_moving(model_.felt->tissue_law)) move_tissue(loop);
 }
 
-// its thread goes on when a law comes by which nothing moves, and does nothing
+// the thread keeps running, idle, when a law without moving tissue is selected later
 void ViewedSession::move_tissue(ServoLoop& loop) {
   if (tissue_ != nullptr || ending_.load() || !model_.felt->has(ForceMethod::kProxy)) return;
   tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
@@ -212,7 +212,7 @@ void ViewedSession::move_tissue(ServoLoop& loop) {
   yields_.store(tissue_.get());
 }
 
-// at once where nothing has to be made or tried for it
+// takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
 Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loop) {
   law_failure_.reset();
   if (law == model_.felt->tissue_law) {
@@ -235,7 +235,7 @@ Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loo
   return {};
 }
 
-// of what is felt now
+// switches the current model version to the law of `under`
 void ViewedSession::go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop) {
   const ModelChange change = change_of_law(*model_.felt, under.tissue_law, coarsened);
   if (is_moving(under.tissue_law)) move_tissue(loop);
@@ -248,15 +248,15 @@ void ViewedSession::change_law_by_script(TissueLaw law) {
   ServoLoop* loop = loop_.load();
   const std::lock_guard lock(mutex_);
   script_law_led_to_.reset();
-  // what the script cannot change it was refused when it was read; the page may have cut since
+  // a law that the script may not use was rejected when the script was read; a viewer may have cut since
   if (!loop || !change_law(law, {Asker::kScript}, *loop)) script_law_led_to_ = 0;
 }
 
-// on the maker's thread
+// runs on the maker thread
 void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
   const std::shared_ptr<const Model> of = model_.felt;
   const TissueLaw law = *law_awaited_;
-  // whoever waited for the lock would wait for this thread's priority
+  // unlock: a thread waiting for the mutex would inherit this thread's low priority as latency
   lock.unlock();
   const auto made = [&]() -> Result<CarriedCells> {
     try {
@@ -268,7 +268,7 @@ void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress&
     }
   }();
   lock.lock();
-  // another law may be wanted by now, or none; what was changed meanwhile wants other surfaces
+  // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
   if (ending_ || law_awaited_ != law || model_.felt != of) return;
   if (!made) return give_up_law(made.error());
   const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
@@ -278,7 +278,7 @@ void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress&
   carried_of(law) = {coarsened, made->told};
 }
 
-// the session stays as it was, and whoever asked is told
+// keeps the current law and reports the error to whoever requested the change
 void ViewedSession::give_up_law(Error why) {
   why.where = name_of(*law_awaited_, kTissueLaws);
   law_awaited_.reset();
@@ -286,7 +286,7 @@ void ViewedSession::give_up_law(Error why) {
   script_law_led_to_ = 0;
 }
 
-// ---- what viewers are told
+// ---- state published to viewers
 
 const ViewedScene& ViewedSession::scene() const {
   std::call_once(scene_made_, [this] { scene_ = make_scene(); });
@@ -296,7 +296,7 @@ const ViewedScene& ViewedSession::scene() const {
 ViewedScene ViewedSession::make_scene() const {
   const Model& model = *parts_.model;
   ViewedScene scene = viewed_scene(model, parts_.devices.size(), parts_.modality);
-  // what can be chosen, and how far
+  // choices and their ranges
   for (const ForceMethodInfo& info : kForceMethods)
     if (can_be_chosen(info.method)) scene.methods.emplace_back(info.name);
   for (const auto& law : kTissueLaws)
@@ -329,7 +329,8 @@ double ViewedSession::most_force_N() const {
   return most_N;
 }
 
-// of what the tick felt: each tissue for itself by the proxy, all softer by one factor by the others
+// Stiffness that this tick rendered. The proxy scales each tissue by itself; a direct method scales all
+// tissues by one factor.
 double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
   const DeviceTick& device = tick.device[number];
   const auto method = static_cast<ForceMethod>(tick.method);
@@ -340,7 +341,7 @@ double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_
   const bool by_proxy = method == ForceMethod::kProxy && felt.has(method);
   if (by_proxy && felt.yields(*tissue)) return yielding_stiffness_N_per_mm(device);
   if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
-  // the fields know the stiffness that they were made for
+  // the fields encode the stiffnesses that they were generated for
   const double stiffest = felt.greatest_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
   const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
@@ -370,7 +371,7 @@ ViewedHealth ViewedSession::health() const {
   const ExploreWatch::LastSecond last = watch_->last_second();
   health_ = {rate_.see(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
              last.compute_p50_us,     of_all.skipped,       of_all.dropped,       of_all.stalls};
-  // a version that nobody feels any more
+  // frees model versions that the loop no longer uses
   loop->collect();
   return health_;
 }
@@ -459,7 +460,7 @@ double ViewedSession::highest_max_force_N() const {
   return highest_max_force_N_;
 }
 
-// ---- what is asked
+// ---- requests
 
 bool ViewedSession::cuts() const {
   return std::ranges::any_of(scene().tools, &ViewedTool::cuts);
@@ -471,7 +472,7 @@ bool ViewedSession::can_feel(ForceMethod method) const {
          (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
 }
 
-// if it is not there already
+// whether the method is available now or its fields can be generated
 bool ViewedSession::can_be_made(ForceMethod method) const {
   return can_feel(method) || fields_suit(*model_.felt, *model_.made) || can_make_fields(*model_.felt);
 }
@@ -507,8 +508,8 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
   return {};
 }
 
-// While a hand may be pushed whoever holds it agrees to every change; while it may not, to what it would feel
-// more of.
+// While force is enabled, the operator of a physical device has to consent to every change; while it is
+// stopped, only to changes that could increase the force after re-arming.
 bool ViewedSession::wants_consent(bool feels_more) const {
   return physical() && (feels_more || !stop_that_holds());
 }
@@ -522,7 +523,7 @@ Result<Grant> ViewedSession::ask(const Request& request, std::string what) {
     ServoLoop* loop = loop_.load();
     if (!loop) return not_running();
     const std::lock_guard lock(mutex_);
-    // what holds may have changed meanwhile
+    // the state may have changed while the question was pending
     if (auto fine = check(request, loop->parameters()); !fine) return fine.error();
     return apply(request, agreed_to(request.by));
   });
@@ -572,7 +573,7 @@ Result<void> ViewedSession::check_stiffness_change(double from_N_per_mm, double 
   return {};
 }
 
-// the change, which may be none
+// returns the resulting change; it may be empty
 Result<ModelChange> ViewedSession::check(const TissueRequest& request, const Parameters& now) const {
   if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model_.felt->tissues.size())
     return bad("there is no such tissue", "tissue", "tissues are counted from 0, in the order of the scene");
@@ -627,7 +628,7 @@ Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
   return {};
 }
 
-// those that are still there when what is wanted is done
+// strokes that can still be undone or redone once the queued requests have been carried out
 std::ptrdiff_t ViewedSession::strokes_left(StrokeAction action) const {
   const Carving* const carving = model_.felt->carving.get();
   if (carving == nullptr) return 0;
@@ -689,13 +690,13 @@ std::optional<std::uint32_t> ViewedSession::script_stroke_led_to() const {
   return script_stroke_led_to_;
 }
 
-// all of it, or an exception and nothing of it
+// strong exception guarantee: either both the loop and model_ change or neither does
 void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
   set_model_told(loop, told_, by, next.felt, change);
   model_ = std::move(next);
 }
 
-// ---- what a burr takes away
+// ---- material removal by a burr
 
 void ViewedSession::cut_along() {
   ServoLoop& loop = *loop_.load();
@@ -703,7 +704,8 @@ void ViewedSession::cut_along() {
   std::vector<Cut> cuts;
   while (!ending_.load()) try {
       std::this_thread::sleep_for(kCutPoll);
-      // before what was swept is taken: of a stroke that was over by then that is all
+      // sampled before the sweeps are popped, so that the sweeps of a stroke that had ended by then are
+      // complete
       const bool stroke_is_over = !motor_was_on(*parts_.model, loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
@@ -711,12 +713,13 @@ void ViewedSession::cut_along() {
       cuts.clear();
       if (stroke_is_over) change_strokes(loop);
     } catch (const std::exception&) {
-      // no memory for it now; the burr waits for it, and cuts no more meanwhile. A stroke is not undone
+      // Out of memory: the burr waits for its sweeps to be removed and cuts nothing meanwhile. No stroke is
+      // undone.
     }
 }
 
-// Only this thread cuts, so that what it cuts from is the last that was cut. Whoever waits for the lock does
-// not wait while it carves.
+// Only this thread cuts, so `before` already contains every earlier cut. The mutex is not locked while
+// carving.
 void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   std::shared_ptr<const Model> before;
   {
@@ -725,9 +728,9 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   }
   auto carving = carved_by(*before, cuts);
   const std::lock_guard lock(mutex_);
-  // soft tissue may have come by other surfaces meanwhile, of which nothing is cut yet
+  // the law may have changed meanwhile and brought new surfaces, from which these cuts are still missing
   if (has_other_surfaces(*before, model_.felt->tissue_law)) carving = carved_by(*model_.felt, cuts);
-  // first what may fail, and may be done twice
+  // operations that may throw come first; repeating them is harmless
   cuts_.reserve(cuts.size());
   for (const Cut& cut : cuts) nearest_.see(cut.sweep);
   removed_.add(cuts);
@@ -737,7 +740,7 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   for (const Cut& cut : cuts) cuts_.add(model_.felt->version, plain(cut));
 }
 
-// Here too, so that nothing is cut meanwhile.
+// Runs on the cutter thread as well, so that no cut happens concurrently.
 void ViewedSession::change_strokes(ServoLoop& loop) {
   const std::lock_guard lock(mutex_);
   while (!strokes_wanted_.empty()) {
@@ -745,7 +748,7 @@ void ViewedSession::change_strokes(ServoLoop& loop) {
     strokes_wanted_.pop_front();
     const bool by_script = wanted.by.asker == Asker::kScript;
     if (by_script) script_stroke_led_to_ = 0;
-    // one that has begun since is not what was meant
+    // a stroke has begun since the request, so the request does not refer to the last one
     if (wanted.strokes != loop.strokes()) continue;
     const ModelChange change = change_of_stroke(*model_.felt, wanted.action);
     cuts_.reserve(0);
@@ -868,7 +871,7 @@ void ViewedSession::follow_script() {
   ServoLoop* loop = loop_.load();
   if (!loop) return;
   const ForceMethod method = loop->parameters().method;
-  // another thread may be looking: the next call comes soon
+  // the mutex may be contended; the next call follows soon
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock || awaited_ || can_feel(method) || !parts_.model->has(method)) return;
   if (!can_be_made(method))
@@ -904,7 +907,7 @@ Result<void> ViewedSession::start_maker() try {
 }
 
 void ViewedSession::make_fields() {
-  // threads that it starts inherit this: whatever else runs comes first
+  // threads started from here inherit the lowest priority
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
   const Progress progress({}, &ending_);
   std::shared_ptr<const Model> fields;
@@ -918,20 +921,20 @@ void ViewedSession::make_fields() {
       }
       const ModelVersions of = model_;
       const ForceMethod method = *awaited_;
-      // whoever waited for the lock would wait for this thread's priority
+      // unlock: a thread waiting for the mutex would inherit this thread's low priority as latency
       lock.unlock();
       const auto ready = fields_for(method, of, fields, progress);
       lock.lock();
-      // what was changed meanwhile wants another version, and perhaps other fields
+      // the model changed meanwhile: another version, and possibly other fields, are needed
       const bool again = model_.felt != of.felt;
       if (!again || !awaited_) fields = nullptr;
       if (again) continue;
       auto felt = ready ? feel_by(*ready) : Result<void>(ready.error());
       if (felt) continue;
-      // another one may be wanted by now
+      // another method may have been requested meanwhile
       if (awaited_ == method) give_up(method, felt.error());
     } catch (const std::exception&) {
-      // no memory even to say so
+      // not even enough memory to report the error
       if (!lock) lock.lock();
       awaited_.reset();
       law_awaited_.reset();
@@ -940,8 +943,8 @@ void ViewedSession::make_fields() {
     }
 }
 
-// A model whose fields suit the stiffnesses as they are, ready for the method too.
-// @param fields  of an earlier try, used where they suit, else made
+// Returns a model whose fields match the current stiffnesses and that is prepared for `method`.
+// @param fields  result of an earlier attempt; reused if it matches, otherwise regenerated
 Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod method, const ModelVersions& of,
                                                                std::shared_ptr<const Model>& fields,
                                                                const Progress& progress) const try {
@@ -953,7 +956,7 @@ Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod metho
       fields = *std::move(made);
     }
   }
-  // a machine that runs out of it ends the session
+  // running out of memory would end the session, so the demand is checked first
   if (!fields->has(method))
     if (auto allowed = allow_memory(memory_of_force_field(*fields, method), std::string(name_of(method)));
         !allowed)
@@ -968,7 +971,7 @@ Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod metho
 Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> fields) try {
   ServoLoop& loop = *loop_.load();
   if (fields_suit(*model_.felt, *model_.made)) {
-    // what is ready for more feels the same: no new version
+    // preparing further methods leaves the haptic properties unchanged, so no new version is needed
     auto next = std::make_shared<Model>(*model_.felt);
     next->methods = fields->methods;
     loop.set_model(next);
@@ -982,13 +985,13 @@ Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> fields) try {
   return not_made(why);
 }
 
-// the session stays as it was, and whoever asked is told
+// keeps the current method and reports the error to whoever requested the change
 void ViewedSession::give_up(ForceMethod method, Error why) {
   awaited_.reset();
   given_up_ = model_.felt->version;
   why.where = name_of(method);
   method_failure_ = std::move(why);
-  // a script has changed to it before its fields were there
+  // a script may have selected the method before its fields were generated: fall back to the proxy
   change_told(*loop_.load(), told_, {}, [&](Parameters& parameters) {
     if (parameters.method == method && model_.felt->has(ForceMethod::kProxy))
       parameters.method = ForceMethod::kProxy;
@@ -1023,11 +1026,11 @@ Result<void> ViewedSession::take_pointer(bool take, const ViewerIdentity& by) {
 void ViewedSession::move_pointer(const std::array<double, 3>& tip_patient_mm) {
   const ServoLoop* loop = loop_.load();
   if (!pointer_taken_.load() || !loop) return;
-  // where the object is felt, as it is turned now
+  // pose of the object as currently rendered
   const Point<World> tip =
       turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_felt_wxyz)) *
       Point<Patient>(tip_patient_mm[0], tip_patient_mm[1], tip_patient_mm[2]);
-  // World's origin is the volume's centre; no number fails this, either
+  // World's origin is the volume's centre. The negated comparison also rejects NaN.
   if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
   parts_.pointer->move(WorkspaceMapping(parts_.pointer->devices().front(), parts_.workspace).to_device(tip));
 }
@@ -1044,7 +1047,7 @@ std::shared_ptr<const ViewedDebriefing> ViewedSession::debriefing() const {
 
 Result<void> ViewedSession::train(const TaskRequest& request) {
   if (parts_.training == nullptr) return ViewerHost::train(request);
-  // ticks come when the loop runs
+  // the evaluator gets ticks only while the loop runs
   if (!loop_.load()) return not_running();
   return request.begin ? parts_.training->begin(*request.begin, request.learner) : parts_.training->end_run();
 }

@@ -36,65 +36,68 @@
 
 namespace palpate {
 
-/// What a session is made of before it runs.
+/// Everything from which a session is built before it runs.
 struct ViewedParts {
-  /// Ready for the proxy, where that may be chosen, and for what a script changes to; the other direct
-  /// methods are made ready when they are wanted.
+  /// Model prepared for the proxy, if that can be chosen, and for the methods that the script selects. Other
+  /// direct methods are prepared on demand.
   std::shared_ptr<const Model> model;
   std::vector<DeviceInfo> devices;
   WorkspaceSettings workspace;
-  Parameters parameters;  ///< of the first tick
-  std::string input;      ///< who moves the tip: "script", "pointer", "device"
+  Parameters parameters;  ///< Parameters of the first tick
+  std::string input;      ///< Source of the tip's motion: "script", "pointer" or "device"
   double rate_hz = 1000;
-  PointerDriver* pointer = nullptr;  ///< where a viewer moves the tip; outlives the session
+  /// Driver by which a viewer moves the tip; null if there is none. Outlives the session.
+  PointerDriver* pointer = nullptr;
   bool recording = false;
-  Modality modality = Modality::kUnknown;  ///< as the scene says it
-  bool asks_here = false;                  ///< somebody at this machine sees question() and answers
-  Training* training = nullptr;            ///< where there are tasks; outlives the session
-  /// As with_new_fields, which it is but in tests; may throw.
+  Modality modality = Modality::kUnknown;  ///< Modality that the scene declares
+  bool asks_here = false;        ///< Whether an operator at this machine sees question() and answers it
+  Training* training = nullptr;  ///< Tasks of the session; null if there are none. Outlives the session.
+  /// Generates fields for changed stiffnesses; replaced in tests only. May throw.
   std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
                                                      const Progress& progress)>
       new_fields = with_new_fields;
-  /// As with_methods, likewise.
+  /// Prepares a model for further methods; replaced in tests only. May throw.
   std::function<Result<std::shared_ptr<const Model>>(
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>
       more_methods = with_methods;
-  /// As carried_under_law, which it is but in tests; may throw.
+  /// Prepares a model for another tissue law; replaced in tests only. May throw.
   std::function<Result<CarriedCells>(const Model& felt, TissueLaw law, std::size_t devices,
                                      const Progress& progress)>
       other_law = carried_under_law;
-  /// That the model's soft tissue is solved in coarser cells than the scene has because this machine is
-  /// slower, in words; empty: it is not.
+  /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
+  /// machine is too slow. Empty if it is not.
   std::string coarser_tissue = {};
-  std::shared_ptr<SharedPlan> plan = {};              ///< that is rehearsed; may be null
+  std::shared_ptr<SharedPlan> plan = {};              ///< Plan being rehearsed; may be null
   std::shared_ptr<const Navigation> navigation = {};  ///< ExploreOptions::navigation
 };
 
-/// A session as its viewers and its keys change it. What they ask for is validated as a scene and the command
-/// line are, and goes to the loop by its usual ways, so that no tick waits for anybody. It begins without a
-/// loop, so that who serves it can fail before anything pushes; requests are refused until begin().
+/// Session as controlled by its viewers and by keys. Requests are validated by the same rules as the scene
+/// file and the command line, and reach the servo loop through its lock-free interfaces, so that no tick
+/// waits. The object is constructed without a loop, so that a server that fails to start does so before any
+/// force is rendered; requests are refused until begin().
 ///
-/// A tissue that changes becomes a new version of the model (session/changed_model.h). Whatever the loop is
-/// told stands in told(), with who asked, for the recording. A direct method is made ready when it is chosen
-/// first, and the fields of all of them anew when one is chosen after a change of stiffness, on a thread of
-/// its own, at the lowest priority; until then the method stays as it was. Likewise a law of soft tissue that
-/// has other surfaces, or of which it is not known yet in which cells this machine solves it. Where that
-/// cannot be it stays so, and state() says why until another is chosen. Being ready for more methods is no
-/// new version. Any thread.
+/// Changing a tissue creates a new model version (palpate/model/changed_model.h). Every command passed to the
+/// loop is logged in told() with its originator, for the recording. A low-priority thread prepares a direct
+/// method when it is first chosen, and regenerates the fields of all direct methods when one is chosen after
+/// a change of stiffness; until then the current method stays active. The same thread prepares a law of soft
+/// tissue that needs other surfaces, or whose cell size on this machine has not been measured yet. If a
+/// preparation fails the current method or law remains and state() gives the reason until another is chosen.
+/// Preparing further methods does not create a model version. Thread-safe.
 ///
-/// While a physical device may push, what viewers want to change waits until somebody at this machine agrees
-/// to it (session/consent.h); while it is stopped, so does what would make a hand feel more afterwards. A
-/// stop needs nobody's consent.
+/// While a physical device can apply force, a viewer's changes need the consent of an operator at this
+/// machine (session/consent.h). While the force is stopped, consent is needed only for changes that could
+/// increase the force afterwards. A stop never needs consent.
 class ViewedSession final : public ViewerHost {
  public:
   explicit ViewedSession(ViewedParts parts);
   ~ViewedSession() override { end(); }
-  /// The loop runs with the parts' model and parameters. @param loop, watch  outlive the session
+  /// Connects the session to the running loop, which must use the model and parameters of ViewedParts.
+  /// @param loop, watch  outlive the session
   void begin(ServoLoop& loop, const ExploreWatch& watch);
-  /// Nobody asks for anything any more: the loop and the watch may go.
+  /// Ends the worker threads and disconnects the loop and the watch, which may then be destroyed.
   void end();
 
-  // ---- viewers
+  // ---- interface for viewers
   const ViewedScene& scene() const override;
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override;
   ViewedHealth health() const override;
@@ -107,7 +110,7 @@ class ViewedSession final : public ViewerHost {
   std::optional<ViewedNavigation> navigation() const override;
   Result<Grant> set(const SettingsRequest& request) override;
   Result<Grant> set(const TissueRequest& request) override;
-  /// Of a stroke, whose last sweeps are still to be cut, a moment later.
+  /// A stroke whose last sweeps have not been removed yet is undone or redone shortly afterwards.
   Result<Grant> set(const StrokeRequest& request) override;
   std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
   void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
@@ -125,53 +128,56 @@ class ViewedSession final : public ViewerHost {
   std::shared_ptr<const ViewedPlan> plan() const override;
   Result<void> change(const PlanRequest& request) override;
 
-  // ---- keys, at the device itself
+  // ---- keys at the device
   void stop_here();
-  /// Nobody watches the session from outside any more.
+  /// Stops the force because no supervisor process watches the session.
   void stop_unwatched();
-  /// @param stop  the one that was shown. Errors: those of a viewer's rearm; a pointer's force is given back
-  /// in the page.
+  /// Gives the force back after a stop.
+  /// @param stop  number of the stop that was displayed to the operator
+  /// Errors: those of a viewer's rearm; kUsage for a pointer, whose force is given back in the page.
   Result<void> rearm_here(std::uint32_t stop);
   void pause_here();
-  /// What a viewer wants and somebody here is to agree to.
+  /// Pending request of a viewer that needs consent here.
   std::optional<ConsentQuestion> question() { return consent_.question(); }
   void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
-  /// By which a page arms a physical device after the stop that holds; from the first call on it is taken.
-  /// Empty: nothing is stopped, there is no such device, or there were too many wrong ones.
+  /// Code by which the page can re-arm a physical device after the current stop. It is accepted from the
+  /// first call on. Empty if nothing is stopped, no device is physical, or too many wrong codes were entered.
   std::string arming_code();
-  /// A pointer's force is given back in the page, where nothing else can push.
+  /// Whether force is given back in the page: only a pointer moves the tip and no device is physical.
   bool rearmed_in_page() const { return parts_.pointer != nullptr && !physical(); }
-  /// The number of the stop that holds.
+  /// Number of the stop in effect; empty if there is none.
   std::optional<std::uint32_t> stop_that_holds() const;
   void next_method();
-  /// On or off. Errors: kBadInput where no device's tool has one.
+  /// Toggles the burrs' motors. Errors: kBadInput if no device has a burr.
   Result<void> motor_here();
   /// Errors: those of a viewer's StrokeRequest.
   Result<void> stroke_here(StrokeAction action);
-  /// The motor is off. Where there is no such stroke, or the tool cuts nothing, nothing is done.
+  /// Undoes or redoes the last stroke, with the motor off. Does nothing if there is no such stroke or the
+  /// tool does not cut.
   void change_stroke_by_script(StrokeAction action);
   void change_law_by_script(TissueLaw law);
-  /// A teacher has ended the session.
+  /// Whether a teacher has ended the session.
   bool is_over() const { return is_over_; }
-  /// Errors: those of Training::begin_or_end; kUsage where there are no tasks.
+  /// Errors: those of Training::begin_or_end; kUsage if the session has no tasks.
   Result<void> task_here();
-  /// HandCommands::stroke_led_to and law_led_to, of the last of them.
+  /// Model version to which the script's last stroke change or law change led; see
+  /// HandCommands::stroke_led_to and law_led_to.
   std::optional<std::uint32_t> script_stroke_led_to() const;
   std::optional<std::uint32_t> script_law_led_to() const;
-  /// A script may choose a direct method whose fields are not there: they are made. Looks and does not wait.
+  /// Prepares the direct method that a script has selected, if its fields are missing. Does not block.
   void follow_script();
 
-  /// That is felt as soon as it is made ready.
+  /// Method that becomes active once its preparation is finished.
   std::optional<ForceMethod> method_awaited() const;
-  /// Why the method that was asked for last is not felt.
+  /// Reason why the method requested last is not active.
   std::optional<Error> method_failure() const;
-  /// As ViewedParts has it, of the law that is felt.
+  /// ViewedParts::coarser_tissue for the current law.
   std::string coarser_tissue() const;
-  /// What was told of laws that were chosen since the session began, in their order.
+  /// The same warnings for laws chosen since the session began, in chronological order.
   std::vector<std::string> later_coarser_tissue() const;
-  /// What the loop is told, from begin() on.
+  /// Log of all commands passed to the loop since begin().
   EventLog& told() { return told_; }
-  /// The user's limit of the force, where it stood highest.
+  /// Highest value of the user's force limit so far.
   double highest_max_force_N() const;
 
  private:
@@ -186,7 +192,8 @@ class ViewedSession final : public ViewerHost {
   bool wants_consent(bool feels_more) const;
   template <class Request>
   Result<Grant> ask(const Request& request, std::string what);
-  /// With how many strokes had begun when it was asked for: it is of those alone.
+  /// Stroke request with the number of strokes begun when it was made; it is obsolete once another stroke
+  /// begins.
   struct LastStrokeRequest : StrokeRequest {
     std::uint32_t strokes = 0;
   };
@@ -228,32 +235,32 @@ class ViewedSession final : public ViewerHost {
   ArmingCode arming_code_;
   std::atomic<ServoLoop*> loop_{nullptr};
   const ExploreWatch* watch_ = nullptr;  // set before loop_
-  mutable std::mutex stop_mutex_;        // of who stops, and of what is stopped before there is a loop
-  AskedBy stopped_by_;                   // of the mutex above
+  mutable std::mutex stop_mutex_;        // guards stopped_by_, and stops requested before there is a loop
+  AskedBy stopped_by_;                   // guarded by stop_mutex_
   std::atomic<bool> stopped_early_{false}, pointer_taken_{false}, is_over_{false};
   Consent consent_;
 
-  mutable std::mutex mutex_;  // of what follows
+  mutable std::mutex mutex_;  // guards the members up to later_coarser_
   ModelVersions model_;
-  CutList cuts_;           // of it
-  RemovedVolume removed_;  // by them
-  NearestMeter nearest_;   // of them
+  CutList cuts_;           // sweeps and stroke changes of model_
+  RemovedVolume removed_;  // volume removed by cuts_
+  NearestMeter nearest_;   // distance of the cuts to structures
   struct WantedStroke {
     StrokeAction action;
     AskedBy by;
-    std::uint32_t strokes = 0;  // that had begun when it was asked for
+    std::uint32_t strokes = 0;  // strokes begun when it was requested
   };
-  std::deque<WantedStroke> strokes_wanted_;  // to be undone or done again
+  std::deque<WantedStroke> strokes_wanted_;  // queue of undo and redo requests
   std::optional<std::uint32_t> script_stroke_led_to_, script_law_led_to_;
   double highest_max_force_N_;
-  std::optional<ForceMethod> awaited_;  // the direct method that is felt when its fields are made
-  AskedBy awaited_by_;                  // who wants it
-  std::uint32_t given_up_ = 0;          // the version whose fields could not be made
+  std::optional<ForceMethod> awaited_;  // direct method that becomes active once its fields are generated
+  AskedBy awaited_by_;                  // originator of that request
+  std::uint32_t given_up_ = 0;          // model version for which fields could not be generated
   std::optional<Error> method_failure_;
-  std::optional<TissueLaw> law_awaited_;  // that is felt when its surfaces are made
-  AskedBy law_awaited_by_;                // who wants it
+  std::optional<TissueLaw> law_awaited_;  // tissue law that becomes active once its surfaces are built
+  AskedBy law_awaited_by_;                // originator of that request
   std::optional<Error> law_failure_;
-  // of the laws by which tissue yields, where this machine was tried; factor 0: it was not
+  // cell size per tissue law as measured on this machine; factor 0: not measured
   struct Carried {
     double coarsened = 0;
     std::string told;
@@ -265,9 +272,9 @@ class ViewedSession final : public ViewerHost {
 
   std::condition_variable wanted_;
   std::atomic<bool> ending_{false};
-  std::thread maker_;                     // of fields and laws; begun when the first are wanted
-  std::thread cutter_;                    // of what a burr takes away; where the tool is one
-  std::unique_ptr<TissueThread> tissue_;  // where tissue yields
+  std::thread maker_;                     // generates fields and prepares laws; started on first demand
+  std::thread cutter_;                    // removes what a burr sweeps; runs only if a tool cuts
+  std::unique_ptr<TissueThread> tissue_;  // runs only if tissue deforms
   std::atomic<const TissueThread*> yields_{nullptr};
 
   mutable std::mutex health_mutex_;

@@ -35,7 +35,7 @@ double sent_N(const TickRecord& tick) {
   return Eigen::Vector3d(f[0], f[1], f[2]).norm();
 }
 
-// a device whose tip is where the test says, as if a hand of iron held it
+// device whose tip follows the test's command regardless of any force
 class HeldDriver final : public DeviceDriver {
  public:
   explicit HeldDriver(bool simulated) {
@@ -51,7 +51,7 @@ class HeldDriver final : public DeviceDriver {
     std::array<DeviceCommand, 1> commands{};
     samples[0].tip = Point<Device>(0, 0, 40);
     while (clock.wait()) {
-      // as fast as a hand
+      // limited to the speed of a hand
       tips_.take(to_);
       const Vector<Device> way = to_ - samples[0].tip;
       samples[0].tip += way * std::min(1.0, 0.5 / std::max(way.norm(), 1e-9));
@@ -68,7 +68,7 @@ class HeldDriver final : public DeviceDriver {
   Point<Device> to_{0, 0, 40};
 };
 
-// the ball with its shell in a running loop, a session around it
+// the ball with its shell in a running loop, with a session
 class Viewed : public ::testing::Test {
  protected:
   void start(bool simulated = true, const WorkspaceSettings& workspace = {},
@@ -118,7 +118,7 @@ class Viewed : public ::testing::Test {
     if (loop_) loop_->stop();
   }
 
-  // the tip so deep in the shell, from above, in mm of the patient; held until the force is there
+  // presses the tip to `depth_mm` in the shell, from above; waits until the force is on
   void press(double depth_mm) {
     const Point<World> above(0, 0, 40), tip(0, 0, testing::kBoneRadius_mm + kCartilage_mm - depth_mm);
     const WorkspaceMapping mapping(driver_->devices()[0], workspace_);
@@ -143,14 +143,14 @@ class Viewed : public ::testing::Test {
   static Error error_in(const Result<T>& result) {
     return result.ok() ? Error{ErrorKind::kBadInput, "no error", "", ""} : result.error();
   }
-  // every tick that the ring has
+  // drains the ring
   std::vector<TickRecord> ticks() {
     std::vector<TickRecord> all(loop_->ring().size());
     all.resize(loop_->ring().pop(std::span(all)));
     return all;
   }
 
-  // all that the session has told its recorder so far
+  // all events logged for the recorder so far
   const std::list<RecordingEvent>& told() {
     viewed_->told().take(told_);
     return told_;
@@ -162,13 +162,13 @@ class Viewed : public ::testing::Test {
     return changes;
   }
 
-  // the tip out of everything, where a stop may be ended
+  // moves the tip out of contact, where a rearm is possible
   void leave() {
     const Point<World> above(0, 0, 40);
     driver_->hold(WorkspaceMapping(driver_->devices()[0], workspace_).to_device(above));
     ASSERT_TRUE(soon([&] { return at(above); }));
   }
-  // a stop that ticks have heard of: its number
+  // number of the current stop, once a tick has applied it
   std::uint32_t stopped() {
     const std::uint32_t stop = viewed_->state().stop.value_or(0);
     EXPECT_GT(stop, 0u);
@@ -176,7 +176,7 @@ class Viewed : public ::testing::Test {
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
     return stop;
   }
-  // what a key answers to the question that stands there; what its viewer is told
+  // answers the pending question by a key; returns what its viewer receives
   LateAnswer answer(bool agreed) {
     viewed_->answer_here(viewed_->question().value_or(ConsentQuestion{}).number, agreed);
     const auto answers = viewed_->take_answers();
@@ -187,11 +187,11 @@ class Viewed : public ::testing::Test {
 
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
-  bool every_method_ = true;  // else the trilinear one and the proxy
+  bool every_method_ = true;  // false: the trilinear method and the proxy only
   decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
   decltype(ViewedParts::more_methods) more_methods_ = with_methods;
   decltype(ViewedParts::other_law) other_law_ = carried_under_law;
-  std::optional<ElasticConstants> shell_;  // of its elastic laws
+  std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
@@ -220,7 +220,7 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_EQ(scene.least_max_force_N, 0.1);
   EXPECT_EQ(scene.most_max_force_N, 5) << "the scene's";
   EXPECT_EQ(scene.stiffness_N_per_mm, (std::array{0.001, 20.0}));
-  // (1, 2, 3) of the patient: right is its left, forward superior, up anterior
+  // patient (1, 2, 3): the display's right is the patient's left, forward is superior, up is anterior
   const auto& X = scene.world_from_patient;
   EXPECT_EQ(X[0], (std::array{1.0, 0.0, 0.0, X[0][3]}));
   EXPECT_EQ(X[1], (std::array{0.0, 0.0, 1.0, X[1][3]}));
@@ -305,7 +305,7 @@ TEST_F(Viewed, SettingsAreTakenAllOrNone) {
   EXPECT_EQ(state.max_force_N, 1.5);
   EXPECT_NEAR(state.rotation_wxyz[0], half, 1e-15);
   EXPECT_NEAR(state.rotation_wxyz[3], half, 1e-15);
-  // and the loop does so
+  // and the loop applies it
   ASSERT_TRUE(soon([&] { return latest().max_force_N == 1.5; }));
   EXPECT_EQ(latest().method, index_of(ForceMethod::kTrilinear));
   EXPECT_TRUE(soon([&] { return std::abs(latest().rotation_felt_wxyz[3] - half) < 1e-9; }));
@@ -343,7 +343,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   EXPECT_EQ(cartilage.dynamic_friction, 0.3);
   EXPECT_EQ(cartilage.viscosity_N_s_per_mm, 0);
   EXPECT_EQ(changes(), (std::vector<ModelChange>{{2, 1, 0.5, 0.4, 0.3, 0}}));
-  // what is so already is no version
+  // a change to the current value creates no version
   EXPECT_EQ(error_of(request).what, "no error");
   EXPECT_EQ(viewed_->state().model_version, 2u);
   EXPECT_TRUE(soon([&] { return latest().model_version == 2; }));
@@ -357,21 +357,21 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   (void)ticks();
   TissueRequest request;
   request.tissue = kViewedCartilage;
-  // there and back again, before the last change has faded out
+  // back and forth, each before the last change has been blended in
   for (const double wanted : {0.4, 0.7, 0.1, 0.75, 0.3}) {
     request.stiffness_N_per_mm = wanted;
     ASSERT_EQ(error_of(request).what, "no error");
     EXPECT_EQ(stiffness(), wanted);
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
   }
-  // it passes 0.6 N on its way to others, too
+  // the force passes 0.6 N on its way to other values, too
   ASSERT_TRUE(soon([&] {
     const TickRecord tick = latest();
     return tick.model_version == 6 && std::abs(sent_N(tick) - 0.6) < 0.02;
   })) << sent_N(latest());
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
-    // 1.3 N at most come as those of a seam do; a thread without a processor gives none
+    // a step of at most 1.3 N is blended in like a seam; a delayed thread renders none
     const double most_N = 1.3 * felt[t].dt_s * (1 / kTouchFeel.seam_s + 1.5 / kOutputFeel.blend_s) + 0.005;
     const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
@@ -425,7 +425,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
 }
 
 TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
-  // not before this thread has said all it has to say meanwhile
+  // fields are not generated before this thread has made its other requests
   std::atomic<bool> may_be_made{false};
   new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -440,7 +440,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   EXPECT_EQ(error_of(softer).what, "no error");
   EXPECT_EQ(error_of(direct).what, "no error");
   EXPECT_EQ(viewed_->state().method_awaited, "trilinear");
-  // while they are made the proxy is felt, and what is said last holds
+  // the proxy stays active while the fields are generated; the last request wins
   softer.stiffness_N_per_mm = 0.5;
   EXPECT_EQ(error_of(softer).what, "no error");
   may_be_made = true;
@@ -452,7 +452,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   ASSERT_NO_FATAL_FAILURE(press(2));
   EXPECT_NEAR(stiffness(), 0.5, 1e-12);
   ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - 1.0) < 0.1; })) << sent_N(latest());
-  // the others came with it
+  // the other methods were generated with it
   direct.method = "b-spline";
   EXPECT_EQ(error_of(direct).what, "no error");
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kSpline); }));
@@ -479,7 +479,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   EXPECT_EQ(viewed_->state().method, "proxy");
   EXPECT_EQ(viewed_->state().method_awaited, "b-spline");
   EXPECT_EQ(viewed_->method_awaited(), ForceMethod::kSpline);
-  // what changes meanwhile keeps it waiting, and is felt at once
+  // a change in the meantime delays it; the change itself takes effect immediately
   TissueRequest thicker;
   thicker.tissue = kViewedBone;
   thicker.viscosity_N_s_per_mm = 0.002;
@@ -489,14 +489,14 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   EXPECT_EQ(viewed_->state().method_awaited, "");
   EXPECT_EQ(changes().size(), 1u) << "of the tissue: being ready for more is no new version";
   EXPECT_EQ(latest().model_version, 2u);
-  // and from then on it is there
+  // from then on the method is available at once
   ASSERT_EQ(error_of(proxy).what, "no error");
   EXPECT_EQ(viewed_->state().method, "proxy");
   const int before = made;
   ASSERT_EQ(error_of(spline).what, "no error");
   EXPECT_EQ(viewed_->state().method, "b-spline");
   EXPECT_EQ(made, before);
-  // in none of these ticks another one was felt in its place
+  // no tick rendered another method in its place
   std::vector<std::uint8_t> felt;
   for (const TickRecord& tick : ticks()) {
     EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
@@ -527,13 +527,13 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   EXPECT_EQ(viewed_->state().method_awaited, "smooth-sphere");
   may_be_made = true;
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "smooth-sphere"; }));
-  // who goes back is led nowhere else
+  // returning to the previous method cancels the request
   may_be_made = false;
   choose("stored-normals");
   choose("proxy");
   may_be_made = true;
   EXPECT_EQ(viewed_->state().method_awaited, "");
-  // after another stiffness the fields are made anew, and one that was never chosen with them
+  // after another change of stiffness the fields are regenerated, including those of a method never chosen
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
   softer.stiffness_N_per_mm = 0.5;
@@ -560,7 +560,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   EXPECT_EQ(viewed_->method_failure()->where, "b-spline");
   EXPECT_EQ(viewed_->state().method, "proxy");
   EXPECT_EQ(viewed_->state().method_awaited, "");
-  // nor is memory taken that is not allowed
+  // the memory limit is respected
   set_reading_limits({.most_memory_bytes = 1});
   ASSERT_EQ(error_of(spline).what, "no error");
   ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
@@ -581,7 +581,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
     ++made;
     auto under = carried_under_law(felt, law, devices, progress);
     if (!under || !is_elastic(law)) return under;
-    // as on a machine that is slow for one of them, whatever this one is
+    // as if this machine were too slow for one of the laws
     const bool is_slow = law == TissueLaw::kNeoHookean;
     auto carried = std::make_shared<Model>(*under->model);
     carried->tissue_coarsened = is_slow ? 1.6 : 1;
@@ -598,11 +598,11 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   ASSERT_EQ(go_by("elastic").value(), Grant::kDone);
   EXPECT_EQ(viewed_->state().law, "layers");
   EXPECT_EQ(viewed_->state().law_awaited, "elastic");
-  // who goes back is led nowhere else
+  // returning to the previous law cancels the request
   ASSERT_TRUE(go_by("layers").ok());
   EXPECT_EQ(viewed_->state().law_awaited, "");
   ASSERT_TRUE(go_by("elastic").ok());
-  // a tissue that is edited meanwhile is felt as edited, and the surfaces are of what it is then
+  // a tissue edited in the meantime is rendered as edited, and the surfaces include the edit
   TissueRequest slippery;
   slippery.tissue = kViewedCartilage;
   slippery.dynamic_friction = 0.05;
@@ -615,12 +615,12 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(viewed_->state().tissues[kViewedCartilage].dynamic_friction, 0.05);
   EXPECT_EQ(changes().back().version, viewed_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
-  // its thread solves, and the tick feels what it solves
+  // the solver thread runs, and the tick renders its solution
   ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && viewed_->yielded(0) != nullptr; }));
   EXPECT_GT(sent_N(latest()), 0.01);
   EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
 
-  // the other elastic law has the same surfaces, but nobody knows yet what this machine carries of it
+  // the other elastic law has the same surfaces, but its cell size has not been measured yet
   const int before = made;
   ASSERT_TRUE(go_by("neo-hookean").ok());
   ASSERT_TRUE(soon([&] { return viewed_->state().law == "neo-hookean"; }));
@@ -628,7 +628,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(changes().back().stiffness_N_per_mm, 1.6);
   EXPECT_EQ(viewed_->coarser_tissue(), "coarser cells");
   EXPECT_THAT(viewed_->later_coarser_tissue(), ::testing::ElementsAre("coarser cells"));
-  // from then on it is at once
+  // from then on it takes effect at once
   ASSERT_TRUE(go_by("elastic").ok());
   EXPECT_EQ(viewed_->state().law, "elastic");
   EXPECT_EQ(changes().back().stiffness_N_per_mm, 1);
@@ -656,7 +656,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   EXPECT_EQ(viewed_->state().law_failure->where, "elastic");
   EXPECT_EQ(viewed_->state().law, "layers");
   EXPECT_EQ(viewed_->state().law_awaited, "");
-  // nor is memory taken that is not allowed
+  // the memory limit is respected
   set_reading_limits({.most_memory_bytes = 1});
   ASSERT_EQ(error_of(elastic).what, "no error");
   ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
@@ -665,7 +665,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   ASSERT_EQ(error_of(elastic).what, "no error");
   EXPECT_FALSE(viewed_->state().law_failure);
   EXPECT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
-  // a script that asks for it is told, too
+  // a script's request is answered as well
   viewed_->change_law_by_script(TissueLaw::kElastic);
   EXPECT_EQ(viewed_->script_law_led_to(), viewed_->state().model_version);
 }
@@ -676,13 +676,13 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   softer.tissue = kViewedBone;
   softer.stiffness_N_per_mm = 1.0;
   ASSERT_EQ(error_of(softer).what, "no error");
-  viewed_->next_method();  // the one after the proxy is the trilinear one
+  viewed_->next_method();  // the method after the proxy is the trilinear one
   SettingsRequest proxy;
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   EXPECT_EQ(viewed_->state().method, "proxy");
-  // one that a script has chosen gets its fields
+  // a script's method gets its fields
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSmoothSphere; });
   ASSERT_TRUE(soon([&] {
     viewed_->follow_script();
@@ -692,7 +692,7 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
   }));
 }
 
-// memory that is not there, values that fit nothing: the session goes on, and whoever asked is told
+// out of memory, unsuitable values: the session continues, and the error is reported
 TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   using Made = Result<std::shared_ptr<const Model>>;
   std::atomic<int> tries{0};
@@ -707,7 +707,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
       case 4:
         return with_new_fields(felt, made, progress);
       default: {
-        // of all methods the one that a tick has to have
+        // a model with the one method that a tick requires
         auto bare = std::make_shared<Model>(felt);
         bare->methods = {};
         bare->methods[index_of(ForceMethod::kTrilinear)] = felt.methods[index_of(ForceMethod::kTrilinear)];
@@ -733,13 +733,13 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
     EXPECT_EQ(state.method_awaited, "");
     EXPECT_TRUE(loop_->running());
   }
-  // who asks again may get it
+  // another attempt may succeed
   ASSERT_EQ(error_of(direct).what, "no error");
   EXPECT_FALSE(viewed_->state().method_failure);
   EXPECT_TRUE(soon([&] { return viewed_->state().method == "b-spline"; }));
   EXPECT_EQ(viewed_->state().method_awaited, "");
 
-  // one that is left out of the new fields is made besides
+  // a method missing in the new fields is prepared separately
   SettingsRequest proxy;
   proxy.method = "proxy";
   ASSERT_EQ(error_of(proxy).what, "no error");
@@ -750,7 +750,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   EXPECT_EQ(tries, 5);
 }
 
-// one that a script has changed to goes back to what is felt
+// a script's method that cannot be prepared is replaced by the proxy
 TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   std::atomic<int> tries{0};
   new_fields_ = [&](const auto&...) -> Result<std::shared_ptr<const Model>> {
@@ -770,7 +770,7 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   EXPECT_EQ(viewed_->method_failure()->where, "smooth-sphere");
   EXPECT_EQ(viewed_->state().method, "proxy");
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kProxy); }));
-  // not tried again and again
+  // no repeated attempts
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kSpline; });
   for (int n = 0; n < 10; ++n) viewed_->follow_script();
   EXPECT_EQ(viewed_->state().method_awaited, "");
@@ -830,7 +830,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
     EXPECT_EQ(*granted, Grant::kAsked);
     ASSERT_TRUE(viewed_->question());
     EXPECT_EQ(viewed_->question()->text, words);
-    // declined, nothing has changed
+    // declined: nothing has changed
     const LateAnswer told = answer(false);
     EXPECT_FALSE(told.outcome.ok());
     EXPECT_EQ(told.id, 12);
@@ -843,7 +843,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   }
   EXPECT_TRUE(told().empty());
 
-  // agreed to, it holds, and the recording says so
+  // agreed to: it takes effect, and the recording names the consent
   ASSERT_TRUE(viewed_->set(wishes[0].first).ok());
   EXPECT_TRUE(answer(true).outcome.ok());
   EXPECT_NEAR(loop_->parameters().rotation_target.z(), std::sin(0.2), 1e-12);
@@ -851,11 +851,11 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 3}));
   EXPECT_EQ(told().back().changed, kSettingRotation);
 
-  // what holds already changes nothing and needs nobody
+  // a request for the current value changes nothing and needs no consent
   const auto same = viewed_->set(wishes[0].first);
   EXPECT_TRUE(same.ok() && *same == Grant::kDone);
   EXPECT_FALSE(viewed_->question());
-  // and what is wrong is refused at once
+  // and an invalid request is refused immediately
   SettingsRequest wild;
   wild.max_force_N = 99;
   EXPECT_EQ(error_of(wild).where, "max_force_N");
@@ -881,7 +881,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   ASSERT_EQ(told().size(), 1u);
   EXPECT_EQ(told().back().by, (AskedBy{Asker::kAgreedViewer, 5}));
 
-  // what has become impossible meanwhile is refused, whoever agreed
+  // a request that has become impossible in the meantime is refused despite consent
   request.stiffness_N_per_mm = 0.6;
   ASSERT_TRUE(viewed_->set(request).ok());
   loop_->change([](Parameters& parameters) { parameters.method = ForceMethod::kTrilinear; });
@@ -897,12 +897,12 @@ TEST_F(Viewed, WithoutAnybodyToAskNothingIsChangedFromAfar) {
   EXPECT_THAT(error_of(request).what, HasSubstr("nobody can be asked"));
   EXPECT_FALSE(error_of(request).remedy.empty());
   EXPECT_EQ(loop_->parameters().rotation_target.z(), 0);
-  // a stop needs nobody
+  // a stop needs no consent
   viewed_->emergency_stop({3, false});
   stopped();
 }
 
-// what pushes nobody needs no consent; what would be felt when the force is back does
+// while stopped, only changes that could increase the force later need consent
 TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
   start(false);
   viewed_->emergency_stop({3, false});
@@ -948,7 +948,7 @@ TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
   const std::uint32_t stop = stopped();
   EXPECT_THAT(error_in(viewed_->rearm({stop, {4, true}})).what, HasSubstr("at the device"));
   EXPECT_EQ(viewed_->state().stop, stop);
-  // a code that nobody was shown is none
+  // a code that was never displayed is invalid
   EXPECT_EQ(error_in(viewed_->rearm({stop, {4, true}, "000000"})).where, "code");
   EXPECT_EQ(viewed_->state().stop, stop);
   EXPECT_EQ(error_in(viewed_->rearm_here(stop)).what, "no error");
@@ -988,7 +988,8 @@ TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
   EXPECT_FALSE(viewed_->state().stop);
 }
 
-// today's bug: the key that stops began anew after a viewer's stop, and two quick ones ended armed
+// Regression: a key toggled between stop and rearm, so that it re-armed after a viewer's stop and two quick
+// presses ended armed.
 TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
   for (const bool simulated : {false, true}) {
     start(simulated);
@@ -998,12 +999,12 @@ TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
     viewed_->emergency_stop({4, true});
     const std::uint32_t last = stopped();
     EXPECT_EQ(last, 4u);
-    // whose the stop that holds is
+    // originator of the current stop
     EXPECT_EQ(viewed_->state().stopped_by, StoppedBy::kViewer);
     EXPECT_EQ(viewed_->state().stopped_by_viewer, 4u);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
-    // a rearm that was sent before the last stop was seen
+    // a rearm sent before the last stop was noticed
     EXPECT_THAT(error_in(viewed_->rearm_here(last - 1)).what, HasSubstr("another stop"));
     EXPECT_EQ(viewed_->state().stop, last);
     EXPECT_EQ(error_in(viewed_->rearm_here(last)).what, "no error");
@@ -1078,7 +1079,7 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   EXPECT_EQ(events[7].switches, kSwitchViscosity | kSwitchPaused);
   expect(8, Kind::kSettings, {Asker::kKey, 0}, 4);
   EXPECT_EQ(events[8].changed, kSettingMethod);
-  // and ticks say that they have heard of it
+  // and ticks acknowledge it
   EXPECT_TRUE(soon([&] {
     const TickRecord tick = latest();
     return tick.settings_number == 4 && tick.arming_number == 4 && tick.model_version == 2;
@@ -1103,7 +1104,7 @@ TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
 
 class ViewedExplore : public ::testing::Test {
  protected:
-  // calls `act` fifty times a second with the session; its recording
+  // calls `act` fifty times a second with the session; returns its recording
   Recording run(ExploreOptions options, const std::string& script_text,
                 const std::function<void(ViewerHost&, int)>& act) {
     ViewerHost* host = nullptr;
@@ -1140,7 +1141,8 @@ class ViewedExplore : public ::testing::Test {
                [](const RecordingEvent& event) { return event.kind == RecordingEvent::Kind::kModel; })
         ->change;
   }
-  // each row stands at the tick from which on its values hold, the last of one tick for all of them
+  // each event is recorded with the first tick to which its values apply; several events of one tick with the
+  // last values
   static void expect_events_where_they_took_hold(const Recording& recording) {
     for (std::size_t e = 0; e < recording.events.size(); ++e) {
       const RecordingEvent& event = recording.events[e];
@@ -1191,7 +1193,7 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
       EXPECT_EQ(host.state().sweeps, 0u);
       ASSERT_TRUE(host.set(motor).ok());
       EXPECT_TRUE(host.state().motor);
-      // what the direct methods read knows nothing of it
+      // the fields of direct methods do not follow the removal
       SettingsRequest direct;
       direct.method = "trilinear";
       EXPECT_EQ(host.set(direct).error().where, "method");
@@ -1199,7 +1201,7 @@ TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
     }
     const std::uint32_t version = host.state().model_version;
     for (const SweepRecord& sweep : host.sweeps(version, shown.size(), 7)) shown.push_back(sweep);
-    // a change of a tissue between two cuts
+    // a tissue is changed between two cuts
     if (!softened && shown.size() > 10) {
       TissueRequest softer;
       softer.stiffness_N_per_mm = 1.2;
@@ -1294,7 +1296,7 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
       ASSERT_TRUE(host.set(motor).ok());
       at = At::kStopped;
     } else if (at == At::kStopped && (tick.switches & kSwitchMotor) == 0) {
-      // what is still to be cut of it is undone with it
+      // sweeps of that stroke not yet removed are undone with it
       EXPECT_EQ(state.strokes_to_undo, 1u);
       ASSERT_TRUE(host.set(undo).ok());
       EXPECT_FALSE(host.set(undo).ok()) << "it is wanted already";
@@ -1347,7 +1349,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
       ASSERT_TRUE(host.set(stronger).ok());
       changed_at = call;
     }
-    // a hand without a processor bounces on the surface
+    // a hand whose thread is delayed bounces on the surface
     if (changed_at >= 0 && turned_at < 0 && call >= changed_at + 25 && sent_N(tick) > 0.1) {
       turned_at = call;
       softened_N = sent_N(tick);
@@ -1385,13 +1387,13 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   EXPECT_NEAR(recording.ticks.back().rotation_target_wxyz[3], std::sin(0.05), 1e-12);
   expect_replays(recording);
 
-  // a run that was cut short has them too
+  // an interrupted recording contains the changes, too
   Recording cut = recording;
   cut.summary.reset();
   auto again = replay(cut, loaded_.model);
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_TRUE(again->identical) << again->difference;
-  // changes that are not there, or that no scene may have, are told
+  // missing changes, and changes that no scene permits, are reported
   Recording without = recording;
   without.events.clear();
   again = replay(without, loaded_.model);
@@ -1402,7 +1404,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   again = replay(wild, loaded_.model);
   ASSERT_FALSE(again.ok());
   EXPECT_EQ(again.error().where, "stiffness");
-  // and another value is another run
+  // and another value gives another run
   Recording other = recording;
   for (RecordingEvent& event : other.events)
     if (event.change.version == 3) event.change.stiffness_N_per_mm = 0.85;
@@ -1415,7 +1417,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   loaded_.model = std::make_shared<const Model>(testing::with_ramps(Model(*loaded_.model), 4));
   ExploreOptions options;
   options.seconds = 60;
-  // on a busy machine a direct method loses the hand now and then, which comes back
+  // on a busy machine a direct method occasionally loses contact; the script is repeated
   options.repeat = true;
   int softened_at = -1, felt_at = -1;
   const Recording recording = run(options, kPressAndHold, [&](ViewerHost& host, int call) {
@@ -1431,7 +1433,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
       softened_at = call;
     }
     if (softened_at >= 0 && felt_at < 0 && tick.method == index_of(ForceMethod::kTrilinear)) felt_at = call;
-    // a hand without a processor bounces on the surface
+    // a hand whose thread is delayed bounces on the surface
     if (felt_at >= 0 && call >= felt_at + 30 && felt[0] != 0) {
       EXPECT_EQ(felt[0], 0.9);
       stop_.store(true);
@@ -1464,7 +1466,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   options.request = [&] {
     if (since == 0) {
       EXPECT_EQ(host->scene().input, "pointer");
-      // not taken: it moves nothing
+      // without control of the pointer nothing moves
       host->move_pointer(inside);
       EXPECT_TRUE(host->take_pointer(true, {5, true}).ok());
     }
@@ -1503,7 +1505,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   EXPECT_FALSE(recording->header.simulated);
   EXPECT_EQ(recording->header.script_text, "");
   expect_replays(*recording);
-  // who had the tip, and when: left once, however often it is said
+  // pointer control and its times: released once, however often it is requested
   ASSERT_EQ(recording->events.size(), 2u);
   for (const RecordingEvent& event : recording->events) {
     EXPECT_EQ(event.kind, RecordingEvent::Kind::kSettings);
@@ -1511,7 +1513,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
     EXPECT_EQ(event.by, (AskedBy{Asker::kControlViewer, 5}));
   }
   EXPECT_LT(recording->events[0].tick, recording->events[1].tick);
-  // the force that is shown has no steps while it is held: 6 mm within an interval of at least 4 ms
+  // the displayed force has no steps while the pointer is held: 6 mm within an interval of at least 4 ms
   for (std::size_t t = 1; t < recording->ticks.size(); ++t) {
     const TickRecord &now = recording->ticks[t], &before = recording->ticks[t - 1];
     if (((now.device[0].flags | before.device[0].flags) & (kFaultFlags | kFlagStale)) != 0) continue;

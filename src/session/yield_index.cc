@@ -12,7 +12,7 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
     if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold)
       told_.push_back({event.number, event.input_tick});
   }
-  // a solution is told with ticks that follow the one that it was solved from
+  // a solution is reported with ticks that follow its input tick
   const auto take_from = [&](std::span<const TickRecord> ticks, std::uint64_t first_row) {
     std::erase_if(told_, [&](const Told& told) {
       const auto found = std::ranges::lower_bound(ticks, told.input_tick, {}, &TickRecord::tick);
@@ -42,7 +42,7 @@ void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t r
   solutions_.push_back({told.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
 }
 
-// as it was solved by in that version; where its surfaces' outermost lie no law changes
+// model that the solver used in that version; where the outermost surfaces lie does not depend on the law
 const Model& YieldIndex::model_of(std::uint32_t version) {
   const TissueLaw law = laws_.at(version);
   const double coarsened = laws_.coarsened_at(version);

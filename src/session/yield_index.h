@@ -14,37 +14,37 @@
 
 namespace palpate {
 
-/// The solutions of tissue that yields that a recording tells of: from which row each was solved and in which
-/// boxes, found while it is looked through, without solving anything. With that any of them can be solved
-/// again without all those before it.
+/// Index of the tissue solutions of a recording: input row and solver boxes of each, collected in a single
+/// pass without solving. With it any solution can be solved again without all those before it.
 class YieldIndex {
  public:
   using Boxes = std::array<std::optional<YieldBox>, kMaxDevices>;
   struct Solution {
-    std::uint32_t number = 0;  ///< YieldFrame::number, rising
-    std::uint32_t boxes = 0;   ///< for boxes()
-    std::uint64_t row = 0;     ///< of the tick that it was solved from
+    std::uint32_t number = 0;  ///< YieldFrame::number, ascending
+    std::uint32_t boxes = 0;   ///< Index for boxes()
+    std::uint64_t row = 0;     ///< Row of its input tick
   };
-  /// Four hours of them; later ones are not known.
+  /// Four hours of solutions; later ones are not indexed.
   static constexpr std::size_t kMostSolutions = 1'000'000;
 
-  /// @param model  as the recording began with, with the proxy's surfaces; outlives what is seen. A box that
-  ///               is laid where something was cut is laid by the surface as it was before: a few cells
-  ///               beside the one that there was, where a tool leans in a deep cut
+  /// @param model  at the beginning of the recording, with the proxy's surfaces; outlives the index. A box in
+  /// a cut region is placed by the surface before the cut: it may differ by a few cells from the original box
+  /// where a tool presses in a deep cut
   explicit YieldIndex(const Model& model) : model_(&model), laws_(model.tissue_law, model.tissue_coarsened) {}
 
-  /// The next part of the recording. @param row  of its first tick
+  /// Adds the next part of the recording.
+  /// @param row  row of its first tick
   void see(const RecordingPart& part, std::uint64_t row);
 
   bool empty() const { return solutions_.empty(); }
-  /// The last of those with numbers up to that one, and up to `most` before it; nothing where that one is not
-  /// known, or the tick that it was solved from is missing.
+  /// Solution `number` and up to `most` solutions before it; empty if that solution is not indexed or its
+  /// input tick is missing.
   std::span<const Solution> up_to(std::uint32_t number, std::size_t most) const;
-  /// In which it was solved, of each device that has one.
+  /// Solver boxes of a solution, per device.
   const Boxes& boxes(const Solution& solution) const { return boxes_[solution.boxes]; }
 
  private:
-  // between two parts there are a few
+  // bound on pending solutions; a few are normal
   static constexpr std::size_t kMostTold = 10'000;
   struct Told {
     std::uint32_t number;
@@ -55,10 +55,10 @@ class YieldIndex {
 
   const Model* model_;
   LawsByVersion laws_;
-  std::optional<Model> other_;  // the model by another law than it begins with
+  std::optional<Model> other_;  // the model under another law than its initial one
   std::vector<Solution> solutions_;
   std::vector<Boxes> boxes_;
-  // whose tick is still to come, and the ticks before those that come next, in which it may be
+  // solutions whose input tick is still to come, and the preceding ticks, among which it may be
   std::vector<Told> told_;
   std::vector<TickRecord> before_;
   std::uint64_t before_row_ = 0;

@@ -16,7 +16,7 @@
 #include "palpate/tissue/yield_solver.h"
 #include "session/tissue_thread.h"
 
-/// Tissue that yields, in runs on the virtual and on the real clock, and the same again.
+/// Deforming tissue in runs on the virtual and on the real clock, and their replays.
 namespace palpate {
 namespace {
 
@@ -65,7 +65,7 @@ class YieldRun : public ::testing::Test {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     return ready_for(loaded_.model, kProxyAlone).value();
   }
-  // what a live session showed with each solution, in their order
+  // deformation that a live session published with each solution, in order
   std::vector<std::shared_ptr<const ViewedYield>> live_yields(
       const std::function<std::shared_ptr<const Model>(std::uint32_t version)>& model_of) const {
     std::vector<std::shared_ptr<const ViewedYield>> live;
@@ -78,8 +78,8 @@ class YieldRun : public ::testing::Test {
     }
     return live;
   }
-  // Goes to places of the recording, and waits for what yielded there: the most that a node is off, of the
-  // most that any has moved there.
+  // Seeks to rows of the recording and waits for their deformation. Returns the largest node error divided by
+  // the largest displacement there.
   double most_off(ViewerHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
                   std::span<const std::size_t> rows) const {
     double worst = 0;
@@ -113,7 +113,7 @@ class YieldRun : public ::testing::Test {
     EXPECT_EQ(playback.yielded(kMaxDevices), nullptr);
     return worst;
   }
-  // explores it, and reads the recording: the farthest that viewers saw anything move
+  // explores the scene and reads the recording; returns the largest displacement that viewers received
   double seen_moving_mm(const LoadedScene& loaded) {
     ViewerHost* host = nullptr;
     double moved_mm = 0;
@@ -143,7 +143,7 @@ class YieldRun : public ::testing::Test {
     if (read.ok()) recording_ = *std::move(read);
     return moved_mm;
   }
-  // to and fro, next to each other, far apart, and where nothing has been touched yet
+  // rows to seek to: back and forth, adjacent, far apart, and before the first contact
   std::vector<std::size_t> some_rows() const {
     const std::size_t rows = recording_.ticks.size();
     std::vector<std::size_t> some;
@@ -166,7 +166,7 @@ TEST_F(YieldRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
     held_N = std::max(held_N, tick.device[0].unclamped_force_N);
   }
   EXPECT_GT(held_N, 0.5);
-  // 8 mm on bone give more than a layer of the scene's stiffness, 0.75 N/mm, would
+  // 8 mm on bone are stiffer than a layer of the scene's 0.75 N/mm would be
   EXPECT_GT(deepest_mm, 1.5);
   EXPECT_LT(deepest_mm, 8);
 }
@@ -178,7 +178,7 @@ TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
   EXPECT_NEAR(static_cast<double>(rows.size()) * kYieldFrame_s / run_s, 1, 0.05);
   for (const std::size_t row : rows) {
     const RecordingEvent& event = recording_.events[row];
-    // it comes to the ticks a frame after the one that it was solved from
+    // a solution is used from one frame after its input tick
     EXPECT_EQ(event.tick, event.input_tick + ticks_of_yield_frame(1000) + 1);
   }
   EXPECT_EQ(recording_.ticks.back().yield_frame, rows.size());
@@ -187,7 +187,7 @@ TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-// the same ball, whose tissue relaxes by half
+// the same ball with tissue whose stress relaxes by half
 LoadedScene relaxing_ball(TissueLaw law) {
   LoadedScene loaded = soft_ball();
   Model model = *loaded.model;
@@ -221,7 +221,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   EXPECT_GT(solutions().size(), 30u);
   for (const TickRecord& tick : recording_.ticks)
     ASSERT_EQ(tick.device[0].flags & kFlagNotFinite, 0u) << tick.tick;
-  // held with the same force 0.3 s after the press and at the end of it
+  // held with the same force, 0.3 s after the press and at the end of the hold
   const auto pressed = std::ranges::find_if(
       recording_.ticks, [](const TickRecord& tick) { return tick.device[0].unclamped_force_N > 0.38; });
   ASSERT_GT(recording_.ticks.end() - pressed, 1500);
@@ -231,7 +231,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   const auto result = replay(recording_, loaded.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
-  // another series is felt otherwise
+  // another relaxation series gives another run
   Model other = *loaded.model;
   other.tissues[1].relaxation.term[0].part = 0.31;
   const auto different = replay(recording_, std::make_shared<const Model>(std::move(other)));
@@ -314,7 +314,7 @@ TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-// a scene's law, then the other of its pair while the tool presses, and back
+// the scene's law, then the other elastic law while the tool presses, and back
 TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
   const Script changing =
       parse_script(
@@ -332,14 +332,14 @@ TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
     if (event.kind == EventKind::kModel) laws.push_back(law_of(event.change));
   EXPECT_THAT(laws, ::testing::ElementsAre(TissueLaw::kNeoHookean, TissueLaw::kElastic));
 
-  // the force goes over, in more ticks than one
+  // the force changes over more than one tick
   const std::vector<TickRecord>& ticks = recording_.ticks;
   const auto force_N = [](const TickRecord& tick) {
     return Eigen::Map<const Eigen::Vector3d>(tick.device[0].force_N.data()).norm();
   };
   constexpr std::size_t kBlending = 200;
   double changing_N = 0;
-  std::array<double, 3> give_mm_per_N{};  // when each law had been held for a while
+  std::array<double, 3> give_mm_per_N{};  // compliance after each law was held for a while; mm/N
   for (std::size_t n = 1; n < ticks.size(); ++n) {
     const double step_N = std::abs(force_N(ticks[n]) - force_N(ticks[n - 1]));
     const bool is_changing = n > kBlending && ticks[n].model_version != ticks[n - kBlending].model_version;
@@ -355,7 +355,7 @@ TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-// from tissue that is felt by layers to tissue that yields, and to a chain mail, and back
+// from layers to an elastic law, to a chain mail, and back
 TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   const Script changing =
@@ -381,7 +381,8 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   };
   double step_N = 0;
   for (std::size_t n = 1; n < ticks.size(); ++n) {
-    // where it stiffens under the tool the hand is pushed out, and what that gives it is held back
+    // when tissue stiffens under the tool, the hand is pushed out and the passivity controller dissipates
+    // that energy
     if (is_elastic(laws.at(ticks[n].model_version)))
       step_N = std::max(step_N, std::abs(force_N(ticks[n]) - force_N(ticks[n - 1])));
     EXPECT_EQ(ticks[n].device[0].flags & kFlagInside, 0u);
@@ -392,7 +393,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
 
-  // looked at again: where tissue yielded it is seen to, and only there
+  // in playback, tissue deforms exactly where it did in the run
   const auto playback = open_playback(recording_, layers.model, Modality::kUnknown);
   ASSERT_TRUE(playback.ok()) << playback.error().message();
   EXPECT_THAT((*playback)->scene().laws, ::testing::Contains("neo-hookean"));
@@ -519,7 +520,7 @@ TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
 }
 
 TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
-  // as on a machine that is too slow for the scene's own cells; what is replayed knows of it by the recording
+  // as on a machine too slow for the scene's own cell size; the replay knows the factor from the recording
   LoadedScene slow = loaded_;
   Model coarser = *loaded_.model;
   coarser.tissue_coarsened = 1.25;
@@ -537,7 +538,7 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
 TEST_F(YieldRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
   const LoadedScene mail = soft_ball(TissueLaw::kChainMail);
   const double moved_mm = seen_moving_mm(mail);
-  // 0.8 mm deep, and viewers have every second node
+  // 0.8 mm deep, and viewers receive every second node
   EXPECT_GT(moved_mm, 0.2);
   EXPECT_LT(moved_mm, 2);
   EXPECT_TRUE(solutions().empty());
@@ -558,7 +559,7 @@ TEST_F(YieldRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
 
 TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   simulate_it();
-  // as if a burr had been there: beside the tool, when half of the run was over, and undone near its end
+  // synthetic cut: beside the tool in the middle of the run, undone near its end
   const std::size_t half = recording_.ticks.size() / 2, late = 9 * recording_.ticks.size() / 10;
   const auto& place = recording_.ticks[half].device[0].contact_patient_mm;
   RecordingEvent sweep, cut, undo;
@@ -588,7 +589,7 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   ASSERT_TRUE(opened) << opened.error().message();
   const std::vector<std::size_t> rows{half + 200, half - 100, half + 400, late + 60, half + 210};
   RecordProperty("most_off", std::to_string(most_off(**opened, live, rows)));
-  // what is cut is seen in it
+  // the deformation shows the cut
   const std::uint32_t frame = recording_.ticks[half + 200].yield_frame;
   EXPECT_NE(live[frame - 1]->moved_mm, uncut[frame - 1]->moved_mm);
 }
@@ -599,7 +600,7 @@ TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
   ASSERT_TRUE(opened) << opened.error().message();
   ViewerHost& playback = **opened;
   std::array<double, kMaxDevices> N_per_mm{};
-  // slow, so that a busy machine comes along too: a quarter of a second of the run takes it five
+  // slow, so that a busy machine keeps up: a quarter of a second of the run takes five
   for (const double speed : {0.05, -0.05}) {
     PlayRequest request;
     request.at_s = recording_.ticks[recording_.ticks.size() / 2].time_s;
@@ -611,7 +612,7 @@ TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
       const std::uint32_t number = playback.snapshot(N_per_mm).yield_frame;
       const auto shown = playback.yielded(0);
       if (shown != nullptr) {
-        // what is shown is no farther away than a quarter of a second
+        // the deformation shown is at most a quarter of a second old
         EXPECT_LE(std::max(number, shown->frame) - std::min(number, shown->frame), 16u);
         others += shown->frame != last;
         last = shown->frame;

@@ -10,35 +10,36 @@
 #include "palpate/session/shared_plan.h"
 #include "palpate/session/training.h"
 
-/// A recording as viewers look at it: any place of it, at any speed, forwards and backwards.
+/// Playback of a recording to viewers: random access, at any speed, forwards and backwards.
 ///
 ///     clock ── place ──► block of 4096 ticks ──► the tick that held there ──► viewers
 ///                              ▲
 ///                  a thread reads the one that is wanted, then the next on the way
 ///
-/// Where soft tissue yields another thread solves it anew at the place that is shown, from the ticks that it
-/// was solved from (docs/concepts/tissue.md, "Looked at again"): the place stands at once, the dent when it
-/// is solved.
+/// If soft tissue deforms, a second thread solves it again at the displayed position from the ticks that it
+/// was originally solved from (docs/concepts/tissue.md, "Looked at again"): the pose is shown immediately,
+/// the deformation once it is solved.
 namespace palpate {
 
 struct Model;
 
-/// A task that a recording is looked at as a run of.
+/// Task whose run the recording is shown as.
 struct PlayedTaskOptions {
   OfferedTask task;
-  TickRange ticks;  ///< that are the run
+  TickRange ticks;  ///< Ticks of the run
 };
 
-/// Looks through all of the recording once, for its time line and for what a burr took away up to each of its
-/// places, and stands at its beginning, not playing. Every pose is a tick of the recording, in all its
-/// numbers; while a place is being read the last one stands. What is asked of a session is refused, and a
-/// stop ends the playing: nothing pushes.
-/// @param modality  as the scene says it
-/// @param task      viewers see how far it was at the place that is shown, and its debriefing after its end
-/// @param plan      that is shown beside it; may be null
-/// Errors: those of look_up() and TaskEvaluator::see(), kBadInput where no tick is of the run; kBadInput for
-/// another scene's recording, one without ticks or whose clock does not rise; those of RecordingSource::read;
-/// kUnavailable where there is no thread to be had.
+/// Scans the whole recording once, to build its time line and the volume that a burr had removed at each
+/// position, and starts paused at the beginning. Every pose shown is a recorded tick with all its values;
+/// while a block is being read the previous tick stays visible. Requests that only a live session can fulfil
+/// are refused; a stop pauses playback, since no force is rendered.
+/// @param modality  modality that the scene declares
+/// @param task      task whose progress at the displayed position is shown, and whose debriefing follows its
+/// end
+/// @param plan      plan shown along with the recording; may be null
+/// Errors: those of look_up() and TaskEvaluator::see(); kBadInput if the run contains no tick, if the
+/// recording is of another scene, has no ticks, or its clock is not monotonic; those of
+/// RecordingSource::read; kUnavailable if no thread can be created.
 Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
                                                   std::shared_ptr<const Model> model, Modality modality,
                                                   const Progress& progress = {},

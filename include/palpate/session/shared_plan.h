@@ -16,24 +16,25 @@
 
 namespace palpate {
 
-/// A plan that viewers see while it is rehearsed, and change. What they make of it is read as its file would
-/// be, and refused where that is; it stays in memory until it is saved. Any thread.
+/// Plan shown to viewers during a rehearsal, and edited by them. An edit is parsed by the rules of the plan
+/// file and refused where the file would be. Edits stay in memory until saved. Thread-safe.
 class SharedPlan {
  public:
-  /// @param may_change  viewers may; then the file may be missing yet: the plan is empty, and saving makes it
-  /// Errors: those of load_plan, look_up_plan; kOutput for a missing file that could not be written either.
+  /// @param may_change  whether viewers may edit; if so the file need not exist: the plan is empty and saving
+  /// creates it
+  /// Errors: those of load_plan and look_up_plan; kOutput if the file is missing and cannot be created.
   static Result<std::shared_ptr<SharedPlan>> open(const std::filesystem::path& file, const Model& model,
                                                   bool may_change);
 
-  /// So many versions can be gone back to.
+  /// Maximum number of versions stored for undo.
   static constexpr std::size_t kMostBefore = 200;
 
-  /// Never null; another object after each change.
+  /// Current plan; never null. Each change creates a new object.
   std::shared_ptr<const ViewedPlan> viewed() const;
-  /// Errors: kUsage for another version than the one that holds, one to go back to that is not kept, a
-  /// trajectory that is not there or that a region lies on, and where viewers may change nothing; kBadInput
-  /// for what a plan cannot be (parse_plan); of saving kUsage where the file is not what it was when it was
-  /// read or saved last, and those of write_file.
+  /// Errors: kUsage if the request refers to a version that is not current, to a version that is no longer
+  /// stored, or to a trajectory that does not exist or that a region depends on, and if viewers may not edit;
+  /// kBadInput for an invalid plan (parse_plan). When saving: kUsage if the file has been modified since it
+  /// was last read or saved, and the errors of write_file.
   Result<void> change(const PlanRequest& request);
 
  private:
@@ -46,11 +47,12 @@ class SharedPlan {
   const std::filesystem::path file_;
   const std::vector<ViewedPlan::KeepAway> keep_away_;
   const bool may_change_;
-  mutable std::mutex mutex_;            // of what follows
-  std::optional<std::string> in_file_;  ///< what the file is known to hold; empty: there is none
-  std::string saved_;                   ///< the plan that it holds, as plan_text has it
+  mutable std::mutex mutex_;            // guards the members below
+  std::optional<std::string> in_file_;  ///< Expected content of the file; empty: the file does not exist
+  std::string saved_;                   ///< Text of the plan last saved, as plan_text writes it
   PlanFile plan_;
-  std::deque<std::pair<std::uint32_t, PlanFile>> before_;  ///< by ViewedPlan::version, the last kMostBefore
+  /// Earlier plans by ViewedPlan::version; the last kMostBefore
+  std::deque<std::pair<std::uint32_t, PlanFile>> before_;
   std::shared_ptr<const ViewedPlan> viewed_;
 };
 
