@@ -20,9 +20,9 @@ namespace palpate::link {
 namespace {
 
 constexpr std::size_t kLeastToken = 16, kMostTokenFile_bytes = 64 << 10;
-// below the first a token is refused, below the second it is warned of
+// below the first a token is refused, below the second a warning is logged
 constexpr double kLeastBits = 16, kGoodBits = 80;
-// 32 characters of which none looks like another, and so many of them that there are 130 bits
+// 32 mutually distinguishable characters; kNewToken of them amount to 130 bits
 constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";
 constexpr std::size_t kNewToken = 26;
 constexpr int kHttpPort = 80, kHttpsPort = 443;
@@ -30,13 +30,13 @@ constexpr int kHttpPort = 80, kHttpsPort = 443;
 char lower(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
-// names of hosts and schemes know no upper case
+// host names and schemes are case-insensitive
 bool same_name(std::string_view a, std::string_view b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                     [](char x, char y) { return lower(x) == lower(y); });
 }
 
-// as it stands in a Host: an IPv6 address in brackets
+// form in a Host header: an IPv6 address is bracketed
 std::string in_host(std::string_view address) {
   if (address.find(':') == std::string_view::npos) return std::string(address);
   std::string text = "[";
@@ -67,7 +67,7 @@ std::optional<Role> role_named(std::string_view name) {
   return found == kRoles.end() ? std::nullopt : std::optional(*found);
 }
 
-/// Takes a word and the blank behind it off the front.
+/// Removes the first word and the following blank.
 std::string_view take_word(std::string_view& row) {
   const std::string_view word = row.substr(0, row.find(' '));
   row.remove_prefix(std::min(row.size(), word.size() + 1));
@@ -86,7 +86,7 @@ Result<std::string> new_token() {
 }  // namespace
 
 double most_bits(std::string_view token) {
-  // the piece that all of it repeats
+  // reduce the token to its smallest period
   std::size_t piece = 1;
   while (piece < token.size() && token.substr(piece) != token.substr(0, token.size() - piece)) ++piece;
   token = token.substr(0, piece);
@@ -112,7 +112,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     text.remove_prefix(std::min(text.size(), row.size() + 1));
     if (row.ends_with('\r')) row.remove_suffix(1);
     if (row.empty() || row.starts_with('#')) continue;
-    // what stands there may be a token: no error repeats it
+    // the text may be a token, so no error message repeats it
     const auto role = role_named(take_word(row));
     if (!role) return bad_line(source, line, "this line names no role");
     const std::string_view token = *role == Role::kLearner ? take_word(row) : row;
@@ -126,7 +126,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
            ": this token could be guessed; `palpate token` makes one that cannot");
     if (*role == Role::kLearner && !check_learner(who.learner))
       return bad_line(source, line, "this line has no pseudonym behind its token");
-    // who shows it would be one or the other
+    // a token in two lines would be ambiguous
     if (tokens.who_shows(token))
       return bad_line(source, line, "this line's token stands in another one, too");
     tokens.tokens_.push_back({digest_of(token), std::move(who)});
@@ -163,7 +163,7 @@ Tokens::Digest Tokens::digest_of(std::string_view token) {
 std::optional<Who> Tokens::who_shows(std::string_view token) const {
   const Digest shown = digest_of(token);
   const Token* found = nullptr;
-  // all of them, always
+  // always compares with every token: constant time
   for (const Token& known : tokens_)
     if (CRYPTO_memcmp(known.digest.data(), shown.data(), shown.size()) == 0) found = &known;
   return found != nullptr ? std::optional(found->who) : std::nullopt;
@@ -209,7 +209,7 @@ bool Access::is_own_origin(std::string_view origin, std::string_view host) const
 Access::Admission Access::admit(std::string_view token, const AddressBlock& from,
                                 GuessLimit::Clock::time_point now) {
   if (tokens_.empty()) return {Who{Role::kControl, {}}};
-  // who shows none guesses nothing
+  // a missing token is not a guess
   if (token.empty()) return {};
   if (!guesses_.may_guess(from, now)) return {std::nullopt, true};
   auto who = tokens_.who_shows(token);
@@ -254,7 +254,7 @@ Result<TokenHolders> holders_of_tokens(const std::filesystem::path& file) {
 }
 
 Result<void> write_viewer_tokens(const std::filesystem::path& file, const std::string& lines) {
-  // nobody else's from the first moment, and never in the place of tokens that somebody has
+  // mode 0600 from creation on, and O_EXCL so that existing tokens are never overwritten
   const int handle = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (handle < 0 && errno == EEXIST)
     return Error{ErrorKind::kOutput, "is there already, and whoever has its tokens would lose his way in",

@@ -80,7 +80,7 @@ TEST(Tokens, FaultyFilesNameTheirLineAndNoToken) {
   EXPECT_EQ(line_of("learner secretsecret1234 " + std::string(65, 'x') + "\n"), "tokens:1");
   EXPECT_EQ(line_of("learner secretsecret1234 L\x1b[2J\n"), "tokens:1");
   EXPECT_EQ(line_of("teacher secretsecret1234 L042\n"), "tokens:1");
-  // one token would be two people's
+  // a duplicate token would identify two people
   EXPECT_EQ(line_of("view secretsecret1234\n\nlearner secretsecret1234 L042\n"), "tokens:3");
 }
 
@@ -133,7 +133,7 @@ TEST(Tokens, NewOnesAreRandom) {
     }
     EXPECT_EQ(tokens->who_shows(token)->role, Role::kView);
   }
-  // 26 characters of 32 that are equally likely have 130 bits; 812 of each, 28 of standard deviation
+  // 26 characters out of 32 equally likely ones are 130 bits; 812 expected of each, standard deviation 28
   ASSERT_EQ(characters.size(), 32u);
   for (const auto& [c, count] : characters) EXPECT_NEAR(count, 812.5, 6 * 28) << c;
 }
@@ -150,7 +150,7 @@ TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
   std::string warned;
   EXPECT_TRUE(Tokens::read(file, [&](const std::string& line) { warned += line; }).ok());
   EXPECT_EQ(warned, "");
-  // never in the place of others, whose holders would be locked out
+  // an existing file is never overwritten, because its holders would be locked out
   const std::string tokens = *read_file(file);
   const auto again = write_viewer_tokens(file, *new_viewer_tokens());
   ASSERT_FALSE(again.ok());

@@ -13,7 +13,7 @@ namespace {
 
 constexpr IpAddress::V6Bytes kLoopbackV6{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
 constexpr std::array<unsigned char, 12> kMappedPrefix{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
-// /64
+// a /64 network
 constexpr std::size_t kBlockBytes = 8;
 
 std::uint32_t scope_of(const std::string& name) {
@@ -31,7 +31,7 @@ IpAddress::IpAddress(const V6Bytes& bytes, std::uint32_t scope_id)
     : is_v6_(true), bytes_(bytes), scope_id_(scope_id) {}
 
 std::optional<IpAddress> IpAddress::parse(const std::string& text) {
-  // a system call would read up to a zero
+  // a system call would read up to the first zero byte
   if (text.find('\0') != std::string::npos) return std::nullopt;
   V4Bytes v4{};
   if (::inet_pton(AF_INET, text.c_str(), v4.data()) == 1) return IpAddress(v4);
@@ -91,7 +91,7 @@ AddressBlock block_of(const IpAddress& address) {
     std::copy_n(unmapped.bytes().begin(), kBlockBytes, block.begin());
     return block;
   }
-  // marked where every /64 of IPv6 has a zero
+  // marked by a byte that is zero in every IPv6 /64
   const std::size_t v4_bytes = std::tuple_size_v<IpAddress::V4Bytes>;
   std::copy_n(unmapped.bytes().begin(), v4_bytes, block.end() - v4_bytes);
   block[kBlockBytes] = 1;

@@ -31,7 +31,7 @@ TEST(Address, Kinds) {
   EXPECT_FALSE(ip_address("169.255.1.1").is_link_local() || ip_address("fec0::1").is_link_local());
 }
 
-// as a viewer writes it in Host
+// form in which a viewer writes it in Host
 TEST(Address, WithoutMappingAndScope) {
   EXPECT_EQ(ip_address("::ffff:192.0.2.7").unmapped().text(), "192.0.2.7");
   EXPECT_EQ(ip_address("::fffe:192.0.2.7").unmapped().text(), ip_address("::fffe:192.0.2.7").text());

@@ -8,9 +8,10 @@
 namespace palpate::link {
 namespace {
 
-// for the first request, TLS included; a later one may come after a while
+// time for the first request, including the TLS handshake; a later one may take longer
 constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
-// so much of an answer, or what is left of it: who takes less keeps a place that others may need
+// minimum throughput: this many bytes, or the rest of the answer, per kTakenWithin; slow readers would occupy
+// connections
 constexpr std::size_t kTaken_bytes = HttpConnection::kPart_bytes;
 constexpr auto kTakenWithin = std::chrono::seconds(10);
 constexpr auto kMadeWithin = std::chrono::seconds(60);
@@ -37,7 +38,7 @@ void Connection::begin() {
 void Connection::read() {
   if (closed_) return;
   about_ = About::kSilent;
-  // its views end with the next read
+  // its string views end with the next read
   request_ = {};
   http_->read_head([self = shared_from_this()](HttpConnection::Head outcome) {
     if (self->closed_) return;
@@ -64,7 +65,7 @@ void Connection::serve() {
     return send(std::move(*ready), keep_alive && ready->status < 400);
   }
 
-  // the volume or the picture may have to be made
+  // the volume or picture may have to be generated first
   about_ = About::kMaking;
   get_on(kMadeWithin);
   if (auto* picture = std::get_if<PictureWanted>(&answer)) {
@@ -107,7 +108,7 @@ void Connection::refuse_volume(const std::string& what) {
 }
 
 void Connection::become_viewer() {
-  // nobody may speak the new protocol before it is agreed upon
+  // no bytes may follow the request before the upgrade is confirmed
   if (http_->has_more()) return send(Site::refusal(400), false);
   hub_.make_room_for_silent_viewer();
   const auto viewer = std::make_shared<Viewer>(http_->upgrade(), http_->peer(), http_->from(), hub_);
@@ -141,7 +142,7 @@ void Connection::send_volume(HttpAnswer answer, bool keep_alive) {
   write(head_, "", [this, keep_alive] { send_part(keep_alive); });
 }
 
-// one part after the other, each when it is its turn among those of all downloads
+// sends one part after another, scheduled among all downloads
 void Connection::send_part(bool keep_alive) {
   if (volume_left_.empty()) return sent(keep_alive);
   const auto turn = hub_.next_part(volume_left_.size());
@@ -156,7 +157,7 @@ void Connection::send_part(bool keep_alive) {
 }
 
 void Connection::write(std::string_view head, std::string_view body, std::function<void()> then) {
-  // so much that is taken gives time for as much
+  // every kTaken_bytes that the other side takes renews the time limit
   auto progress = [this](std::size_t taken) {
     if (written_bytes_ + taken < taken_bytes_ + kTaken_bytes) return;
     taken_bytes_ = written_bytes_ + taken;
@@ -178,8 +179,8 @@ void Connection::sent(bool keep_alive) {
   read();
 }
 
-// What the other side is still sending would make the system throw the answer away: it is read and dropped,
-// for a moment.
+// Reads and discards further input for a moment: unread input would make the system reset the connection and
+// drop the answer.
 void Connection::linger() {
   close_by_ = Clock::now() + kLingers;
   http_->linger([self = shared_from_this()] { self->close(); });
@@ -187,7 +188,7 @@ void Connection::linger() {
 
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
-  // browsers open connections that they may never use, and keep those that they have used
+  // browsers open connections that they may never use, and keep used ones open: not worth a log line
   if (about_ == About::kSilent && http_->has_begun()) hub_.log().say(http_->peer(), "no request in time");
   if (about_ == About::kTaking && !answer_.text().empty())
     hub_.log().say(http_->peer(), "takes its answer too slowly");

@@ -14,7 +14,7 @@ namespace palpate::link {
 
 class Hub;
 
-/// One connection as long as it speaks HTTP: request, answer, and again. A WebSocket becomes a Viewer.
+/// HTTP connection: request, answer, repeat. A WebSocket upgrade hands it over to a Viewer.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   using Clock = std::chrono::steady_clock;
@@ -22,22 +22,22 @@ class Connection : public std::enable_shared_from_this<Connection> {
   Connection(std::shared_ptr<HttpConnection> http, Hub& hub);
 
   void begin();
-  /// Closes what takes too long.
+  /// Closes the connection if it exceeds its time limit.
   void check(Clock::time_point now);
   void close();
 
-  /// What it is about, in the order in which connections give way where there are too many.
+  /// Current activity, in the order in which connections are dropped when there are too many.
   enum class About : std::uint8_t {
-    kSilent,  ///< has yet to say what it wants
-    kTaking,  ///< takes its answer
-    kMaking,  ///< its answer is being made
+    kSilent,  ///< Waiting for a request
+    kTaking,  ///< Sending an answer
+    kMaking,  ///< Waiting for an answer to be generated
   };
   About about() const { return about_; }
-  /// When it last got on.
+  /// Time of the last progress.
   Clock::time_point since() const { return since_; }
-  /// Its address.
+  /// Address of the other side.
   const std::string& peer() const { return http_->peer(); }
-  /// Whether a volume is on its way.
+  /// Whether a volume is being sent.
   bool is_loading() const { return !volume_left_.empty(); }
 
  private:
@@ -46,12 +46,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void serve();
   void refuse_volume(const std::string& what);
   void become_viewer();
-  /// Whether a body follows.
+  /// Returns whether a body follows.
   bool begin_answer(HttpAnswer answer, bool keep_alive);
   void send(HttpAnswer answer, bool keep_alive);
   void send_volume(HttpAnswer answer, bool keep_alive);
   void send_part(bool keep_alive);
-  /// Writes, and says that it got on with each 64 KiB that were taken.
+  /// Writes, and extends the time limit with every 64 KiB that the system has taken.
   void write(std::string_view head, std::string_view body, std::function<void()> then);
   void sent(bool keep_alive);
   void linger();
@@ -64,7 +64,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::string head_;
   About about_ = About::kSilent;
   bool closed_ = false;
-  std::size_t taken_bytes_ = 0, written_bytes_ = 0;  // of the answer
+  std::size_t taken_bytes_ = 0, written_bytes_ = 0;  // bytes of the answer
   std::string_view volume_left_;
   std::unique_ptr<Timer> turn_;
   Clock::time_point since_, close_by_;

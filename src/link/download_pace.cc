@@ -19,7 +19,7 @@ DownloadPace::Turn DownloadPace::next(std::size_t left_bytes, bool alone, Clock:
     paid_until_ += time_of(large);
     return {large, now};
   }
-  // so fast leaves nothing saved up, and no debt to whoever comes next
+  // sends at full speed without accumulating credit or debt
   if (alone) {
     paid_until_ = now;
     return {large, now};

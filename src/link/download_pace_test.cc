@@ -24,7 +24,7 @@ using Clock = DownloadPace::Clock;
 
 constexpr std::size_t kAtOnce_bytes = 20'000'000;
 
-/// Sends a download as fast as it may. @return when it is done
+/// Sends a download as fast as permitted. @return time of completion
 Clock::time_point send(DownloadPace& pace, std::size_t bytes, Clock::time_point now, bool alone = false) {
   while (bytes > 0) {
     const auto turn = pace.next(bytes, alone, now);
@@ -41,10 +41,10 @@ TEST(DownloadPace, AsMuchAsOneViewerLoadsIsNotHeldUp) {
   DownloadPace pace(kAtOnce_bytes, begin);
   EXPECT_EQ(pace.next(kAtOnce_bytes, false, begin).bytes, DownloadPace::kLargePart_bytes);
   EXPECT_EQ(send(pace, kAtOnce_bytes - DownloadPace::kLargePart_bytes, begin), begin);
-  // and again, when as much could have gone at the rate
+  // and again, after the time in which the rate alone would have sent as much
   const auto later = begin + 3s;
   EXPECT_EQ(send(pace, kAtOnce_bytes, later), later);
-  // rest that lasts longer saves up no more
+  // the credit is bounded, however long the pause
   const auto much_later = begin + 1h;
   EXPECT_EQ(send(pace, kAtOnce_bytes, much_later), much_later);
   EXPECT_GT(send(pace, 1'000'000, much_later), much_later);
@@ -54,7 +54,7 @@ TEST(DownloadPace, WhatIsMoreGoesInSmallPartsAtTheRate) {
   const Clock::time_point begin{};
   DownloadPace pace(kAtOnce_bytes, begin);
   send(pace, kAtOnce_bytes, begin);
-  // by one that is always ready
+  // a single download that is always ready
   Clock::time_point now = begin;
   double sent_bytes = 0;
   for (int n = 0; n < 10000; ++n) {
@@ -72,16 +72,16 @@ TEST(DownloadPace, OneViewerAloneNeverWaits) {
   const Clock::time_point begin{};
   DownloadPace pace(kAtOnce_bytes, begin);
   EXPECT_EQ(send(pace, 100 * kAtOnce_bytes, begin, true), begin);
-  // the next to come is held to the rate at once, and pays for nobody else
+  // the next download is limited from the start, but does not pay for the previous one
   const auto turn = pace.next(1 << 30, false, begin);
   EXPECT_EQ(turn.bytes, DownloadPace::kSmallPart_bytes);
   EXPECT_LE(turn.at, begin + 10ms);
-  // alone again, and not held up by what went at the rate
+  // alone again, and not delayed by what was sent at the limited rate
   send(pace, kAtOnce_bytes, begin);
   EXPECT_EQ(send(pace, kAtOnce_bytes, begin, true), begin);
 }
 
-// each has its next part wait at most once, so that none overtakes
+// the next part of each download waits at most one round, so none overtakes
 TEST(DownloadPace, EachOfManyGetsItsShare) {
   struct Download {
     Clock::time_point at;
@@ -110,7 +110,7 @@ TEST(DownloadPace, EachOfManyGetsItsShare) {
 constexpr std::array<int, 3> kDims{256, 256, 64};
 constexpr double kScan_bytes = 2.0 * kDims[0] * kDims[1] * kDims[2];
 
-/// Loads the scan so many times, one after the other. @return s
+/// Downloads the scan `times` times in sequence. @return duration in s
 double load(TestServer& test, int times) {
   const auto begun = Clock::now();
   for (int n = 0; n < times; ++n) {
@@ -120,12 +120,12 @@ double load(TestServer& test, int times) {
   return std::chrono::duration<double>(Clock::now() - begun).count();
 }
 
-/// What so many loads take at least at the rate, where scan and labels may go at once. s
+/// Minimum duration of `loads` downloads at the limited rate, with scan and labels in the burst; s.
 double at_the_rate_s(int loads) {
   return (loads - 1.5) * kScan_bytes / DownloadPace::kEachSecond_bytes;
 }
 
-// the bound holds however slow this machine is: more time is always allowed
+// a lower bound on time, so a slow machine cannot break it
 TEST(DownloadPace, AServerWithSeveralViewersKeepsIt) {
   TestServer test({}, kDims);
   TestViewer one(test.port()), other(test.port());
@@ -136,7 +136,7 @@ TEST(DownloadPace, AServerWithSeveralViewersKeepsIt) {
 
 TEST(DownloadPace, AServerKeepsItWhereManyLoadWhoAreNoViewers) {
   TestServer test({}, kDims);
-  // each has begun, and takes no more
+  // each has begun and reads no further
   constexpr int kReceiveBuffer_bytes = 4096;
   std::deque<TestSocket> slow;
   for (int n = 0; n < 2; ++n) {
@@ -148,7 +148,7 @@ TEST(DownloadPace, AServerKeepsItWhereManyLoadWhoAreNoViewers) {
   EXPECT_GE(load(test, 3), at_the_rate_s(3));
 }
 
-// many times faster than the rate, so that no slow machine is taken for one that waits
+// many times faster than the limited rate, so that a slow machine is distinguishable from the limit
 TEST(DownloadPace, AServerDoesNotHoldUpOneViewerAlone) {
   TestServer test({}, kDims);
   TestViewer viewer(test.port());
@@ -156,7 +156,7 @@ TEST(DownloadPace, AServerDoesNotHoldUpOneViewerAlone) {
   EXPECT_LT(load(test, 50), at_the_rate_s(50));
 }
 
-// several on one connection, the last bytes of each exact
+// several downloads on one connection; the last bytes of each are exact
 TEST(DownloadPace, PartsComeInOrder) {
   constexpr std::array<int, 3> kOdd{128, 128, 63};
   TestServer test({}, kOdd);

@@ -7,8 +7,8 @@
 
 namespace palpate::link {
 
-/// The faults of viewers, a line each: who, and of what kind, never what was sent. Of a flood only the first
-/// lines of a second are written, and then how many there were.
+/// Log of viewers' faults, one line each: address and kind, never what was sent. In a flood only the first
+/// lines of each second are written, followed by the number of omitted ones.
 class FaultLog {
  public:
   using Clock = std::chrono::steady_clock;
@@ -17,7 +17,7 @@ class FaultLog {
   explicit FaultLog(std::function<void(const std::string&)> log) : log_(std::move(log)) {}
 
   void say(std::string_view who, std::string_view fault, Clock::time_point now = Clock::now());
-  /// Writes what was left out in seconds that are over.
+  /// Writes the number of lines omitted in past seconds.
   void catch_up(Clock::time_point now = Clock::now());
 
  private:

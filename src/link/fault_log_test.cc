@@ -35,7 +35,7 @@ TEST(FaultLog, NobodyNeedsToListen) {
 TEST(TokenBucket, HoldsARate) {
   auto now = TokenBucket::Clock::now();
   TokenBucket bucket(250, 250, now);
-  // ten seconds at the rate
+  // ten seconds at the sustained rate
   for (int n = 0; n < 2500; ++n, now += 4ms) ASSERT_TRUE(bucket.take(now)) << n;
   int taken = 0;
   while (taken < 1000 && bucket.take(now)) ++taken;

@@ -10,8 +10,8 @@ namespace {
 
 using PlainJson = nlohmann::json;
 
-/// Takes the parser's events as they come and stops it, by false, at the first that does not fit: nothing is
-/// built that would have to be looked through afterwards.
+/// SAX handler that returns false, and thereby stops the parser, at the first unsupported event: nothing has
+/// to be built and validated afterwards.
 class Events : public nlohmann::json_sax<PlainJson> {
  public:
   explicit Events(FlatObject& object) : object_(object) {}
@@ -75,7 +75,7 @@ const FlatValue* FlatObject::find(std::string_view key) const {
 }
 
 std::optional<FlatObject> parse_flat_json(std::string_view text) {
-  // the parser takes a zero byte for the end, whatever stands behind it
+  // the parser treats a zero byte as the end of input
   if (text.find('\0') != text.npos) return std::nullopt;
   FlatObject object;
   Events events(object);

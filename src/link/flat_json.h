@@ -8,20 +8,20 @@
 #include <variant>
 #include <vector>
 
-/// JSON as viewers may send it: one object of plain values and lists of numbers, nothing deeper. The only
-/// file behind it is flat_json.cc.
+/// JSON subset accepted from viewers: one object of plain values and lists of numbers, without deeper
+/// nesting. Implemented in flat_json.cc alone.
 namespace palpate::link {
 
 using FlatValue = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
 
 struct FlatObject {
-  std::vector<std::pair<std::string, FlatValue>> entries;  ///< each key once
+  std::vector<std::pair<std::string, FlatValue>> entries;  ///< Keys are unique
 
   const FlatValue* find(std::string_view key) const;
 };
 
-/// Nothing where the text is no such object: malformed, deeper, a key twice, null, a number that no double
-/// holds, a list of anything but numbers. Takes memory and time in proportion to the text.
+/// Empty if the text is not such an object: malformed, nested, a duplicate key, null, a number beyond
+/// double's range, a list of other values than numbers. Memory and time are linear in the length of the text.
 std::optional<FlatObject> parse_flat_json(std::string_view text);
 
 }  // namespace palpate::link

@@ -27,7 +27,7 @@ void GuessLimit::guessed_wrong(const AddressBlock& from, Clock::time_point now) 
 void GuessLimit::forget_the_quiet(Clock::time_point now) {
   if (now < forgot_ + kForgetEvery) return;
   forgot_ = now;
-  // an account that is full again says nothing that a new one would not
+  // a full account is equivalent to none
   std::erase_if(accounts_, [now](const auto& entry) { return entry.second.is_full(now); });
 }
 

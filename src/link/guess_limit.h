@@ -9,28 +9,28 @@
 
 namespace palpate::link {
 
-/// How many wrong tokens are looked at, at most 10 in any second of one address. What is beyond is refused
-/// without a look, the right token as well: an answer to it would be an answer to every guess. Nobody is kept
-/// out for longer than the guessing lasts: a fifth of a second without one makes room for the next look, and
-/// whoever is in already stays in.
+/// Rate limit on token guesses: at most 10 wrong tokens per address within any second are checked. Beyond
+/// that, requests are refused without checking, correct tokens included, since a different answer would
+/// reveal the correct one. The lockout lasts only as long as the guessing: after a fifth of a second without
+/// a guess the next one is checked, and viewers already connected stay connected.
 ///
-/// The table of addresses is bounded: those that find no place in it share one account.
+/// The table of addresses is bounded; addresses beyond it share one account.
 class GuessLimit {
  public:
   using Clock = TokenBucket::Clock;
-  /// 5 at once and 5 more each second are never more than 10 in a second.
+  /// A burst of 5 and 5 more per second never exceed 10 within a second.
   static constexpr double kAtOnce = 5, kEachSecond = 5;
-  /// Some 300 kB.
+  /// About 300 kB.
   static constexpr std::size_t kMostAddresses = 4096;
 
-  /// Whether a token may be looked at that comes from there.
+  /// Whether a token from that address may be checked.
   bool may_guess(const AddressBlock& from, Clock::time_point now);
-  /// The token was wrong.
+  /// Counts a wrong token.
   void guessed_wrong(const AddressBlock& from, Clock::time_point now);
-  /// Removes the accounts of addresses that have not guessed for a second, at most every 100 ms. Without it
-  /// an account would outlast its second until the next token is shown.
+  /// Removes the accounts of addresses without a guess in the last second; does so at most every 100 ms.
+  /// Without it an account would persist until the next token is checked.
   void forget_the_quiet(Clock::time_point now);
-  /// That have an account at present.
+  /// Number of addresses with an account.
   std::size_t addresses() const { return accounts_.size(); }
 
  private:

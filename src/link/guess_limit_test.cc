@@ -40,7 +40,7 @@ TEST(GuessLimit, AddressesOfOneMachineCountTogether) {
   EXPECT_NE(block("0.0.0.1"), block("::1"));
 }
 
-// however the guesses come: all at once, evenly, in bursts
+// whatever the timing of the guesses: all at once, uniform, in bursts
 TEST(GuessLimit, NeverMoreThanTenInASecond) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -72,11 +72,11 @@ TEST(GuessLimit, OtherAddressesAreNotHeldUp) {
   EXPECT_EQ(access.admit(kRight, block("2001:db8::1"), now).who->role, Role::kView);
 }
 
-// behind one address with somebody who guesses
+// a viewer with the right token shares an address with an attacker
 TEST(GuessLimit, TheRightTokenIsKeptOutNoLongerThanTheGuessing) {
   Access access = guarded();
   Clock::time_point now{};
-  // an hour of it, as fast as it goes
+  // an hour of guessing at full speed
   for (int n = 0; n < 36000; ++n) {
     now += 100ms;
     for (int k = 0; k < 10; ++k) access.admit("wrong", block("10.1.2.3"), now);
@@ -87,7 +87,7 @@ TEST(GuessLimit, TheRightTokenIsKeptOutNoLongerThanTheGuessing) {
   EXPECT_EQ(access.admit(kRight, block("10.1.2.3"), now + 201ms).who->role, Role::kView);
 }
 
-// the page asks for several things at once, each with its token
+// the page sends several requests at once, each with its token
 TEST(GuessLimit, RightTokensAndNoneCostNothing) {
   Access access = guarded();
   const Clock::time_point now{};
@@ -110,13 +110,13 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   }
   EXPECT_EQ(limit.addresses(), GuessLimit::kMostAddresses);
   EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMostAddresses + GuessLimit::kAtOnce));
-  // those that are quiet are forgotten, also where nobody new was let guess
+  // inactive addresses are forgotten, even if no new address was accepted
   now += 300ms;
   EXPECT_TRUE(limit.may_guess(block("10.9.9.9"), now));
   EXPECT_EQ(limit.addresses(), 0u);
 }
 
-// the hub's sweep asks for it, whether or not anybody shows a token
+// the hub's periodic check asks for it, whether or not tokens are shown
 TEST(GuessLimit, NoAddressIsRememberedForLongerThanASecond) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -127,7 +127,7 @@ TEST(GuessLimit, NoAddressIsRememberedForLongerThanASecond) {
     const int guesses = 1 + static_cast<int>(random() % 12);
     for (int n = 0; n < guesses; ++n) {
       now += std::chrono::milliseconds(random() % 250);
-      // one that is refused without a look counts for nothing
+      // a request refused without a check does not count
       if (!access.admit("wrong-token-of-some-length", block("10.1.2.3"), now).too_many_guesses) last = now;
       access.forget_guesses(now);
       EXPECT_EQ(access.addresses_remembered(), 1u) << round;
@@ -153,7 +153,7 @@ TEST(GuessLimit, TheSiteSaysWhenToTryAgain) {
   const std::string head = site.head_of(answer(), request, false);
   EXPECT_NE(head.find("429 Too Many Requests\r\n"), std::string::npos);
   EXPECT_NE(head.find("Retry-After: 1\r\n"), std::string::npos);
-  // the page itself holds no data, and comes all the same
+  // the page itself holds no data and is served regardless
   request.target = "/";
   EXPECT_EQ(answer().status, 200);
 }

@@ -14,8 +14,7 @@
 #include "link/test_host.h"
 #include "palpate/base/clock.h"
 
-// What is sent by those who mean harm, or are broken: refused, logged without its content, and nobody else
-// notices.
+// Malicious and malformed input: refused, logged without its content, and unnoticed by other viewers.
 namespace palpate::link {
 namespace {
 
@@ -41,7 +40,7 @@ double resident_MB() {
   return resident * 4096 / 1e6;
 }
 
-/// A server with a viewer that must not notice anything.
+/// Server with a bystanding viewer that must not be affected.
 struct HostileTest : ::testing::Test {
   TestServer test;
   TestViewer bystander{test.port()};
@@ -60,7 +59,7 @@ struct HostileTest : ::testing::Test {
     EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
     EXPECT_EQ(test.log.text().find(kCanary), std::string::npos);
   }
-  // The bystander reads what has come: whoever reads nothing for long is a viewer that is gone.
+  // The bystander drains its input, because a viewer that does not read is dropped.
   void keep_up() {
     constexpr std::int64_t kFresh_ns = 50'000'000;
     std::string pose = bystander.pose();
@@ -72,7 +71,7 @@ struct HostileTest : ::testing::Test {
     socket.send(bytes);
     return read_answer(socket).status;
   }
-  /// The close code after some bytes of a viewer that has been welcomed.
+  /// Close code that a welcomed viewer receives after sending `bytes`.
   int code_after(const std::string& bytes) {
     TestViewer viewer(test.port());
     viewer.greet();
@@ -97,7 +96,7 @@ TEST_F(HostileTest, MalformedRequests) {
     EXPECT_EQ(status_of(bytes), 400) << bytes;
 }
 
-// RFC 9112, 5.2: a proxy before the server may see another header than the server does
+// RFC 9112, 5.2: a proxy in front of the server may parse a different header than the server
 TEST_F(HostileTest, ObsoleteLineFolding) {
   const std::string host = "Host: " + test.host_name() + "\r\n";
   for (const std::string& head :
@@ -110,7 +109,7 @@ TEST_F(HostileTest, ObsoleteLineFolding) {
     EXPECT_TRUE(socket.closes()) << head;
   }
   EXPECT_EQ(TestViewer(test.port(), "X-Note: a\r\n b\r\n").opening().status, 400);
-  // white space within a line folds nothing, in the next head of a connection neither
+  // white space within a line is no folding, and neither is it in the next head of the connection
   TestSocket socket(test.port());
   for (int n = 0; n < 2; ++n) {
     socket.send("GET / HTTP/1.1\r\n" + host + "X-Note: \t a  b\t\r\n\r\n");
@@ -140,7 +139,7 @@ TEST_F(HostileTest, OtherMethodsAndBodies) {
   EXPECT_EQ(request(test.port(), "POST", "/api/scene").status, 405);
   EXPECT_EQ(request(test.port(), "DOE^CANARY", "/").status, 405);
   EXPECT_EQ(request(test.port(), "GET", "/", "Content-Length: 5\r\n").status, 413);
-  // an answer comes although the body does not stop
+  // an answer arrives although the body does not end
   TestSocket socket(test.port());
   socket.send("GET / HTTP/1.1\r\nHost: " + test.host_name() + "\r\nContent-Length: 100000000\r\n\r\n" +
               std::string(100000, 'x'));
@@ -148,7 +147,7 @@ TEST_F(HostileTest, OtherMethodsAndBodies) {
   EXPECT_TRUE(socket.closes());
 }
 
-// where two programs on the way could differ about where a request ends
+// requests whose end two programs could parse differently
 TEST_F(HostileTest, BodiesThatCouldBeReadInTwoWays) {
   const std::string next = "GET /api/scene HTTP/1.1\r\nHost: " + test.host_name() + "\r\n\r\n";
   for (const char* fields :
@@ -164,10 +163,10 @@ TEST_F(HostileTest, BodiesThatCouldBeReadInTwoWays) {
     TestSocket socket(test.port());
     socket.send("GET / HTTP/1.1\r\nHost: " + test.host_name() + "\r\n" + fields + "\r\n0\r\n\r\n" + next);
     EXPECT_EQ(read_answer(socket).status, 400) << fields;
-    // what stands behind it is no request of anybody's
+    // the following bytes are not treated as a request
     EXPECT_EQ(read_answer(socket).status, 0) << fields;
   }
-  // one that says it once, and has none, is a request like another
+  // a single Content-Length of 0 is an ordinary request
   EXPECT_EQ(request(test.port(), "GET", "/", "Content-Length: 0\r\n").status, 200);
 }
 
@@ -192,11 +191,11 @@ TEST_F(HostileTest, GuessesOfTokens) {
     ASSERT_TRUE(status == 401 || status == 429) << status;
     ++(status == 401 ? looked_at : left_out);
   }
-  // however slow this machine is
+  // holds on a machine of any speed
   const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   EXPECT_LE(looked_at, 5 + 5 * s + 1);
   EXPECT_EQ(guarded.log.text().find(kCanary), std::string::npos);
-  // who is in stays in, and whoever waits a moment gets in
+  // connected viewers stay connected, and after a short wait new ones are admitted
   EXPECT_FALSE(inside.pose().empty());
   EXPECT_TRUE(soon([&] {
     return request(guarded.port(), "GET", "/api/scene", "Authorization: Bearer a-token-of-our-own-71\r\n")
@@ -223,13 +222,13 @@ TEST_F(HostileTest, AHeadThatComesByDribs) {
   while (!slow.receive(100) && slow.send(head.substr(sent % head.size(), 1)) && sent < 600) ++sent;
   EXPECT_LT(sent, 600);
   EXPECT_TRUE(silent.closes());
-  // the one that says nothing is no fault: browsers do that
+  // an idle connection is no fault: browsers open them
   EXPECT_EQ(test.log.text(), "viewer 127.0.0.1: no request in time\n");
 }
 
 TEST_F(HostileTest, MalformedFrames) {
-  // not masked, a reserved bit, an opcode that there is not, a long and a broken control frame, a
-  // continuation of nothing
+  // unmasked, reserved bit, unknown opcode, long control frame, fragmented control frame, continuation
+  // without a start
   EXPECT_EQ(code_after("\x81\x02{}"), 1002);
   EXPECT_EQ(code_after(masked_frame(0xc1, "{}")), 1002);
   EXPECT_EQ(code_after(masked_frame(0x83, "{}")), 1002);
@@ -245,12 +244,12 @@ TEST_F(HostileTest, MalformedFrames) {
 TEST_F(HostileTest, MessagesThatAreTooLong) {
   const double before_MB = resident_MB();
   EXPECT_EQ(code_after(masked_frame(kText, std::string(4097, ' '))), 1009);
-  // a gigabyte, and what no file holds, announced
+  // announced lengths of a gigabyte, and beyond any file
   EXPECT_EQ(
       code_after(std::string("\x81\xff\0\0\0\0\x40\0\0\0\x11\x22\x33\x44", 14) + std::string(8000, 'x')),
       1009);
   EXPECT_EQ(code_after(std::string("\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\x11\x22\x33\x44", 14)), 1009);
-  // a gigabyte of parts that each are short
+  // a gigabyte in short fragments
   TestViewer viewer(test.port());
   viewer.greet();
   viewer.socket().send(masked_frame(0x01, std::string(1000, ' ')));
@@ -298,11 +297,11 @@ TEST_F(HostileTest, NoSubprotocolOrNoKey) {
   EXPECT_EQ(status_of(upgrade + key + "\r\n"), 400);
   EXPECT_EQ(status_of(upgrade + ours + "\r\n"), 400);
   EXPECT_EQ(status_of(upgrade + key + "Sec-WebSocket-Protocol: other, palpate.v1\r\n\r\n"), 101);
-  // frames before the answer
+  // frames before the upgrade is confirmed
   EXPECT_EQ(status_of(upgrade + key + ours + "\r\n" + masked_frame(kText, "{}")), 400);
 }
 
-// in the upper case that headers may have, a comma, and more than one
+// in upper case, with a comma, and several extensions
 TEST_F(HostileTest, CompressionIsNeverAgreedUpon) {
   TestViewer viewer(test.port(), "Sec-WebSocket-Extensions: permessage-deflate; client_max_window_bits\r\n");
   EXPECT_EQ(viewer.opening().status, 101);
@@ -321,7 +320,7 @@ TEST_F(HostileTest, AThousandConnections) {
   {
     std::vector<std::unique_ptr<TestSocket>> sockets;
     for (int n = 0; n < 1000; ++n) sockets.push_back(std::make_unique<TestSocket>(test.port()));
-    // while they last, others are served
+    // others are served meanwhile
     EXPECT_EQ(request(test.port(), "GET", "/").status, 200);
     TestViewer viewer(test.port());
     EXPECT_EQ(viewer.greet()["type"], "welcome");
@@ -333,7 +332,7 @@ TEST_F(HostileTest, AThousandConnections) {
   EXPECT_LT(test.log.text().size(), 5000u);
 }
 
-// a stop is heard, whatever ends the viewer that asks for it
+// a stop is carried out, whatever ends the viewer that sent it
 TEST_F(HostileTest, AStopStops) {
   const std::string stop = R"({"type": "stop", "id": 1})";
   std::string blanks = "{\"type\" :\n \"stop\"";
@@ -349,7 +348,7 @@ TEST_F(HostileTest, AStopStops) {
     EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); })) << bytes;
     test.host.change([](ViewedState& state) { state.stop.reset(); });
   }
-  // what came of one before the connection was lost
+  // the part received before the connection was lost
   const std::string whole = masked_frame(kText, blanks);
   TestViewer lost(test.port());
   lost.greet();
@@ -357,7 +356,7 @@ TEST_F(HostileTest, AStopStops) {
   lost.socket().end_sending();
   EXPECT_TRUE(soon([&] { return test.host.state().stop.has_value(); }));
   test.host.change([](ViewedState& state) { state.stop.reset(); });
-  // of somebody who has shown no token, and of one who says something else
+  // a stop from a client without a token, and from one that sends something else
   TestViewer unknown(test.port());
   unknown.socket().send(masked_frame(kText, stop));
   EXPECT_EQ(unknown.close_code(), 1008);
@@ -365,7 +364,8 @@ TEST_F(HostileTest, AStopStops) {
   EXPECT_FALSE(test.host.state().stop);
 }
 
-// who neither says hello nor takes leave keeps a place for a while: never so many that nobody gets in
+// clients that neither say hello nor close occupy places for a while, but never so many that others are
+// locked out
 TEST_F(HostileTest, ViewersThatNeverAnswer) {
   std::vector<std::unique_ptr<TestViewer>> silent;
   for (int n = 0; n < 300; ++n) silent.push_back(std::make_unique<TestViewer>(test.port()));
@@ -390,7 +390,7 @@ TEST_F(HostileTest, DownloadsThatNobodyReads) {
   EXPECT_EQ(viewer.greet()["type"], "welcome");
   EXPECT_EQ(request(large.port(), "GET", "/").status, 200);
   EXPECT_TRUE(sockets.front()->closes()) << "the first gives way";
-  // the bystander reads on: that takes as long as a viewer has that takes nothing
+  // the bystander keeps reading while the time limit of a non-reading viewer expires
   EXPECT_TRUE(soon([&] {
     keep_up();
     return large.log.text().find("takes its answer too slowly") != std::string::npos;

@@ -7,19 +7,19 @@
 
 namespace palpate::link {
 
-/// The parts of a request that decide its answer. Header fields that are not there are empty.
+/// Parts of a request that determine its answer. Missing header fields are empty.
 struct HttpRequest {
   std::string_view method, target;
   std::string_view host, origin, fetch_site, authorization, accept_encoding, if_none_match;
-  /// What two programs could read in two ways: host, origin, authorization or the length of a body twice, or
-  /// a body in another form than its bytes.
+  /// Whether two programs could parse the request differently: duplicate host, origin, authorization or
+  /// content length, or a body with a transfer encoding.
   bool ambiguous = false;
   bool has_body = false;
-  bool keep_alive = false;         ///< the viewer may send another request on this connection
-  bool upgrade = false;            ///< to a WebSocket
-  bool subprotocol = false;        ///< ours is among those that the viewer speaks
-  std::string_view local_address;  ///< where the connection arrived
-  AddressBlock from{};             ///< where it came from
+  bool keep_alive = false;         ///< Whether the viewer may send another request on this connection
+  bool upgrade = false;            ///< Whether an upgrade to a WebSocket is requested
+  bool subprotocol = false;        ///< Whether our subprotocol is among those offered
+  std::string_view local_address;  ///< Local address of the connection
+  AddressBlock from{};             ///< Address block of the peer
   std::chrono::steady_clock::time_point at{};
 };
 

@@ -14,22 +14,22 @@ namespace palpate::link {
 namespace {
 
 constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
-// what is seen of tissue is smooth at that rate, and a message of it may be as long as a hundred poses
+// deformation is smooth in time at that rate, and its message may be as long as a hundred poses
 constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
-// figures that are read change no faster
+// numbers to be read by a person need no higher rate
 constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
-// a force that is to be held within a band is led by it
+// the force display guides the user to hold a force within a band
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
 
-// who is responsible finds a place however many others there are
+// roles with a reserved place, however many viewers there are
 bool keeps_a_place(Role role) {
   return role == Role::kControl || role == Role::kTeacher;
 }
 
-// which right a request takes
+// permission that a request needs
 Right right_for(const Request& request) {
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
     const bool is_of_feel = settings->method || settings->law || settings->friction || settings->viscosity ||
@@ -69,7 +69,7 @@ void Hub::begin() {
 void Hub::end() {
   ended_ = true;
   pose_timer_->cancel();
-  // whoever has not answered by then is not waited for
+  // viewers that have not closed by then are dropped
   sweep_timer_->wait_until(Clock::now() + kGoodbyeWithin, [this] { loop_.stop(); });
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->end(kGoingAway, "");
@@ -124,7 +124,7 @@ void Hub::make_room_for_connection() {
 }
 
 void Hub::make_room_for_silent_viewer() {
-  // one that is ending waits for a goodbye alone, and takes up a place meanwhile
+  // a viewer that is closing occupies a place while it waits for the close frame
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
   if (viewers_.size() >= kMostViewers + kMostSilent && ending != viewers_.end())
@@ -140,14 +140,14 @@ void Hub::make_room_for_silent_viewer() {
 }
 
 bool Hub::make_room_for_viewer(Role role) {
-  std::shared_ptr<Viewer> latest;  // of those that look on
+  std::shared_ptr<Viewer> latest;  // most recent one without control
   std::size_t all = 0, looking = 0;
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
     if (keeps_a_place(viewer->who().role)) continue;
     ++looking;
-    // a tip is not taken out of somebody's hand for it
+    // the viewer that moves the tip is not dropped
     if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
@@ -179,14 +179,14 @@ void Hub::want_curves(const std::string& learner, std::function<void(Result<std:
   });
 }
 
-// ---- what viewers ask
+// ---- requests of viewers
 
 void Hub::welcome(Viewer& viewer) {
   viewer.get_number(++greeted_);
   count();
   look_at_state();
   viewer.show_state();
-  // one that comes late gets what there is now, not what another saw last
+  // a late viewer gets the current data, not what was last sent to others
   if (viewer.wants_yields()) look_at_yields(Clock::now());
   if (viewer.wants_training()) look_at_training(Clock::now());
   viewer.show_training();
@@ -208,7 +208,7 @@ std::string Hub::answer(Viewer& viewer, const Request& request) {
 }
 
 Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
-  // a stop is everybody's
+  // every viewer may stop
   if (std::holds_alternative<StopRequest>(request.what)) {
     host_.emergency_stop(viewer.identity());
     return Grant::kDone;
@@ -239,7 +239,7 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   return granted ? Result<Grant>(Grant::kDone) : granted.error();
 }
 
-// a learner does what is kept as his or her own, and nothing else
+// a learner may only do what is recorded as his or her own run
 Result<void> Hub::check_hand(const Viewer& viewer) const {
   const Who& who = viewer.who();
   if (who.role != Role::kLearner) return {};
@@ -252,7 +252,7 @@ Result<void> Hub::check_hand(const Viewer& viewer) const {
                is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
 }
 
-// whoever has the hand is measured; who leads the lesson needs none for it
+// the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
 Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
   const Who& who = viewer.who();
   if (pointer_ && pointer_ != &viewer && !may(who.role, Right::kLesson, true))
@@ -267,7 +267,7 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
     if (auto taught = host_.teach(request); !taught) return taught;
   names_ = request.names.value_or(names_);
   look_at_state();
-  // whoever is not meant any more lets go
+  // a viewer that is no longer permitted loses the pointer
   if (pointer_ && !check_hand(*pointer_)) {
     (void)host_.take_pointer(false, pointer_->identity());
     pointer_ = nullptr;
@@ -275,7 +275,7 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
   return {};
 }
 
-// whoever has the hand gets its force back
+// the force is given back only to the viewer that moves the tip
 Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
   if (host_.scene().input == "pointer" && pointer_ != &viewer)
     return Error{
@@ -288,7 +288,7 @@ Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
 Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
   if (pointer_ && pointer_ != &viewer)
     return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until it lets go"};
-  // nothing changes for one that leaves it untaken
+  // releasing the pointer without having it changes nothing
   if (!request.take && !pointer_) return {};
   if (auto taken = host_.take_pointer(request.take, viewer.identity()); !taken) return taken;
   pointer_ = request.take ? &viewer : nullptr;
@@ -296,7 +296,7 @@ Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
 }
 
 void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
-  // one that has just lost it may not know yet
+  // a viewer that has just lost the pointer may not know yet
   if (pointer_ == &viewer) host_.move_pointer(tip.tip_patient_mm);
 }
 
@@ -336,7 +336,7 @@ std::shared_ptr<const std::string> Hub::told_debriefing(const Viewer& viewer) co
   return is_own ? debriefing_ : nullptr;
 }
 
-// the task that may be begun says whether it is a quiz; where several may, one of them is enough
+// the veil depends on the task that may be begun; if several may, one quiz suffices
 void Hub::look_at_veil() {
   const auto& tasks = host_.scene().tasks;
   const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
@@ -348,7 +348,7 @@ std::string Hub::sweeps_after(SweepsHad& had) const {
   had.count = std::min(had.count, state_.sweeps);
   const std::vector<SweepRecord> next = host_.sweeps(
       state_.model_version, had.count, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had.count));
-  // those beyond are to be forgotten
+  // tells the viewer to drop the sweeps beyond `count`
   if (next.empty() && had.shown == had.count) return {};
   std::string text = sweeps_json(had.count, next);
   had.count += next.size();
@@ -356,10 +356,10 @@ std::string Hub::sweeps_after(SweepsHad& had) const {
   return text;
 }
 
-// how many sweeps at the beginning of both lists are the same
+// length of the common prefix of both sweep lists
 std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState& now) {
   std::uint64_t least = std::min(before.sweeps, now.sweeps);
-  // by all undos that lie between the two, whichever came first
+  // limited by every undo between the two, whichever list is the later
   const auto &more = before.undone_to.size() > now.undone_to.size() ? before : now,
              &less = &more == &before ? now : before;
   for (std::size_t n = less.undone_to.size(); n < more.undone_to.size(); ++n)
@@ -374,7 +374,7 @@ void Hub::look_at_state() {
   if (in_common < before.sweeps)
     for (const auto& viewer : viewers_) viewer->keep_sweeps(in_common);
   look_at_veil();
-  // all of it, as who leads the lesson would be told
+  // complete state, as for a teacher
   StateReader whoever;
   whoever.holder = holder();
   whoever.viewers = welcomed_;
@@ -386,7 +386,7 @@ void Hub::look_at_state() {
   const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
   last_state_ = std::move(text);
   last_veiled_state_ = std::move(veiled_text);
-  // when a message comes tells something, too: through a veil none comes of what it hides
+  // message timing carries information, too: a veiled viewer gets no message for changes that it must not see
   for (const auto& viewer : viewers_)
     if (is_new_veiled || (is_new && veil_of(*viewer) == nullptr)) viewer->show_state();
 }
@@ -402,7 +402,7 @@ void Hub::look_at_plan() {
 // ---- poses
 
 void Hub::wait_for_poses() {
-  // turns that were missed stay missed
+  // missed periods are not made up for
   next_pose_ = std::max(next_pose_ + kPosePeriod, Clock::now());
   pose_timer_->wait_until(next_pose_, [this] {
     if (ended_) return;
@@ -410,7 +410,7 @@ void Hub::wait_for_poses() {
       posing_ = false;
       return;
     }
-    // whatever becomes of this one, there is a next
+    // schedule the next one first, whatever happens in this one
     wait_for_poses();
     show_pose();
   });
@@ -503,7 +503,7 @@ void Hub::show_pose() {
   }
 }
 
-// ---- what has to be seen to now and then
+// ---- periodic work
 
 void Hub::wait_for_sweep() {
   sweep_timer_->wait_until(Clock::now() + kSweepPeriod, [this] {

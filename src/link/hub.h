@@ -24,23 +24,23 @@ class Connection;
 class Viewer;
 struct SweepsHad;
 
-/// What the connections of one server share: the site, the session, who moves the tip. All of it on the
-/// server's thread.
+/// Shared state of a server's connections: the site, the session, the owner of the pointer. Used on the
+/// server's thread only.
 ///
-///     timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose turn it is
-///             15 Hz ── how tissue has yielded ──────► every viewer that wants it, where it is another way
-///             20 Hz ── how far a run of a task is ──► likewise
-///     timer, 10 Hz ─── state, health; deadlines of every connection
+///    timer, 120 Hz ── snapshot ── one PoseMessage ──► every viewer whose pose is due
+///            15 Hz ── tissue deformation ─────────► subscribed viewers, if it has changed
+///            20 Hz ── progress of a task's run ───► subscribed viewers, if it has changed
+///    timer, 10 Hz ─── state, health; time limits of every connection
 class Hub {
  public:
   using Clock = std::chrono::steady_clock;
-  /// At most so many viewers that have said hello, and so many connections with them.
+  /// Maximum number of viewers after their hello, and of connections including them.
   static constexpr std::size_t kMostViewers = 64, kMostConnections = 256;
-  /// Those that look on leave so many places to those with control.
+  /// Places reserved for viewers with control or a teacher's role.
   static constexpr std::size_t kKeptForControl = 2;
-  /// WebSockets that have yet to say hello: who they are is not known before.
+  /// Maximum number of WebSockets before their hello, when their role is not known yet.
   static constexpr std::size_t kMostSilent = 16;
-  /// A viewer loads scan and labels at once.
+  /// A single viewer downloads scan and labels concurrently.
   static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 
   /// @param loop, host, site, volumes, pictures  outlive the hub
@@ -49,7 +49,7 @@ class Hub {
   ~Hub();
 
   void begin();
-  /// Tells every viewer that the server ends, and waits for nobody.
+  /// Closes every viewer's connection with a code, without waiting for answers.
   void end();
 
   // ---- connections
@@ -58,60 +58,61 @@ class Hub {
   void remove(const std::shared_ptr<Connection>& connection);
   void add(std::shared_ptr<Viewer> viewer);
   void remove(const std::shared_ptr<Viewer>& viewer);
-  /// Of the WebSockets that have not said hello the one that has not for the longest time gives way where
-  /// there are many: nobody without a token keeps out those who have one.
+  /// If there are too many WebSockets before their hello, closes the oldest: clients without a token cannot
+  /// lock out those with one.
   void make_room_for_silent_viewer();
-  /// Whether one who says hello finds a place. One with control does as long as others look on, of whom the
-  /// one that came last then gives way.
+  /// Whether a viewer that says hello gets a place. For a role with a reserved place, the most recent viewer
+  /// of another role is closed if necessary.
   bool make_room_for_viewer(Role role);
-  /// Where all places are taken, one is closed: of those that have yet to say what they want, of those that
-  /// take their answer, or else of those that wait for one, the one that has not got on for the longest time.
+  /// If all places are taken, closes one connection: the one without progress for the longest time,
+  /// preferring those that wait for a request, then those that are sending, then those whose answer is being
+  /// generated.
   void make_room_for_connection();
 
-  // ---- what they need
+  // ---- services for connections
 
   Site& site() { return site_; }
   std::unique_ptr<Timer> timer() { return loop_.timer(); }
   FaultLog& log() { return log_; }
-  /// The next part of a connection's download, which has sent the one before.
+  /// Next part of a connection's download whose previous part has been sent.
   DownloadPace::Turn next_part(std::size_t left_bytes);
-  /// Hand over the bytes on the server's thread.
+  /// Asynchronous requests; `then` is called on the server's thread.
   void want_picture(PictureKey key, std::weak_ptr<const void> asker,
                     std::function<void(PictureStore::Payload)> then);
   void want_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
-  /// @param learner  whose; empty: everybody's
+  /// @param learner  pseudonym; empty: all learners
   void want_curves(const std::string& learner, std::function<void(Result<std::string>)> then);
 
-  // ---- what viewers ask
+  // ---- requests of viewers
 
-  /// A viewer said hello: it counts, and gets poses.
+  /// Admits a viewer after its hello: it is counted and receives poses.
   void welcome(Viewer& viewer);
-  /// The answer.
+  /// Carries out a request and returns the answer.
   std::string answer(Viewer& viewer, const Request& request);
   void move_pointer(const Viewer& viewer, const TipMessage& tip);
-  /// Tells every viewer what has changed since the last look.
+  /// Publishes the state to every viewer if it has changed.
   void look_at_state();
   std::string state_for(const Viewer& viewer) const;
-  /// Who one is and what one may do, said to a viewer first.
+  /// First message to a viewer: its role and permissions.
   std::string welcome_for(const Who& who) const;
-  /// Through which a viewer sees the session; null: as it is.
+  /// Veil that applies to a viewer; null: none.
   const Veil* veil_of(const Viewer& viewer) const;
-  /// Through which learners see it now; null: as it is.
+  /// Veil that currently applies to learners; null: none.
   const Veil* laid_veil() const;
-  /// The next sweeps for a viewer, which has had them then; empty: there are no more.
+  /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
   std::string sweeps_after(SweepsHad& had) const;
-  /// How tissue has yielded around a device, as it was looked at last.
+  /// Latest deformation around a device.
   const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
-  /// The plan as it was looked at last; null where there is none, and through a veil: whoever made it may
-  /// have known what is hidden.
+  /// Latest plan; null if there is none, and for a veiled viewer: the plan's author may have known what is
+  /// hidden.
   std::shared_ptr<const std::string> told_plan(const Viewer& viewer) const;
-  /// Tells viewers how far a run of a task is, where they do not know.
+  /// Publishes the progress of a run if it has changed.
   void look_at_training(Clock::time_point now);
-  /// What a viewer was told of it last; empty: the session has no tasks.
+  /// Progress message published last; empty: the session has no tasks.
   const std::string& told_training(const Viewer& viewer) const;
-  /// How wrong a tracked tip's place may be, as it was looked at last; null: the session has none.
+  /// Latest error estimate of a tracked tip; null: none.
   const std::shared_ptr<const std::string>& told_navigation() const { return told_navigation_; }
-  /// Of the last run, null while there is none, and to a learner where it was another's.
+  /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
   std::shared_ptr<const std::string> told_debriefing(const Viewer& viewer) const;
 
  private:
@@ -148,21 +149,21 @@ class Hub {
   std::set<std::shared_ptr<Connection>> connections_;
   std::set<std::shared_ptr<Viewer>> viewers_;
   int welcomed_ = 0;
-  std::uint32_t greeted_ = 0;  ///< viewers that have said hello so far
+  std::uint32_t greeted_ = 0;  ///< Number of viewers that have said hello so far
   bool posing_ = false, ended_ = false;
-  /// The number of the viewer that moves the tip, 0 where none does.
+  /// Number of the viewer that moves the tip; 0: none.
   std::uint32_t holder() const;
 
-  const Viewer* pointer_ = nullptr;  ///< who moves the tip
+  const Viewer* pointer_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
-  std::string last_state_, last_veiled_state_;  ///< as who leads the lesson is told, and through the veil
+  std::string last_state_, last_veiled_state_;  ///< Last messages: as a teacher receives them, and veiled
   std::optional<VeiledSteps> veiled_steps_;
-  TickRecord veiled_tick_;  ///< the last one that was shown through the veil
-  bool names_ = false;      ///< learners are shown what a quiz hides
+  TickRecord veiled_tick_;  ///< Last veiled tick
+  bool names_ = false;      ///< Whether learners are shown what a quiz hides
   ViewedHealth health_;
   struct LookedAt {
     std::shared_ptr<const ViewedYield> yield;
-    std::optional<YieldMessage> message;  ///< as it was told last
+    std::optional<YieldMessage> message;  ///< Message published last
     ToldYield told;
   };
   std::array<LookedAt, kMaxDevices> yields_;

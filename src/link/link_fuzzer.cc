@@ -7,8 +7,8 @@
 #include "link/site.h"
 #include "link/test_host.h"
 
-// The first byte says what the others are: a viewer's message, a token file, or the parts of a request, one
-// on each line. Any of them gives an answer or a refusal.
+// The first byte selects the kind of input: a viewer's message, a token file, or the fields of a request, one
+// per line. Every input has to yield an answer or a refusal.
 namespace palpate::link {
 namespace {
 
@@ -58,7 +58,7 @@ void http(std::string_view text) {
   const auto answer = site.answer(request);
   const auto* ready = std::get_if<HttpAnswer>(&answer);
   if (!ready) return;
-  // a line end that came in never goes out
+  // no line end of the input may appear in the head
   const std::string head = site.head_of(*ready, request, true);
   PALPATE_CHECK(head.find("\r\n\r\n") == head.size() - 4);
 }

@@ -8,7 +8,7 @@
 
 namespace palpate::link {
 
-/// What is near the tools of one tick and what keeps them away as viewers get it, in the layout of
+/// Binary message with the structures near the tools and the no-go regions of one tick, in the layout of
 /// docs/reference/viewer-messages.md.
 class NearMessage {
  public:
@@ -17,7 +17,7 @@ class NearMessage {
   NearMessage() = default;
   explicit NearMessage(const TickRecord& tick);
 
-  /// All but the tick is the same.
+  /// Equal apart from the tick number.
   bool says_the_same(const NearMessage& other) const;
   std::string_view bytes() const { return {bytes_.data(), size_}; }
 

@@ -32,7 +32,7 @@ TickRecord tick_near(int devices) {
   return tick;
 }
 
-// the document's own offsets
+// offsets as in the document
 TEST(NearMessage, StandsWhereTheDocumentSays) {
   for (int devices = 1; devices <= kMaxDevices; ++devices) {
     const NearMessage near(tick_near(devices));
@@ -66,7 +66,7 @@ TEST(NearMessage, AnotherTickAloneSaysTheSame) {
   EXPECT_FALSE(NearMessage(tick_near(1)).says_the_same(before));
 }
 
-// The next of what is near, other messages before it skipped; empty: none within so many poses.
+// Next message of distances, skipping others; empty if there is none within `poses` poses.
 std::string near_message(TestViewer& viewer, int poses = 1000) {
   for (TestFrame next = viewer.frame(); next.opcode >= 0 && poses > 0; next = viewer.frame()) {
     if (next.is_binary() && next.payload.starts_with("PLPN")) return next.payload;
@@ -97,7 +97,7 @@ TEST(Viewer, WhatIsNearComesToWhoAsksWhereTheSceneTellsItAndWhenItIsAnother) {
   const std::string told = near_message(viewer);
   EXPECT_EQ(number_at<std::uint16_t>(told, 24), 1);
   EXPECT_EQ(number_at<float>(told, 28), 0.75f);
-  // the pose that it came with, or a later one, is behind it
+  // the pose of the same tick, or a later one, follows it
   EXPECT_GE(number_at<std::uint64_t>(viewer.pose(), 16), number_at<std::uint64_t>(told, 8));
   TestViewer late(telling.port());
   late.greet({{"poses_hz", 120}, {"near", true}});

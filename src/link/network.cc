@@ -48,13 +48,13 @@ using net::ip::tcp;
 using ErrorCode = beast::error_code;
 
 constexpr auto kAcceptAgain = std::chrono::milliseconds(100);
-// ephemeral keys and authenticated encryption alone
+// forward secrecy and authenticated encryption only
 constexpr const char *kCiphers12 = "ECDHE+AESGCM:ECDHE+CHACHA20:!aNULL",
                      *kCiphers13 =
                          "TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256";
 
-/// A completion handler that owns one of any type. Each composed operation of Beast and of TLS is a type of
-/// handler of its own, and Asio compiles all of an operation for each: behind this, once.
+/// Type-erased completion handler. Beast's and TLS's composed operations are templates over their handler;
+/// with this single handler type each of them is compiled once.
 template <class... Args>
 class AnyHandler {
  public:
@@ -84,7 +84,7 @@ class AnyHandler {
 using TransferHandler = AnyHandler<ErrorCode, std::size_t>;
 using DoneHandler = AnyHandler<ErrorCode>;
 
-/// Up to eight buffers of any sequence of them; what does not fit is left to the next write.
+/// Up to eight buffers of any buffer sequence; the rest is left to the next write.
 class Pieces {
  public:
   using value_type = net::const_buffer;
@@ -115,8 +115,8 @@ net::mutable_buffer first_of(const Buffers& buffers) {
   return {};
 }
 
-/// The bytes of one connection, in the clear or by TLS: one type of stream, buffers and handler, so that what
-/// is built upon it (HTTP, WebSocket) and what it is built upon (TCP, TLS) are each compiled once.
+/// Byte stream of one connection, in the clear or by TLS. A single type of stream, buffers and handler, so
+/// that the layers above (HTTP, WebSocket) and below (TCP, TLS) are compiled once.
 class Stream {
  public:
   using Socket = net::basic_stream_socket<tcp, net::io_context::executor_type>;
@@ -168,7 +168,7 @@ class Stream {
       websocket::async_teardown(role, socket_, std::move(handler));
   }
 
-  // by which Beast ends a connection
+  // found by Beast by argument-dependent lookup to end a connection
   template <class Handler>
   friend void async_teardown(beast::role_type role, Stream& stream, Handler&& handler) {
     stream.end_politely(role, DoneHandler(std::forward<Handler>(handler)));
@@ -196,12 +196,12 @@ std::string_view view(beast::string_view text) {
   return {text.data(), text.size()};
 }
 
-// What waits in the system for a viewer that does not read is old when it does: keep that small, and send
-// small messages at once.
+// Data queued in the kernel for a slow reader would be outdated on arrival: keep the queue short, and send
+// small messages immediately.
 void keep_fresh(Stream::Socket& socket) {
   const int handle = socket.native_handle();
   const int on = 1, buffer_bytes = 16 << 10, unsent_bytes = 2 << 10;
-  // none of these is needed for anything but speed
+  // these options affect latency only, so failures are ignored
   ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
   ::setsockopt(handle, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
   ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes, sizeof unsent_bytes);
@@ -216,7 +216,7 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
 
   void accept(std::function<void()> on_control, std::function<void(bool)> then) override {
     keep_fresh(stream_->socket());
-    // the hub's sweep watches the time
+    // time limits are enforced by the hub's periodic check
     socket_.set_option(websocket::stream_base::timeout{websocket::stream_base::none(),
                                                        websocket::stream_base::none(), false});
     socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
@@ -227,7 +227,7 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
     socket_.read_message_max(kMostMessage_bytes);
     socket_.auto_fragment(false);
     on_control_ = std::move(on_control);
-    // Beast calls this in the middle of a read, where no close can begin
+    // Beast calls this in the middle of a read, where no close may begin
     socket_.control_callback([this](websocket::frame_type, beast::string_view) {
       net::post(stream_->get_executor(), [self = shared_from_this()] { self->on_control_(); });
     });
@@ -275,8 +275,8 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
   std::function<void()> on_control_;
 };
 
-/// What a connection has sent and no head has used. Beast unfolds a header of several lines as it parses it;
-/// a proxy that does not would read another header, so the bytes are searched before they are gone.
+/// Input buffer for request heads. Beast unfolds multi-line header fields while parsing, but a proxy might
+/// not and would then see a different header, so the bytes are checked before they are consumed.
 class HeadBuffer : public beast::flat_static_buffer<2 * HttpConnection::kMostHead_bytes> {
  public:
   void consume(std::size_t bytes) {
@@ -286,7 +286,7 @@ class HeadBuffer : public beast::flat_static_buffer<2 * HttpConnection::kMostHea
           is_folded_ || used.substr(end + 1).starts_with(' ') || used.substr(end + 1).starts_with('\t');
     flat_static_buffer::consume(bytes);
   }
-  /// Whether a line that was consumed since then began with white space.
+  /// Whether a line consumed since begin_head() began with white space.
   bool is_folded() const { return is_folded_; }
   void begin_head() { is_folded_ = false; }
 
@@ -321,12 +321,12 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
     parser_.emplace();
     input_.begin_head();
     parser_->header_limit(kMostHead_bytes);
-    // a body is refused when it is known who asks, and never read
+    // bodies are refused once the sender is authenticated, and never read
     parser_->body_limit(std::numeric_limits<std::uint64_t>::max());
     http::async_read_header(
         *stream_, input_, *parser_,
         [self = shared_from_this(), then = std::move(then)](ErrorCode failed, std::size_t head_bytes) {
-          // the parser's own limit leaves some of the ends of lines out
+          // the parser's own limit does not count all line ends
           if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
           if (!failed && self->input_.is_folded()) failed = http::error::bad_value;
           then(outcome(failed));
@@ -347,7 +347,8 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
     for (const auto once :
          {http::field::host, http::field::origin, http::field::authorization, http::field::content_length})
       request.ambiguous = request.ambiguous || head.count(once) > 1;
-    // where two programs on the way differ about the length of a body, its end is somebody's next request
+    // request smuggling: if a proxy and this server disagreed about the length of a body, its rest would be
+    // taken for the next request
     request.ambiguous = request.ambiguous || head.count(http::field::transfer_encoding) > 0 ||
                         head[http::field::content_length].find(',') != beast::string_view::npos;
     request.has_body = parser_->content_length().value_or(0) > 0;
@@ -383,7 +384,7 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
 
  private:
   struct Write {
-    std::string_view head, body;  // what is left
+    std::string_view head, body;  // remaining bytes
     std::function<void(std::size_t)> progress;
     std::function<void(bool, std::size_t)> then;
     std::size_t taken = 0;
@@ -441,17 +442,18 @@ class AsioTimer : public Timer {
 class SslIdentity : public TlsIdentity {
  public:
   SslIdentity() : context_(net::ssl::context::tls_server) {
-    // keys are gone when the connection is: whoever learns the certificate's key later reads nothing of it
+    // forward secrecy without resumption: whoever obtains the certificate's key later cannot decrypt recorded
+    // traffic
     SSL_CTX* const context = context_.native_handle();
     PALPATE_CHECK(SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION) == 1 &&
                   SSL_CTX_set_cipher_list(context, kCiphers12) == 1 &&
                   SSL_CTX_set_ciphersuites(context, kCiphers13) == 1 &&
-                  // those of TLS 1.3, which the option below leaves
+                  // tickets of TLS 1.3, to which the option below does not apply
                   SSL_CTX_set_num_tickets(context, 0) == 1);
     SSL_CTX_set_options(context, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET);
     SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
     ErrorCode ignored;
-    // a key with a passphrase must not ask for it at the terminal
+    // a key with a passphrase must not prompt at the terminal
     context_.set_password_callback(
         [](std::size_t, net::ssl::context::password_purpose) { return std::string(); }, ignored);
   }
@@ -475,7 +477,7 @@ class TcpListener : public Listener {
 
   void open(const tcp::endpoint& endpoint, ErrorCode& failed) {
     acceptor_.open(endpoint.protocol(), failed);
-    // a server that has just ended may be followed by another
+    // allows a restart while old connections are in TIME_WAIT
     if (!failed) acceptor_.set_option(net::socket_base::reuse_address(true), failed);
     if (!failed) acceptor_.bind(endpoint, failed);
     if (!failed) acceptor_.listen(net::socket_base::max_listen_connections, failed);
@@ -502,13 +504,13 @@ class TcpListener : public Listener {
     acceptor_.async_accept([this](ErrorCode failed, Stream::Socket socket) {
       if (!acceptor_.is_open()) return;
       if (failed) {
-        // out of file descriptors, most likely: trying at once would spin
+        // most likely out of file descriptors: retrying at once would spin
         accept_again_.wait_until(Timer::Clock::now() + kAcceptAgain, [this] {
           if (acceptor_.is_open()) accept_next();
         });
         return;
       }
-      // whatever becomes of this one, others may come
+      // accept the next one first, whatever happens to this connection
       accept_next();
       take_(std::make_shared<BeastHttp>(
           std::make_unique<Stream>(std::move(socket), tls_ ? &tls_->context() : nullptr)));

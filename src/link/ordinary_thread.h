@@ -5,8 +5,8 @@
 
 namespace palpate::link {
 
-/// Gives the calling thread its name and ordinary priority, whatever the thread that started it has: viewers
-/// never compete with the servo.
+/// Names the calling thread and gives it ordinary priority, whatever it inherited: viewers never compete with
+/// the servo.
 inline void be_ordinary_thread(const char* name) {
   ::pthread_setname_np(::pthread_self(), name);
   const sched_param none{};

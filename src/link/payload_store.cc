@@ -48,7 +48,7 @@ void PayloadStore::work() {
     jobs_.pop_front();
     lock.unlock();
 
-    // whoever cannot be told ends by his own deadline
+    // an exception from the callback is dropped; the connection that waits runs into its time limit
     try {
       job();
     } catch (const std::exception&) {
@@ -56,7 +56,7 @@ void PayloadStore::work() {
   }
 }
 
-// what cannot be made is this wish's trouble alone
+// a failure affects this request only
 PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
   Payload& payload = made_[key];
   if (!payload) payload = make_(key, stop_);

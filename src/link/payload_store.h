@@ -18,30 +18,30 @@ namespace palpate::link {
 struct PayloadKey {
   bool labels = false;
   int shrink = 1;
-  bool gzip = false;    ///< of labels alone
-  bool veiled = false;  ///< likewise: as learners see them while a quiz is at hand
+  bool gzip = false;    ///< Labels only
+  bool veiled = false;  ///< Labels only: veiled, as learners see them during a quiz
 
   auto operator<=>(const PayloadKey&) const = default;
 };
 
-/// The volumes of a session as bytes, each made once, when somebody first asks for it, by a thread that does
-/// nothing else: a large one takes longer than viewers may wait for their next pose.
+/// Volumes of a session in wire format. Each is generated once, on first request, on a dedicated thread,
+/// because a large one takes longer than the period of poses.
 class PayloadStore {
  public:
   using Payload = std::shared_ptr<const std::string>;
-  /// Makes what a key names; nothing where `stop` became true in the meantime. May throw.
+  /// Generates the payload for a key; null if `stop` became true in the meantime. May throw.
   using Maker = std::function<Payload(const PayloadKey& key, const std::atomic<bool>& stop)>;
 
   explicit PayloadStore(Maker make);
-  /// Ends at once; what is being made is thrown away, and nobody is told.
+  /// Ends at once; unfinished work is discarded and callbacks are not called.
   ~PayloadStore();
   PayloadStore(const PayloadStore&) = delete;
   PayloadStore& operator=(const PayloadStore&) = delete;
 
-  /// Hands over the bytes on the store's own thread, or nothing where they could not be made (no memory): who
-  /// asks again has them made again. `then` may throw, and is not called again.
+  /// Passes the payload to `then` on the store's thread, or null if it could not be generated (out of
+  /// memory), in which case the next request retries. `then` may throw; it is not called again.
   void want(const PayloadKey& key, std::function<void(Payload)> then);
-  /// Has something else done on the store's thread that takes long. `job` may throw, as above.
+  /// Runs another long job on the store's thread. `job` may throw, as above.
   void run(std::function<void()> job);
 
  private:
@@ -49,7 +49,7 @@ class PayloadStore {
   Payload made(const PayloadKey& key);
 
   const Maker make_;
-  // of the store's thread alone
+  // used by the store's thread only
   std::map<PayloadKey, Payload> made_;
 
   std::mutex mutex_;
@@ -59,9 +59,9 @@ class PayloadStore {
   std::thread thread_;
 };
 
-/// Makes the volumes of a scene.
-/// @param scan    may be null, and is then never wanted
-/// @param veiled  labels as learners see them; null: they are never wanted
+/// Returns the generator for the volumes of a scene.
+/// @param scan    may be null if it is never requested
+/// @param veiled  labels as learners see them; null if never requested
 /// @param wide_labels, wide_veiled  needs_wide_labels() of each
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
                                  std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,

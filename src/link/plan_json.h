@@ -4,7 +4,7 @@
 
 #include "palpate/link/viewed_plan.h"
 
-/// What the server sends of a plan (docs/reference/viewer-messages.md).
+/// Plan message of the server (docs/reference/viewer-messages.md).
 namespace palpate::link {
 
 std::string plan_json(const ViewedPlan& plan);

@@ -49,7 +49,7 @@ TEST(Viewer, APlanComesToWhoAsksAndAnewWhenItIsChanged) {
   TestViewer late(test.port());
   late.greet({{"plan", true}});
   EXPECT_EQ(late.text("plan")["version"], 6);
-  // one that did not ask gets what it always got
+  // a viewer without a subscription gets no plan
   other.send({{"type", "stop"}, {"id", 1}});
   for (Json next = other.text(); next["type"] != "done"; next = other.text())
     EXPECT_EQ(next["type"], "state");

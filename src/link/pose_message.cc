@@ -62,7 +62,7 @@ PoseMessage::PoseMessage(const TickRecord& tick, const std::array<double, kMaxDe
   for (const char c : std::string_view("PLPT")) out.whole(static_cast<std::uint8_t>(c));
   out.whole(static_cast<std::uint16_t>(kProtocol));
   out.whole(static_cast<std::uint16_t>(size_));
-  // the sequence, set later
+  // sequence number, set by set_sequence()
   out.whole(std::uint64_t{0});
   out.whole(tick.tick);
   out.real64(tick.time_s);

@@ -11,18 +11,19 @@ namespace palpate::link {
 
 inline constexpr int kProtocol = 3;
 
-/// One pose as viewers get it, in the layout of docs/reference/viewer-messages.md.
+/// Binary message with the pose and the forces of one tick, in the layout of
+/// docs/reference/viewer-messages.md.
 class PoseMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96, kDevice_bytes = 296;
 
   PoseMessage() = default;
-  /// @param stiffness_N_per_mm  of the touched tissue of each device
-  /// @param clock_ns            when the snapshot was taken, CLOCK_MONOTONIC
+  /// @param stiffness_N_per_mm  rendered stiffness of the tissue in contact, per device
+  /// @param clock_ns            time of the snapshot, CLOCK_MONOTONIC
   PoseMessage(const TickRecord& tick, const std::array<double, kMaxDevices>& stiffness_N_per_mm,
               const ViewedHealth& health, std::int64_t clock_ns);
 
-  /// The number that tells a viewer what it missed.
+  /// Sets the sequence number, from which a viewer counts missed messages.
   void set_sequence(std::uint64_t sequence);
   std::string_view bytes() const { return {bytes_.data(), size_}; }
 

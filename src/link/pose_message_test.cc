@@ -34,7 +34,7 @@ TickRecord full_tick(int devices) {
     device.limit_N = base + 18;
     device.heat = base + 19;
     device.depth_mm = base + 20;
-    // a speed of 5
+    // speed 5 mm/s
     device.velocity_patient_mm_s = {3, 0, -4};
     device.flags = 0x80000001u + static_cast<std::uint32_t>(d);
     device.buttons = 0x11223344;
@@ -57,7 +57,7 @@ TickRecord full_tick(int devices) {
 
 const ViewedHealth kHealth{999.5, 1, 2, 3, 4, 5, 6, std::uint64_t{1} << 40};
 
-// the document's own offsets, one by one
+// every offset as in the document
 TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
   PoseMessage pose(full_tick(1), {0.5, 0, 0, 0}, kHealth, 0x1122334455667788);
   pose.set_sequence(0xa1a2a3a4a5a6a7a8);
@@ -83,7 +83,7 @@ TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
   for (int i = 0; i < 4; ++i) EXPECT_EQ(number_at<float>(bytes, 68 + 4 * i), static_cast<float>(1 + i));
   EXPECT_EQ(number_at<std::uint32_t>(bytes, 84), 5u);
   EXPECT_EQ(number_at<std::uint32_t>(bytes, 88), 6u);
-  // more than the field holds
+  // saturates: exceeds the field's range
   EXPECT_EQ(number_at<std::uint32_t>(bytes, 92), 0xffffffffu);
 }
 
@@ -104,7 +104,7 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
     for (int d = 0; d < devices; ++d) {
       const std::size_t at = 96 + 296 * static_cast<std::size_t>(d);
       const float base = 1000.0f * static_cast<float>(d + 1);
-      // tip, proxy, normal, orientation, force, force before, limit, heat, depth: floats without a gap
+      // tip, proxy, normal, orientation, force, unclamped force, limit, heat, depth: contiguous floats
       for (int i = 0; i < 20; ++i)
         EXPECT_EQ(number_at<float>(bytes, at + 4 * i), base + static_cast<float>(i + 1)) << d << " " << i;
       EXPECT_EQ(number_at<float>(bytes, at + 80), 5);
@@ -125,7 +125,7 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
         const std::size_t there = at + 176 + 20 * n;
         EXPECT_EQ(number_at<std::uint16_t>(bytes, there), 200 * (d + 1) + static_cast<int>(n));
         EXPECT_EQ(number_at<std::uint16_t>(bytes, there + 2), n);
-        // place and force, without a gap
+        // contiguous position and force
         for (std::size_t i = 0; i < 4; ++i)
           EXPECT_EQ(number_at<float>(bytes, there + 4 + 4 * i), base + 50 + static_cast<float>(10 * n + i));
       }

@@ -11,7 +11,7 @@
 namespace palpate::link {
 namespace {
 
-// what only this machine or this cable knows
+// addresses valid on this machine or link only
 bool is_local(const IpAddress& address) {
   return address.is_loopback() || address.is_link_local();
 }
@@ -45,7 +45,7 @@ std::vector<IpAddress> own_addresses() {
 IpAddress reachable_address(const IpAddress& listened, const std::vector<IpAddress>& own, bool v6_only) {
   if (!listened.is_unspecified()) return listened;
   const bool takes_v4 = !listened.is_v6() || !v6_only, takes_v6 = listened.is_v6();
-  // IPv4 first: people can type it
+  // IPv4 first, since it is easier to type
   for (const bool v4 : {true, false}) {
     if (!(v4 ? takes_v4 : takes_v6)) continue;
     const auto found = std::find_if(own.begin(), own.end(), [&](const IpAddress& address) {

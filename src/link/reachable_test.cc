@@ -15,17 +15,17 @@ std::string told(const char* listened, const std::vector<const char*>& own, bool
 }
 
 TEST(Reachable, AnAddressThatCanBeOpened) {
-  // what was asked for
+  // a specific listening address
   EXPECT_EQ(told("127.0.0.1", {"127.0.0.1", "192.0.2.7"}), "127.0.0.1");
   EXPECT_EQ(told("192.0.2.9", {"192.0.2.7"}), "192.0.2.9");
-  // all of them
+  // all addresses
   const std::vector<const char*> own{"127.0.0.1", "::1",         "fe80::1",   "169.254.3.4",
                                      "192.0.2.7", "2001:db8::7", "192.0.2.8", "2001:db8::8"};
   EXPECT_EQ(told("0.0.0.0", own), "192.0.2.7");
   EXPECT_EQ(told("::", own), "192.0.2.7");
   EXPECT_EQ(told("::", own, true), "2001:db8::7");
   EXPECT_EQ(told("::", {"::1", "2001:db8::7"}), "2001:db8::7");
-  // no network
+  // no external network
   EXPECT_EQ(told("0.0.0.0", {"127.0.0.1", "::1", "2001:db8::7"}), "127.0.0.1");
   EXPECT_EQ(told("::", {}), "127.0.0.1");
   EXPECT_EQ(told("::", {"::1"}, true), "::1");

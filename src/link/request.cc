@@ -9,18 +9,18 @@
 namespace palpate::link {
 namespace {
 
-// JavaScript's numbers hold no larger whole one exactly
+// largest integer that JavaScript's numbers represent exactly
 constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
 constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024, kMostTask_bytes = 256,
                       kMostTrajectory_bytes = 200;
 constexpr int kMostTissues = 1 << 16;
-// more than a plan may have
+// larger than any valid plan
 constexpr int kMostTrajectories = 1000;
-// how far from 1 a quaternion's length may be that was computed in floats
 constexpr std::size_t kMostCode_bytes = 16;
+// maximum deviation of a quaternion's norm from 1; viewers compute in single precision
 constexpr double kUnitTolerance = 1e-3;
 
-/// Takes a text off the front of another, blanks before it left out; false where it does not stand there.
+/// Removes a prefix and the blanks before it; false if the text does not begin with it.
 bool take(std::string_view& text, std::string_view front) {
   text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
   if (!text.starts_with(front)) return false;
@@ -28,7 +28,7 @@ bool take(std::string_view& text, std::string_view front) {
   return true;
 }
 
-// of a text that is no message: `"type": "stop"` anywhere in it
+// for a text that is not a valid message: whether `"type": "stop"` occurs anywhere in it
 bool says_stop(std::string_view text) {
   constexpr std::string_view kKey = "\"type\"";
   for (std::size_t at = text.find(kKey); at != text.npos; at = text.find(kKey, at + 1)) {
@@ -38,7 +38,7 @@ bool says_stop(std::string_view text) {
   return false;
 }
 
-/// Reads the values of one message; the first that does not fit becomes its refusal.
+/// Reads the values of one message; the first invalid value becomes the refusal.
 class Fields {
  public:
   explicit Fields(const FlatObject& object) : object_(object) {}
@@ -85,11 +85,11 @@ class Fields {
   void want(std::string_view key) {
     if (!has(key)) refuse(key, "is missing");
   }
-  /// Refuses what was not read.
+  /// Refuses any key that was not read.
   void end() {
     for (const auto& [key, value] : object_.entries) {
       if (std::find(read_.begin(), read_.end(), key) != read_.end()) continue;
-      // the key is the viewer's own text, of which nothing is sent back
+      // the key is the viewer's own text, which is never sent back
       refuse("", "a key that this kind of message does not have");
     }
   }
@@ -289,7 +289,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
 }  // namespace
 
 std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
-  // whoever asks for a stop gets it, however badly it is asked for
+  // a stop is honoured however malformed the message is
   auto message = parse_message(text);
   if (!message && says_stop(text)) message = Request{0, StopRequest{}};
   return message;

@@ -25,7 +25,7 @@ std::optional<T> parsed(std::string_view text) {
   }
 }
 
-// where a request is refused; "-" where it is not
+// `where` of the refusal; "-" if the request is not refused
 std::string refused_at(std::string_view text) {
   const auto error = parsed<Error>(text);
   return error ? error->where : "-";
@@ -160,7 +160,7 @@ TEST(Request, RotationsAreUnitQuaternions) {
   EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1e200,1e200,0,0]})"), "rotation_wxyz");
   EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1,0,0]})"), "rotation_wxyz");
   EXPECT_EQ(refused_at(R"({"type":"set","id":1,"rotation_wxyz":[1,0,0,0,0]})"), "rotation_wxyz");
-  // what floats make of one is taken, and made exact
+  // a quaternion in single precision is accepted and normalised
   const auto set = parsed<SettingsRequest>(R"({"type":"set","id":1,"rotation_wxyz":[0.70711,0.70711,0,0]})");
   ASSERT_TRUE(set && set->rotation_wxyz);
   const auto& q = *set->rotation_wxyz;
@@ -203,15 +203,15 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"set","id":-1,"friction":true})",
            R"({"type":"set","id":9007199254740992,"friction":true})",
            R"({"type":"set","id":1e3,"friction":true})",
-           // a key twice
+           // duplicate key
            R"({"type":"set","id":1,"friction":true,"friction":false})",
            R"({"type":"rearm","type":"rearm"})",
-           // no number holds it, or JSON has no such thing
+           // numbers that are out of range or that JSON does not have
            R"({"type":"set","id":1,"max_force_N":1e999})",
            R"({"type":"set","id":1,"max_force_N":NaN})",
            R"({"type":"tip","patient_mm":[1,2,Infinity]})",
            R"({"type":"tip","patient_mm":[1,2,1e999]})",
-           // deeper
+           // nested values
            R"({"type":"set","id":1,"method":{"a":1}})",
            R"({"type":"set","id":1,"rotation_wxyz":[[1],0,0,0]})",
            R"({"type":"set","id":1,"rotation_wxyz":["1",0,0,0]})",
@@ -247,7 +247,7 @@ TEST(Request, DepthAndLengthCostNothing) {
   EXPECT_FALSE(parse_viewer_message(rearm + std::string(kMostMessage_bytes - rearm.size() + 1, ' ')));
 }
 
-// nothing of the viewer's text comes back
+// no text of the viewer appears in a refusal
 TEST(Request, RefusalsRepeatNothing) {
   for (const char* text : {R"({"type":"DOE^CANARY","id":1})", R"({"type":"set","id":1,"DOE^CANARY":1})",
                            R"({"type":"set","id":1,"max_force_N":"DOE^CANARY"})"}) {

@@ -7,7 +7,7 @@ namespace {
 
 constexpr May kNo = May::kNo, kYes = May::kYes, kFree = May::kWithoutTasks;
 
-// roles in their order: view, control, learner, teacher
+// columns in the order of Role: view, control, learner, teacher
 constexpr std::array kRights{
     RightInfo{Right::kLook,
               "look",

@@ -9,7 +9,7 @@
 
 #include "palpate/base/result.h"
 
-/// Who may what: one table, by which the server grants and refuses, and which
+/// Permissions: one table, by which the server grants and refuses requests, and which
 /// docs/reference/viewer-protocol.md shows.
 namespace palpate::link {
 
@@ -17,10 +17,10 @@ enum class Role : std::uint8_t { kView, kControl, kLearner, kTeacher };
 inline constexpr std::array kRoles{Role::kView, Role::kControl, Role::kLearner, Role::kTeacher};
 std::string_view name_of(Role role);
 
-/// Who has come.
+/// Authenticated viewer.
 struct Who {
   Role role = Role::kView;
-  std::string learner;  ///< of a learner: the pseudonym that the token says
+  std::string learner;  ///< Pseudonym of the token, for a learner
 };
 
 enum class Right : std::uint8_t {
@@ -35,29 +35,30 @@ enum class Right : std::uint8_t {
   kOwnRuns,
   kAllRuns,
 };
-/// What a role may of it.
+/// Permission of a role.
 enum class May : std::uint8_t {
   kNo,
   kYes,
-  kWithoutTasks,  ///< where the session has no tasks, which would lay it down
+  kWithoutTasks,  ///< Granted only in sessions without tasks
 };
 struct RightInfo {
   Right right;
-  std::string_view name;  ///< in messages
-  std::string_view deed;  ///< "take the hand", after "may"
+  std::string_view name;  ///< Name in messages
+  std::string_view deed;  ///< Verb phrase after "may": "take the hand"
   std::string_view about;
-  std::array<May, kRoles.size()> may;  ///< in the order of Role
+  std::array<May, kRoles.size()> may;  ///< In the order of Role
 };
 std::span<const RightInfo> right_infos();
 
-/// @param has_tasks  the session or recording has some
+/// @param has_tasks  whether the session or recording has tasks
 bool may(Role role, Right right, bool has_tasks);
-/// The names of what a role may, for messages. @param keeps_runs  there are records of which curves are made
+/// Names of a role's permissions, for messages.
+/// @param keeps_runs  whether records exist from which curves are computed
 std::vector<std::string_view> rights_of(Role role, bool has_tasks, bool keeps_runs);
-/// The refusal of whoever may not, with the roles that may.
+/// Refusal for a missing permission; names the roles that have it.
 Error lacks_right(Role role, Right right);
 
-/// The table as Markdown.
+/// The table in Markdown.
 std::string rights_table();
 
 }  // namespace palpate::link

@@ -31,7 +31,7 @@ const std::map<Role, std::string> kTokenOf{{Role::kView, "view-token-k7wq2mzr9xb
                                            {Role::kTeacher, "teacher-token-k7wq2mzr9xbt4"}};
 constexpr const char* kOtherLearner = "other-learner-k7wq2mzr9xbt4";
 
-/// A server that knows one of each role, and another learner.
+/// Server with tokens for one viewer of each role and for a second learner.
 struct School {
   explicit School(std::vector<ViewedTask> tasks = {test_task()}, bool keeps_runs = true)
       : test(options(), {5, 4, 3}, "pointer", std::move(tasks), {}, keeps_runs) {}
@@ -44,7 +44,7 @@ struct School {
     options.token_file = write_private(folder / "tokens", lines);
     return options;
   }
-  /// Who has said hello. @param more  of the hello
+  /// Connects and says hello. @param more  further members of the hello
   std::unique_ptr<TestViewer> comes(const std::string& token, const Json& more = Json::object()) {
     auto viewer = std::make_unique<TestViewer>(test.port());
     Json hello{{"token", token}};
@@ -64,7 +64,7 @@ struct School {
   Json welcome;
 };
 
-/// The answer to a request: "done", or what was refused.
+/// Answer to a request: "done", or the refusal.
 Json asked(TestViewer& viewer, Json message) {
   message["id"] = 5;
   viewer.send(message);
@@ -89,7 +89,7 @@ TEST(Rights, TheTableOfTheDocsIsTheServers) {
       << "PALPATE_UPDATE_DOCS=1 link_test --gtest_filter='Rights.TheTable*'";
 }
 
-// every cell of the table that a message asks for, by what the server does
+// the server enforces every cell of the table that a message can test
 TEST(Rights, EveryCellIsKeptByTheServer) {
   const std::map<Right, std::vector<Json>> kMessages{
       {Right::kStop, {{{"type", "stop"}}}},
@@ -173,7 +173,7 @@ TEST(Rights, ALearnerSeesHisOrHerOwnCurvesAlone) {
     EXPECT_THAT(refused.body, HasSubstr("teacher may see curves"));
   }
   EXPECT_EQ(school.get("no-token-k7wq2mzr9xbt4hvc", "/api/curves").status, 401);
-  // whose they are is the token's to say
+  // only the token determines the learner
   for (const char* path : {"/api/curves?learner=L007", "/api/curves/L007"})
     EXPECT_EQ(school.get(kTokenOf.at(Role::kLearner), path).status, 404) << path;
   School unkept({test_task()}, false);
@@ -186,20 +186,20 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   School school;
   const auto teacher = school.comes(Role::kTeacher), one = school.comes(Role::kLearner, {{"task", true}}),
              other = school.comes(kOtherLearner, {{"task", true}});
-  // as whose token it is
+  // the run is attributed to the token's pseudonym
   EXPECT_EQ(asked(*one, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
   EXPECT_EQ(school.test.host.training().learner, "L042");
-  // nobody ends another's run but a teacher
+  // only a teacher can end another learner's run
   EXPECT_EQ(asked(*other, {{"type", "task"}, {"end", true}})["where"], "learner");
   EXPECT_EQ(asked(*other, {{"type", "pointer"}, {"take", true}})["where"], "learner");
   EXPECT_EQ(asked(*teacher, {{"type", "task"}, {"end", true}})["type"], "done");
-  // what came of it is told to whose it was, and to the teacher
+  // the debriefing goes to that learner and to the teacher
   EXPECT_EQ(one->text("debriefing")["runs"], 4);
   other->send({{"type", "stop"}, {"id", 9}});
   for (Json told = other->text(); !told.is_null() && told["type"] != "done"; told = other->text())
     EXPECT_NE(told["type"], "debriefing");
 
-  // a teacher chooses whose the runs are, with the hand or without
+  // a teacher chooses the learner, with or without the pointer
   EXPECT_EQ(asked(*one, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(asked(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
   EXPECT_EQ(asked(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");

@@ -12,8 +12,7 @@
 namespace palpate::link {
 namespace {
 
-// keys in the order of the document
-// what is not known or not finite is null
+// keys in the order of the document; unknown and non-finite values become null
 std::string text_of(const Json& json) {
   return json.dump();
 }
@@ -52,7 +51,7 @@ Json volume_json(const ViewedScene& scene, const VolumeFacts& facts) {
   return json;
 }
 
-// as the viewer that reads it sees it
+// originator of the stop from the point of view of the viewer that receives it
 const char* who_stopped(const ViewedState& state, std::uint32_t reader) {
   switch (state.stopped_by) {
     case StoppedBy::kSession:
@@ -116,7 +115,7 @@ Json tool_json(const ViewedTool& tool) {
           {"shaver", tool.shaver}};
 }
 
-// of the three places one is not null
+// exactly one of the three shapes is not null
 Json no_go_json(const ViewedNoGo& region) {
   const auto* label = std::get_if<LabelId>(&region.place);
   const auto* plane = std::get_if<ViewedNoGo::Plane>(&region.place);
@@ -149,14 +148,14 @@ Json recording_json(const ViewedRecording& recording) {
           {"force_N", recording.force_N}};
 }
 
-// who one is, and what one may
+// role and permissions of the receiver
 void add_who(Json& json, const Who& who, bool has_tasks, bool keeps_runs) {
   json["role"] = name_of(who.role);
   json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
   json["may"] = rights_of(who.role, has_tasks, keeps_runs);
 }
 
-// whose runs they are is told to who leads the lesson, and to whose they are
+// the learner is disclosed to teachers and to that learner only
 Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
   const bool is_told = reader.who.role == Role::kTeacher ||
                        (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
@@ -200,7 +199,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["tissues"] = tissues_json(scene, state);
   json["tools"] = Json::array();
   for (const ViewedTool& tool : scene.tools) json["tools"].push_back(tool_json(tool));
-  // for viewers that know of one tool alone
+  // for older viewers, which support a single tool
   json["tool"] = json["tools"].front();
   json["methods"] = scene.methods;
   json["laws"] = scene.laws;

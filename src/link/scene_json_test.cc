@@ -135,7 +135,7 @@ TEST(SceneJson, StateAndAnswers) {
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "dynamic_friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you",
     "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "veiled": false}})"));
-  // whose the runs are is told to who leads the lesson, and to whose they are
+  // the learner is disclosed to teachers and to that learner only
   cut.lesson = {"L042", "hold"};
   for (const auto& [who, learner, of_another] : {std::tuple(Who{Role::kTeacher, {}}, Json("L042"), false),
                                                  std::tuple(Who{Role::kLearner, "L042"}, Json("L042"), false),
@@ -165,7 +165,7 @@ TEST(SceneJson, StateAndAnswers) {
   EXPECT_EQ(json["method_awaited"], "trilinear");
   EXPECT_EQ(json["method_failed"],
             Json::parse(R"({"what": "no memory", "where": "b-spline", "how": "choose another"})"));
-  // who stopped, as the one that reads it sees it; of a stop that does not hold nothing
+  // originator of the stop, from the receiver's point of view; null without a stop
   state.stopped_by = StoppedBy::kViewer;
   state.stopped_by_viewer = 3;
   EXPECT_TRUE(Json::parse(state_json(state, reader(3, 1, 2)))["stopped_by"].is_null());

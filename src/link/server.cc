@@ -40,7 +40,7 @@ Result<IpAddress> checked_address(const ViewerServerOptions& options) {
 
 class Server : public ViewerServer {
  public:
-  /// @param listener  of the loop
+  /// @param listener  belongs to `loop`
   Server(ViewerHost& host, const ViewerServerOptions& options, Tokens tokens, const IpAddress& address,
          std::unique_ptr<EventLoop> loop, std::unique_ptr<Listener> listener)
       : loop_(std::move(loop)),
@@ -60,7 +60,7 @@ class Server : public ViewerServer {
                                   veil_ && veil_->has_wide_labels()));
     pictures_.emplace(host);
     site_.emplace(host, std::move(access), facts, veil_ ? &*veil_ : nullptr);
-    // what a page loads: the scan and the labels
+    // bytes that a single page downloads: scan and labels
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
                                  DownloadPace::Clock::now());
@@ -78,7 +78,7 @@ class Server : public ViewerServer {
       hub_->end();
     });
     thread_.join();
-    // their threads may still hand something to the loop
+    // stop these threads first, since they may still post to the loop
     volumes_.reset();
     pictures_.reset();
   }
@@ -100,7 +100,7 @@ class Server : public ViewerServer {
 
   void run() {
     be_ordinary_thread("viewers");
-    // what one connection's handler throws (no memory) ends that handler and nobody else's
+    // an exception from one connection's handler (out of memory) ends that handler only
     while (!loop_->is_stopped()) try {
         loop_->run();
       } catch (const std::exception&) {
@@ -111,7 +111,7 @@ class Server : public ViewerServer {
   const std::unique_ptr<EventLoop> loop_;
   const std::unique_ptr<Listener> listener_;
   const bool is_tls_;
-  const IpAddress address_;  // in the URL that others are told
+  const IpAddress address_;  // address in the published URL
   std::atomic<int> viewers_{0};
   std::optional<Veil> veil_;
   std::optional<PayloadStore> volumes_;
@@ -121,7 +121,7 @@ class Server : public ViewerServer {
   std::thread thread_;
 };
 
-// what options name, read
+// files and addresses of the options, read and checked
 struct Admission {
   IpAddress address;
   Tokens tokens;
@@ -163,7 +163,7 @@ Result<std::unique_ptr<ViewerServer>> ViewerServer::start(ViewerHost& host,
     options.log(
         "viewers: tokens and data cross the network in the clear; --tls-cert and --tls-key encrypt them");
 
-  // the socket is bound and listens before anything is made that costs time
+  // bind the socket before any expensive work
   auto loop = link::EventLoop::make();
   auto listener = loop->listen(read->address, options.port, std::move(read->tls));
   if (!listener)

@@ -79,12 +79,12 @@ TEST(ViewerServer, ServesVolumes) {
   EXPECT_NE(packed.field("ETag"), plain.field("ETag"));
 }
 
-// nothing of HEAD is a body, so that the next answer on the same connection is read right
+// HEAD has no body, so that the next answer on the connection is parsed correctly
 TEST(ViewerServer, AnswersOneRequestAfterTheOther) {
   TestServer test;
   TestSocket socket(test.port());
   const std::string host = "Host: " + test.host_name() + "\r\n\r\n";
-  // all at once
+  // pipelined
   socket.send("HEAD / HTTP/1.1\r\n" + host + "GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\n" + host +
               "GET /api/scene HTTP/1.1\r\n" + host);
   EXPECT_EQ(read_answer(socket, true).status, 200);
@@ -95,7 +95,7 @@ TEST(ViewerServer, AnswersOneRequestAfterTheOther) {
   EXPECT_TRUE(socket.closes());
 }
 
-// a large volume is made and sent while others get their poses
+// a large volume is generated and sent while other viewers get their poses
 TEST(ViewerServer, ALargeVolumeHoldsNobodyUp) {
   TestServer test({}, {256, 256, 160});
   TestViewer viewer(test.port());
@@ -136,14 +136,14 @@ TEST(ViewerServer, OptionsThatDoNotGoTogether) {
   options = {};
   options.token_file = "/nowhere/tokens";
   EXPECT_EQ(kind_of(options), ErrorKind::kBadInput);
-  // an address that no machine of ours has
+  // documentation address that no machine has
   const TemporaryFolder folder;
   options.token_file = write_private(folder / "tokens", "view 0123456789abcdef\n");
   options.address = "192.0.2.1";
   EXPECT_EQ(kind_of(options), ErrorKind::kUnavailable);
 }
 
-// nobody can open 0.0.0.0
+// 0.0.0.0 is not an address that a browser can open
 TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
   const TemporaryFolder folder;
   ViewerServerOptions options;
@@ -153,7 +153,7 @@ TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
     FakeHost host;
     options.port = 0;
     const auto server = ViewerServer::start(host, options);
-    // a machine may have no IPv6
+    // the machine may lack IPv6
     if (!server && std::string(all) == "::") continue;
     ASSERT_TRUE(server.ok());
     const std::string url = (*server)->url();
@@ -178,7 +178,7 @@ TEST(ViewerServer, TwoOnOnePortIsAnError) {
   std::string where;
   EXPECT_EQ(kind_of(options, &where), ErrorKind::kUnavailable);
   EXPECT_EQ(where, first.host_name());
-  // and one after the other is none
+  // a server may follow another on the same port
   const int port = first.port();
   TestViewer viewer(port);
   viewer.greet();
@@ -191,7 +191,7 @@ TEST(ViewerServer, EndsWithViewersOfEveryKindConnected) {
   TestServer test({}, {256, 256, 64});
   TestViewer greeted(test.port()), silent(test.port());
   greeted.greet();
-  // these read nothing, say half a request, want a volume that is still being made
+  // these read nothing, send half a request, wait for a volume that is being generated
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});
   TestSocket half(test.port()), wants(test.port());
@@ -206,7 +206,7 @@ TEST(ViewerServer, EndsWithViewersOfEveryKindConnected) {
   EXPECT_TRUE(wants.closes());
 }
 
-// wherever a viewer is on its way in
+// in every phase of a viewer's connection
 TEST(ViewerServer, EndsWhileViewersComeIn) {
   for (int n = 0; n < 40; ++n) {
     TestServer test;
@@ -223,7 +223,7 @@ TEST(ViewerServer, EndsWhileViewersComeIn) {
   }
 }
 
-// whatever started it: here a thread that would inherit its own class
+// regardless of the starting thread: here one whose scheduling class would be inherited
 TEST(ViewerServer, ItsThreadsAreOrdinary) {
   std::atomic<int> policy{-1};
   class Host : public FakeHost {

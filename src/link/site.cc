@@ -25,7 +25,7 @@ std::string in_quotes(std::string_view text) {
   return tag + "\"";
 }
 
-/// Takes the next member off a list that is separated by commas, blanks around it left out.
+/// Removes and returns the first member of a comma-separated list, without surrounding blanks.
 std::string_view next_member(std::string_view& list) {
   std::string_view member = list.substr(0, list.find(','));
   list.remove_prefix(std::min(list.size(), member.size() + 1));
@@ -43,7 +43,7 @@ bool knows_tag(std::string_view if_none_match, std::string_view tag) {
   return false;
 }
 
-// "gzip" and "gzip;q=0.5", not "gzip;q=0"
+// accepts "gzip" and "gzip;q=0.5", but not "gzip;q=0"
 bool takes_gzip(std::string_view accept_encoding) {
   while (!accept_encoding.empty()) {
     const std::string_view member = next_member(accept_encoding);
@@ -107,7 +107,7 @@ Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil)
     : host_(host), access_(std::move(access)), facts_(std::move(facts)), veil_(veil) {}
 
 SiteAnswer Site::answer(const HttpRequest& request) {
-  // who asks, before what for
+  // authentication precedes routing
   if (request.ambiguous) return refusal(400);
   if (!access_.serves(request.host, request.local_address)) return refusal(421);
   if (!access_.is_own_origin(request.origin, request.host)) return refusal(403);
@@ -120,7 +120,7 @@ SiteAnswer Site::answer(const HttpRequest& request) {
   if (path == "/") return file("index.html", request);
   if (path.starts_with(kAssets)) return file(path.substr(kAssets.size()), request);
 
-  // a browser says whether another site's page asks, where that sends no Origin
+  // Sec-Fetch-Site identifies cross-site requests for which a browser sends no Origin
   if (!request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none")
     return refusal(403);
   if (path == kSocket) {
@@ -134,12 +134,12 @@ SiteAnswer Site::answer(const HttpRequest& request) {
   if (path == kScene) return scene(*who);
   if (path.starts_with(kVolumes)) return volume(path.substr(kVolumes.size()), query, request, *who);
   if (path.starts_with(kPictures)) return picture(path.substr(kPictures.size()), query, request, *who);
-  // nobody names whose: a learner's token says it
+  // no parameter names the learner: the token determines it
   if (path == kCurves && query.empty()) return curves(*who);
   return refusal(404);
 }
 
-// names alone are looked up, never paths: nothing leads out of the list
+// lookup by name in a fixed list, so path traversal is impossible
 HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
   const EmbeddedFile* found = find_file(viewer_page(), name);
   if (!found) return refusal(404);
@@ -225,7 +225,7 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
 }
 
 std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const {
-  // old browsers count a WebSocket among 'self' only where it is named
+  // older browsers match a WebSocket's scheme in 'self' only if it is listed explicitly
   std::string socket;
   if (answer.status == 200 || answer.status == 304) {
     socket = access_.tls() ? " wss://" : " ws://";

@@ -13,38 +13,38 @@
 #include "link/volume_pictures.h"
 #include "palpate/link/viewer_server.h"
 
-/// What is served at which address, without a word of sockets.
+/// HTTP routing and answers, independent of sockets.
 namespace palpate::link {
 
 struct HttpAnswer {
   int status = 200;
-  std::string fields;  ///< header lines of this answer alone, each with its end
-  /// Of GET; HEAD has its length alone.
+  std::string fields;  ///< Header lines specific to this answer, each with its line end
+  /// Body of a GET; HEAD sends its length only.
   std::shared_ptr<const std::string> body;
-  std::string_view fixed_body;  ///< instead of `body`, of what is compiled in
+  std::string_view fixed_body;  ///< Body that is compiled in; used if `body` is null
 
   std::string_view text() const { return body ? std::string_view(*body) : fixed_body; }
 };
 
-/// The answer is a volume that may have to be made first.
+/// Answer with a volume that may have to be generated first.
 struct VolumeWanted {
   PayloadKey key;
-  HttpAnswer head;  ///< its body is to be filled in
+  HttpAnswer head;  ///< Its body is still to be set
 };
 
-/// The answer is a picture of the volume that has to be made.
+/// Answer with a picture of the volume that has to be rendered.
 struct PictureWanted {
   PictureKey key;
-  HttpAnswer head;  ///< its body is to be filled in
+  HttpAnswer head;  ///< Its body is still to be set
 };
 
-/// The answer is a page of curves that has to be made.
+/// Answer with a page of learning curves that has to be generated.
 struct CurvesWanted {
-  std::string learner;  ///< whose; empty: everybody's
-  HttpAnswer head;      ///< its body is to be filled in
+  std::string learner;  ///< Pseudonym; empty: all learners
+  HttpAnswer head;      ///< Its body is still to be set
 };
 
-/// The answer is a WebSocket.
+/// Upgrade to a WebSocket.
 struct Upgrade {};
 
 using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, CurvesWanted, Upgrade>;
@@ -52,25 +52,26 @@ using SiteAnswer = std::variant<HttpAnswer, VolumeWanted, PictureWanted, CurvesW
 class Site {
  public:
   /// @param host  outlives the site, as does its scene
-  /// @param veil  through which learners see it while a quiz is at hand; outlives the site; null: there is
-  /// none
+  /// @param veil  applies to learners during a quiz; outlives the site; null: none
   Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil = nullptr);
 
   SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
-  /// A quiz is at hand, and nobody has shown what it hides. So it is at first.
+  /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
+  /// shown.
   void lay_veil(bool is_laid) { is_veiled_ = is_laid; }
-  /// Through which learners see the scene while it is laid; null: there is none.
+  /// Veil for learners while it is on; null: none.
   const Veil* veil() const { return veil_; }
-  /// Through which somebody sees the scene; null: as it is.
+  /// Veil that applies to a viewer; null: none.
   const Veil* veil_of(const Who& who) const {
     return is_veiled_ && !may(who.role, Right::kUnseen, true) ? veil_ : nullptr;
   }
 
-  /// The bytes before the body.
-  /// @param host  of the request; one that is not served here goes into no answer
+  /// Status line and header.
+  /// @param host  Host of the request; never echoed unless this server serves it
   std::string head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const;
-  /// A refusal, with a line of text that says why. @param why  empty: the status says it
+  /// Error answer with one line of text.
+  /// @param why  empty: the status' reason phrase
   static HttpAnswer refusal(int status, const std::string& why = "");
 
  private:
@@ -81,7 +82,7 @@ class Site {
   SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request,
                      const Who& who) const;
   SiteAnswer curves(const Who& who) const;
-  /// In the addresses of what somebody sees.
+  /// Hash in the URLs of the data that a viewer receives.
   std::string hash_for(const Who& who) const;
 
   ViewerHost& host_;

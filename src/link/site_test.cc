@@ -113,7 +113,7 @@ TEST_F(SiteTest, WhoAsksIsLookedAtFirst) {
   EXPECT_EQ(status_of(request), 413);
 }
 
-// a page of another site can make a browser ask, but gets nothing
+// another site's page can make a browser send requests, but gets no data
 TEST_F(SiteTest, OtherSitesGetNoData) {
   for (const char* from : {"cross-site", "same-site"})
     for (const char* target : {"/api/scene", "/api/volume/scan/00aa", "/ws"}) {
@@ -172,7 +172,7 @@ TEST_F(SiteTest, KnownVolumesAndFilesAreNotSentAgain) {
   EXPECT_NE(wanted.head.fields.find("immutable"), std::string::npos);
   request.if_none_match = "\"other\", \"00aa-labels-2-gzip\"";
   EXPECT_EQ(status_of(request), 304);
-  // the plain bytes are another thing
+  // the plain body has another ETag
   request.accept_encoding = "gzip;q=0, identity";
   EXPECT_EQ(status_of(request), 200);
 
@@ -201,7 +201,7 @@ TEST_F(SiteTest, EveryAnswerIsGuarded) {
     EXPECT_TRUE(head.starts_with("HTTP/1.1 " + std::to_string(answer.status) + " "));
     EXPECT_NE(head.find("\r\nContent-Security-Policy: default-src 'none'; script-src 'self'; "),
               std::string::npos);
-    // the page's worker is a file of ours, and nothing else may be one
+    // the page's worker is one of our files, and nothing else may be a worker
     EXPECT_NE(head.find("; worker-src 'self'; "), std::string::npos);
     EXPECT_NE(head.find("frame-ancestors 'none'\r\n"), std::string::npos);
     EXPECT_NE(head.find("\r\nX-Content-Type-Options: nosniff\r\n"), std::string::npos);
@@ -214,7 +214,7 @@ TEST_F(SiteTest, EveryAnswerIsGuarded) {
   }
 }
 
-// a Host that is not served here is sent back to nobody
+// an unknown Host is never echoed
 TEST_F(SiteTest, NothingOfARefusedRequestComesBack) {
   HttpRequest request = get("/DOE^CANARY");
   request.host = "canary.example";

@@ -9,7 +9,7 @@
 namespace palpate::link {
 namespace {
 
-// what is not known or not finite is null
+// unknown and non-finite values become null
 std::string line_of(const Json& json) {
   return json.dump();
 }
@@ -19,7 +19,7 @@ Json or_null(const std::optional<Value>& value) {
   return value ? Json(*value) : Json();
 }
 
-// a thousandth of a second, a millimetre or a newton is more than a picture shows
+// a thousandth of a second, millimetre or newton is below the display's resolution
 double thousandths(double value) {
   return std::round(1000 * value) / 1000;
 }

@@ -5,13 +5,13 @@
 #include "palpate/json/json.h"
 #include "palpate/link/viewed_training.h"
 
-/// What viewers are told of tasks (docs/reference/viewer-messages.md).
+/// Task messages of the server (docs/reference/viewer-messages.md).
 namespace palpate::link {
 
 palpate::Json task_json(const ViewedTask& task);
-/// How far a run is.
+/// Progress of a run.
 std::string training_json(const ViewedTraining& training);
-/// Of samples and patches thousandths, of figures every digit.
+/// Samples and patches rounded to thousandths; metrics with all digits.
 std::string debriefing_json(const ViewedDebriefing& debriefing);
 
 }  // namespace palpate::link

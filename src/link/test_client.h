@@ -20,13 +20,13 @@
 #include "base/test_wait.h"
 #include "palpate/base/check.h"
 
-/// A viewer that is written from the RFCs alone and shares no code with the server, so that it can also say
-/// what no library would.
+/// Viewer client implemented from the RFCs alone, without code of the server, so that it can also send what
+/// no library would.
 namespace palpate::testing {
 
 using Json = nlohmann::json;
 
-/// A connection whose every wait ends.
+/// Socket on which every wait has a time limit.
 class TestSocket {
  public:
   static constexpr int kPatience_ms = static_cast<int>(std::chrono::milliseconds(kTestPatience).count());
@@ -52,7 +52,7 @@ class TestSocket {
   TestSocket& operator=(const TestSocket&) = delete;
 
   bool connected() const { return connected_; }
-  /// False where the other side has closed.
+  /// False if the other side has closed.
   bool send(std::string_view bytes) {
     while (!bytes.empty()) {
       const long sent = tls_ ? SSL_write(tls_, bytes.data(), static_cast<int>(bytes.size()))
@@ -62,7 +62,7 @@ class TestSocket {
     }
     return true;
   }
-  /// More bytes behind what there is; false at the end, or after `patience_ms` without any.
+  /// Appends received bytes to the input; false at the end, or after `patience_ms` without any.
   bool receive(int patience_ms = kPatience_ms) {
     if (!tls_ || SSL_pending(tls_) == 0) {
       pollfd poll{handle_, POLLIN, 0};
@@ -77,7 +77,7 @@ class TestSocket {
     input_.append(buffer, static_cast<std::size_t>(got));
     return true;
   }
-  /// Exactly so many bytes, or fewer where the other side closed.
+  /// Exactly `bytes` bytes, or fewer if the other side closed.
   std::string take(std::size_t bytes) {
     while (input_.size() < bytes && receive()) {
     }
@@ -85,14 +85,14 @@ class TestSocket {
     input_.erase(0, taken.size());
     return taken;
   }
-  /// Up to and with a text; all there is where it does not come.
+  /// Input up to and including `end`; all of it if `end` does not arrive.
   std::string take_until(std::string_view end) {
     std::size_t at;
     while ((at = input_.find(end)) == std::string::npos && receive()) {
     }
     return take(at == std::string::npos ? input_.size() : at + end.size());
   }
-  /// Everything to the end; whether the other side closed.
+  /// Reads to the end; returns whether the other side closed.
   bool closes() {
     while (receive()) {
     }
@@ -116,7 +116,7 @@ class TestSocket {
 };
 
 struct TestAnswer {
-  int status = 0;  ///< 0: none came
+  int status = 0;  ///< 0: no answer
   std::string head, body;
 
   std::string field(std::string_view name) const {
@@ -127,7 +127,7 @@ struct TestAnswer {
   }
 };
 
-/// One answer, read as its head says.
+/// Reads one answer, framed as its head says.
 inline TestAnswer read_answer(TestSocket& socket, bool bodiless = false) {
   TestAnswer answer;
   answer.head = socket.take_until("\r\n\r\n");
@@ -137,8 +137,7 @@ inline TestAnswer read_answer(TestSocket& socket, bool bodiless = false) {
   return answer;
 }
 
-/// One request on a connection of its own. `fields` as "Name: value\r\n" each; a Host is added where none of
-/// them is.
+/// Sends one request on a new connection. `fields` are lines "Name: value\r\n"; a Host is added if missing.
 inline TestAnswer request(int port, const std::string& method, const std::string& target,
                           const std::string& fields = "", bool tls = false) {
   TestSocket socket(port, tls);
@@ -154,14 +153,14 @@ struct TestFrame {
 
   bool is_text() const { return opcode == 1; }
   bool is_binary() const { return opcode == 2; }
-  /// The close code; 0 where it is no close frame.
+  /// Close code; 0 if it is not a close frame.
   int close_code() const {
     if (opcode != 8 || payload.size() < 2) return 0;
     return static_cast<unsigned char>(payload[0]) << 8 | static_cast<unsigned char>(payload[1]);
   }
 };
 
-/// A frame as a client sends it.
+/// Frame as sent by a client.
 inline std::string masked_frame(int first_byte, std::string_view payload) {
   std::string frame(1, static_cast<char>(first_byte));
   if (payload.size() < 126) {
@@ -180,7 +179,7 @@ inline std::string masked_frame(int first_byte, std::string_view payload) {
 
 inline constexpr int kText = 0x81, kBinary = 0x82, kPing = 0x89, kClose = 0x88;
 
-/// A WebSocket at /ws.
+/// WebSocket client at /ws.
 class TestViewer {
  public:
   explicit TestViewer(int port, const std::string& fields = "", bool tls = false,
@@ -196,7 +195,7 @@ class TestViewer {
   TestSocket& socket() { return socket_; }
 
   bool send(const Json& message) { return socket_.send(masked_frame(kText, message.dump())); }
-  /// Says hello; the welcome.
+  /// Says hello; returns the welcome.
   Json greet(const Json& more = Json::object()) {
     Json hello = {{"type", "hello"}, {"protocol", 3}};
     hello.update(more);
@@ -215,29 +214,29 @@ class TestViewer {
     if (frame.payload.size() == length) frame.opcode = head[0] & 15;
     return frame;
   }
-  /// The next text, poses before it skipped; null where the connection ends first.
+  /// Next text message, skipping poses; null if the connection ends first.
   Json text() {
     TestFrame next = frame_but([](const TestFrame& frame) { return frame.is_binary(); });
     return next.is_text() ? Json::parse(next.payload) : Json();
   }
-  /// The next text of that type.
+  /// Next text message of that type.
   Json text(const std::string& type) {
     Json next = text();
     while (!next.is_null() && next["type"] != type) next = text();
     return next;
   }
-  /// The next pose, texts before it skipped; empty where the connection ends first.
+  /// Next pose, skipping texts; empty if the connection ends first.
   std::string pose() {
     const TestFrame next = frame_but([](const TestFrame& frame) { return frame.is_text(); });
     return next.is_binary() ? next.payload : "";
   }
-  /// The code with which the server ends, poses and texts before it skipped; 0 where it says none.
+  /// Close code of the server, skipping poses and texts; 0 if there is none.
   int close_code() {
     return frame_but([](const TestFrame& frame) { return frame.opcode != 8; }).close_code();
   }
 
  private:
-  // the next frame that is not to be skipped, for as long as patience lasts
+  // next frame that is not skipped, until the time limit
   template <class Skip>
   TestFrame frame_but(Skip&& skip) {
     using Clock = std::chrono::steady_clock;
@@ -251,7 +250,7 @@ class TestViewer {
   TestAnswer opening_;
 };
 
-/// A whole number at an offset of a message, little-endian.
+/// Little-endian integer at an offset of a message.
 template <class T>
 T number_at(std::string_view bytes, std::size_t offset) {
   T value{};

@@ -11,7 +11,7 @@
 
 #include "palpate/link/viewer_server.h"
 
-/// A session in memory that does what it is asked for, and remembers it.
+/// In-memory session that carries out and records every request.
 namespace palpate::testing {
 
 inline ViewedTask test_task() {
@@ -143,18 +143,18 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     navigation_ = navigation;
   }
-  /// What ticks say of what is near and what keeps away.
+  /// Sets what ticks report of distances and no-go regions.
   void bring_near(const DeviceTick& near) {
     const std::lock_guard lock(mutex_);
     near_ = near;
   }
-  /// So many fewer.
+  /// Removes the last `count` sweeps.
   void uncut(std::uint64_t count) {
     const std::lock_guard lock(mutex_);
     state_.sweeps -= count;
     ++state_.model_version;
   }
-  /// So many are undone, and so many others cut at once.
+  /// Removes the last `undone` sweeps and adds `count` others in one step.
   void cut_anew(std::uint64_t undone, std::uint64_t count) {
     const std::lock_guard lock(mutex_);
     state_.sweeps -= undone;
@@ -162,7 +162,7 @@ class FakeHost : public ViewerHost {
     state_.sweeps += count;
     ++state_.model_version;
   }
-  /// So many more, each of which begins at an x of its number.
+  /// Adds `count` sweeps, each of which begins at an x equal to its index.
   void cut(std::uint64_t count) {
     const std::lock_guard lock(mutex_);
     state_.sweeps += count;
@@ -281,13 +281,13 @@ class FakeHost : public ViewerHost {
   Result<std::string> curves(const std::string& learner) const override {
     return "<p>" + (learner.empty() ? "everybody" : learner) + "</p>";
   }
-  /// Before the server starts.
+  /// Call before the server starts.
   void keep_runs() { keeps_runs_ = true; }
   bool ended() const {
     const std::lock_guard lock(mutex_);
     return ended_;
   }
-  /// The run goes on.
+  /// Advances the run.
   void train_on(double time_s) {
     const std::lock_guard lock(mutex_);
     training_.time_s = time_s;
@@ -321,34 +321,34 @@ class FakeHost : public ViewerHost {
     const std::lock_guard lock(mutex_);
     return tip_;
   }
-  /// From now on somebody is asked before settings change.
+  /// Settings need consent from now on.
   void ask_first() {
     const std::lock_guard lock(mutex_);
     asks_ = true;
   }
-  /// What is asked and not answered.
+  /// Number of pending questions.
   std::size_t asked() const {
     const std::lock_guard lock(mutex_);
     return asked_.size();
   }
-  /// All of it, the same.
+  /// Answers all pending questions with the same outcome.
   void answer(const Result<void>& outcome) {
     const std::lock_guard lock(mutex_);
     for (const LateAnswer& asked : asked_) answers_.push_back({asked.by, asked.id, outcome});
     asked_.clear();
   }
-  /// Who asked for something last.
+  /// Originator of the last request.
   ViewerIdentity asked_by() const {
     const std::lock_guard lock(mutex_);
     return asked_by_;
   }
-  /// What somebody else does, at the terminal for example.
+  /// Changes the state as another user would, for example at the terminal.
   template <class Change>
   void change(Change&& change) {
     const std::lock_guard lock(mutex_);
     change(state_);
   }
-  /// Before the server starts.
+  /// Call before the server starts.
   ViewedScene& edit_scene() { return scene_; }
 
   mutable std::atomic<int> snapshots{0}, yields_asked{0};
@@ -372,7 +372,7 @@ class FakeHost : public ViewerHost {
   std::vector<LateAnswer> asked_, answers_;
 };
 
-/// What a server wrote to its log.
+/// Log lines of a server.
 class TestLog {
  public:
   std::function<void(const std::string&)> writer() {
@@ -391,7 +391,7 @@ class TestLog {
   std::string text_;
 };
 
-/// A server of a FakeHost on a port of its own.
+/// Server with a FakeHost on a free port.
 struct TestServer {
   /// @param input  ViewedScene::input
   explicit TestServer(ViewerServerOptions options = {}, std::array<int, 3> dims = {5, 4, 3},

@@ -42,7 +42,7 @@ std::string text_of(BIO* bio) {
   return text;
 }
 
-// a key and a certificate that it signs itself
+// key with a self-signed certificate
 Pem self_signed(bool rsa = false) {
   const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(rsa ? EVP_RSA_gen(2048) : EVP_EC_gen("P-256"),
                                                                 &EVP_PKEY_free);
@@ -100,7 +100,7 @@ TEST_F(TlsTest, EverythingGoesThroughIt) {
   }
   viewer.send({{"type", "set"}, {"id", 1}, {"paused", true}});
   EXPECT_EQ(viewer.text("done")["id"], 1);
-  // a page that came without it is not the server's own
+  // a page with an http origin is not the server's own
   EXPECT_EQ(TestViewer(test.port(), "Origin: http://" + test.host_name() + "\r\n", true).opening().status,
             403);
 }
@@ -113,7 +113,7 @@ TEST_F(TlsTest, NothingGoesPastIt) {
   EXPECT_NE(test.log.text().find("no TLS"), std::string::npos);
 }
 
-/// A client of which everything may be chosen that it offers.
+/// TLS client with selectable version and ciphers.
 struct OfferingClient {
   OfferingClient(int port, int version, const std::string& ciphers) {
     handle = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -122,7 +122,7 @@ struct OfferingClient {
     address.sin_port = htons(static_cast<std::uint16_t>(port));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     PALPATE_CHECK(::connect(handle, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0);
-    // also what today's libraries would not offer by themselves
+    // includes what current libraries no longer offer by default
     SSL_CTX_set_security_level(context, 0);
     SSL_CTX_set_min_proto_version(context, version);
     SSL_CTX_set_max_proto_version(context, version);
@@ -173,7 +173,7 @@ TEST_F(TlsTest, OnlyCiphersWhoseKeysAreForgotten) {
     for (const char* cipher :
          {"TLS_AES_128_GCM_SHA256", "TLS_AES_256_GCM_SHA384", "TLS_CHACHA20_POLY1305_SHA256"})
       EXPECT_TRUE(agrees(TLS1_3_VERSION, cipher)) << cipher;
-    // without authenticated encryption, without ephemeral keys, without a certificate, shortened, older
+    // ciphers without authenticated encryption, ephemeral keys or a certificate, truncated or obsolete
     for (const std::string& cipher :
          {own + "AES128-SHA256", own + "AES256-SHA384", own + "AES128-SHA", std::string("AES128-GCM-SHA256"),
           std::string("AES256-SHA256"), std::string("AES128-SHA"), std::string("DHE-RSA-AES128-GCM-SHA256"),
@@ -190,7 +190,7 @@ TEST_F(TlsTest, NothingOfAConnectionOutlivesIt) {
   OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
   ASSERT_TRUE(client.agreed);
   EXPECT_EQ(SSL_get_current_compression(client.tls), nullptr);
-  // with which another connection could begin
+  // no session ID that would allow a resumption
   const SSL_SESSION* const session = SSL_get0_session(client.tls);
   unsigned id_bytes = 0;
   SSL_SESSION_get_id(session, &id_bytes);
@@ -198,7 +198,7 @@ TEST_F(TlsTest, NothingOfAConnectionOutlivesIt) {
   EXPECT_FALSE(SSL_SESSION_has_ticket(session));
 }
 
-// in TLS 1.3 a session comes after the handshake, with what is read next
+// a TLS 1.3 session ticket would arrive after the handshake, with the next read
 TEST_F(TlsTest, NoSessionIsOffered) {
   TestServer test(options);
   OfferingClient client(test.port(), TLS1_3_VERSION, "TLS_AES_128_GCM_SHA256");

@@ -5,23 +5,23 @@
 
 namespace palpate::link {
 
-/// So many a second on average, and no more than a number of them at once.
+/// Token bucket: rate limit with a bounded burst.
 class TokenBucket {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Full at first.
+  /// Initially full.
   TokenBucket(double each_second, double at_once, Clock::time_point now)
       : each_second_(each_second), at_once_(at_once), left_(at_once), last_(now) {}
 
-  /// How many may be taken.
+  /// Number of tokens available.
   double left(Clock::time_point now) const {
     const double passed_s = std::max(std::chrono::duration<double>(now - last_).count(), 0.0);
     return std::min(at_once_, left_ + passed_s * each_second_);
   }
-  /// As if none had ever been taken.
+  /// Whether the bucket is in its initial state.
   bool is_full(Clock::time_point now) const { return left(now) >= at_once_; }
-  /// False, and nothing is taken, where there have been too many.
+  /// Takes a token; false if none is available.
   bool take(Clock::time_point now) {
     left_ = left(now);
     last_ = std::max(last_, now);

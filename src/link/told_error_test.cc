@@ -27,7 +27,7 @@ Error with_canary() {
           "free some space or write elsewhere"};
 }
 
-/// A host that refuses everything with an error whose place is a file.
+/// Host that refuses everything with an error whose `where` is a file.
 class Refusing : public testing::FakeHost {
  public:
   Refusing() { keep_runs(); }
@@ -65,7 +65,7 @@ TEST(ToldError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
   for (const auto& law : kTissueLaws) EXPECT_TRUE(is_word_of_protocol(law.name)) << law.name;
 }
 
-// whatever key is wrong, the answer says which
+// for any invalid key the answer names it
 TEST(ToldError, EveryKeyOfARequestIsAWordOfTheProtocol) {
   const std::map<std::string, std::vector<const char*>> kKeys{
       {"set",

@@ -13,7 +13,7 @@
 #include "link/http_request.h"
 #include "palpate/base/result.h"
 
-/// The network as the viewer server uses it. network.cc implements it with Boost.Asio, Boost.Beast and
+/// Network interface of the viewer server. network.cc implements it with Boost.Asio, Boost.Beast and
 /// OpenSSL, and is the only source of the server that includes Boost
 /// (docs/decisions/0073-one-source-for-beast.md).
 ///
@@ -22,15 +22,16 @@
 /// thereby what that refers to, until the callback has returned or the loop is destroyed.
 namespace palpate::link {
 
-/// The subprotocol that viewers ask for when they upgrade to a WebSocket.
+/// WebSocket subprotocol that viewers request.
 inline constexpr std::string_view kSubprotocol = "palpate.v1";
 
-/// A wait for a point in time. Destruction cancels it.
+/// One-shot timer. Destruction cancels it.
 class Timer {
  public:
   using Clock = std::chrono::steady_clock;
   virtual ~Timer() = default;
-  /// Calls `then` at that time. Replaces an earlier wait; a callback whose time has come may still be called.
+  /// Calls `then` at that time. Replaces an earlier wait, whose callback may still be called if it was
+  /// already due.
   virtual void wait_until(Clock::time_point at, std::function<void()> then) = 0;
   virtual void cancel() = 0;
 };
@@ -38,11 +39,11 @@ class Timer {
 /// An open WebSocket, one read and one write at a time.
 class WebSocket {
  public:
-  /// No message of a viewer's is longer: it ends the connection.
+  /// Maximum length of a viewer's message; a longer one ends the connection.
   static constexpr std::size_t kMostMessage_bytes = 4096;
 
   virtual ~WebSocket() = default;
-  /// Agrees to the upgrade.
+  /// Confirms the upgrade.
   /// @param on_control  called after each ping, pong or close frame, not within another callback
   /// @param then        false: the connection failed
   virtual void accept(std::function<void()> on_control, std::function<void(bool ok)> then) = 0;
@@ -53,37 +54,38 @@ class WebSocket {
     kClosed,     ///< by the viewer, or the connection failed
     kMalformed,  ///< a frame against the protocol, or a message that is too long
   };
-  /// The next message; where the read failed, the part of it that had come.
+  /// Reads the next message; after a failed read, `text` is the part received.
   /// @param then  `text` is valid until the next read()
   virtual void read(std::function<void(Read outcome, std::string_view text)> then) = 0;
   /// @param bytes  remain valid and unchanged until `then`
   /// @param then   false: the connection failed
   virtual void write(std::string_view bytes, bool is_binary, std::function<void(bool ok)> then) = 0;
-  /// Sends a close frame and waits for the viewer's; after accept() alone.
+  /// Sends a close frame and waits for the viewer's; only after accept().
   /// @param code  of RFC 6455, or 4000 and above
   virtual void close(std::uint16_t code, std::function<void()> then) = 0;
-  /// Closes the connection at once; operations under way fail.
+  /// Closes the connection at once; pending operations fail.
   virtual void drop() = 0;
 };
 
 /// A connection that speaks HTTP/1.1, one operation at a time.
 class HttpConnection {
  public:
-  /// No request's head is longer.
+  /// Maximum size of a request's head.
   static constexpr std::size_t kMostHead_bytes = 8192;
   /// Progress of a write is reported at least this often.
   static constexpr std::size_t kPart_bytes = 64 << 10;
 
   virtual ~HttpConnection() = default;
-  /// The other side, numeric, for the log; "gone" if it had closed before it was accepted.
+  /// Numeric address of the peer, for the log; "gone" if the peer closed before the connection was accepted.
   virtual const std::string& peer() const = 0;
-  /// The block of that address; all 0 if it had closed.
+  /// Address block of the peer; all 0 if it had closed.
   virtual const AddressBlock& from() const = 0;
-  /// Numeric address at which the connection arrived, as a viewer writes it: without scope, IPv4 as such.
+  /// Numeric local address of the connection, as a viewer writes it: without scope, IPv4-mapped as IPv4.
   virtual const std::string& local_address() const = 0;
 
   virtual bool is_tls() const = 0;
-  /// TLS alone. @param then  false: it failed
+  /// TLS only.
+  /// @param then  false: the handshake failed
   virtual void handshake(std::function<void(bool ok)> then) = 0;
 
   enum class Head : std::uint8_t {
@@ -92,31 +94,31 @@ class HttpConnection {
     kMalformed,
     kClosed,  ///< by the viewer, or the connection failed
   };
-  /// The head of the next request. Its body is never read.
+  /// Reads the head of the next request. Its body is never read.
   virtual void read_head(std::function<void(Head outcome)> then) = 0;
-  /// The parts that a request's head itself determines; valid until the next read_head() or upgrade().
+  /// Request fields that the head determines; valid until the next read_head() or upgrade().
   virtual HttpRequest request() const = 0;
-  /// A part of a head has come since read_head().
+  /// Whether part of a head has been received since read_head().
   virtual bool has_begun() const = 0;
-  /// Bytes have come behind the head.
+  /// Whether bytes have been received after the head.
   virtual bool has_more() const = 0;
 
   /// Writes two pieces, of which either may be empty but not both.
   /// @param head, body  remain valid and unchanged until `then`
-  /// @param progress    called with the bytes that the system has taken in this write so far
+  /// @param progress    called with the number of bytes that the system has taken so far in this write
   /// @param then        false: the connection failed
   virtual void write(std::string_view head, std::string_view body,
                      std::function<void(std::size_t taken)> progress,
                      std::function<void(bool ok, std::size_t taken)> then) = 0;
-  /// Ends sending, and reads and drops what still comes until the viewer closes.
+  /// Shuts down sending, and reads and discards input until the viewer closes.
   virtual void linger(std::function<void()> then) = 0;
-  /// Closes the connection at once; operations under way fail.
+  /// Closes the connection at once; pending operations fail.
   virtual void close() = 0;
-  /// The WebSocket that the request asked for. This object is empty afterwards.
+  /// Turns the connection into the requested WebSocket. This object is empty afterwards.
   virtual std::shared_ptr<WebSocket> upgrade() = 0;
 };
 
-/// A certificate and its key, as a server shows them.
+/// Certificate and private key of a server.
 class TlsIdentity {
  public:
   virtual ~TlsIdentity() = default;
@@ -131,28 +133,28 @@ class Listener {
   virtual ~Listener() = default;
   virtual IpAddress address() const = 0;
   virtual int port() const = 0;
-  /// Bound to IPv6, and takes no IPv4.
+  /// Bound to IPv6 without accepting IPv4.
   virtual bool is_v6_only() const = 0;
-  /// Hands over every connection that comes until close().
+  /// Passes each new connection to `take` until close().
   virtual void accept(std::function<void(std::shared_ptr<HttpConnection>)> take) = 0;
   virtual void close() = 0;
 };
 
-/// Runs the callbacks of timers, connections and jobs, one after another.
+/// Event loop: runs the callbacks of timers, connections and jobs sequentially.
 class EventLoop {
  public:
   static std::unique_ptr<EventLoop> make();
   virtual ~EventLoop() = default;
 
-  /// @param port  0: any that is free
+  /// @param port  0: any free port
   /// @param tls   null: in the clear
-  /// Error kUnavailable: `what` is the system's reason.
+  /// Error kUnavailable with the system's reason in `what`.
   virtual Result<std::unique_ptr<Listener>> listen(const IpAddress& address, int port,
                                                    std::shared_ptr<TlsIdentity> tls) = 0;
   virtual std::unique_ptr<Timer> timer() = 0;
-  /// Calls `job` soon. From any thread.
+  /// Schedules `job`. Callable from any thread.
   virtual void post(std::function<void()> job) = 0;
-  /// Until stop(). Throws what a callback throws, and may then be called again.
+  /// Runs until stop(). Rethrows exceptions of callbacks, and may then be called again.
   virtual void run() = 0;
   virtual void stop() = 0;
   virtual bool is_stopped() const = 0;

@@ -22,14 +22,14 @@ constexpr std::size_t kLabels = std::size_t{std::numeric_limits<LabelId>::max()}
 constexpr std::uint32_t kVisibleFlags = kFlagNotFinite | kFlagOutside | kFlagPaused | kFlagRotationIgnored |
                                         kFlagThermal | kFlagRamp | kFlagStale | kFlagJump | kFlagDeviceFault |
                                         kFlagHalted | kFlagEmergencyStop | kFlagClutched | kFlagBlend;
-/// A force within this share of its limit counts as clamped.
+/// Relative tolerance within which a force counts as being at its limit.
 constexpr double kAtLimit = 1 - 1e-6;
 
 double norm(const std::array<double, 3>& v) {
   return std::hypot(v[0], v[1], v[2]);
 }
 
-/// What failed, without a word of why: the reason may name structures.
+/// Drops the reason of a failure, because it may name structures.
 std::optional<Error> without_reason(const std::optional<Error>& failure) {
   if (!failure) return std::nullopt;
   return Error{failure->kind, "could not be made ready", failure->where, ""};
@@ -44,7 +44,7 @@ bool has_quiz(const ViewedScene& scene) {
 Veil::Veil(const ViewedScene& scene) : hidden_(kLabels), scene_(scene) {
   for (const ViewedTask& task : scene.tasks)
     for (const LabelId label : task.quiz ? task.to_find : std::vector<LabelId>()) hidden_[label] = label != 0;
-  // they may describe hidden tissues
+  // caveats may describe hidden tissues
   scene_.caveats.clear();
   scene_.labels = veiled_labels(scene.labels, hidden_);
   has_wide_labels_ = needs_wide_labels(*scene_.labels);
@@ -54,13 +54,13 @@ Veil::Veil(const ViewedScene& scene) : hidden_(kLabels), scene_(scene) {
   hide_recording();
   hide_in_tasks();
   scene_.content_hash = content_hash();
-  // distances to structures are measured on the surfaces of all of them
+  // distances are measured to the surfaces of all structures, hidden ones included
   scene_.told_reach_mm.reset();
   is_cut_ = std::ranges::any_of(scene_.tools, &ViewedTool::cuts);
   contact_ = std::make_unique<const VeiledContact>(scene_);
 }
 
-// other names than those that somebody else may have cached under the hash of the same voxels
+// differs from the hash under which a client may have cached the original voxels
 std::uint64_t Veil::content_hash() const {
   constexpr std::uint64_t kVeiled = 0x7665696c;
   std::uint64_t hash = kHashSeed;
@@ -74,7 +74,7 @@ std::uint64_t Veil::content_hash() const {
   return hash_finish(hash);
 }
 
-// tissues that only hidden structures are of
+// drops tissues that only hidden structures belong to
 void Veil::hide_tissues(const ViewedScene& whole) {
   std::vector<bool> is_hidden(whole.tissues.size()), is_visible(whole.tissues.size());
   for (const ViewedStructure& structure : whole.structures)
@@ -123,7 +123,7 @@ void Veil::hide_no_go() {
     scene_.no_go[n].name = "region " + std::to_string(n + 1);
 }
 
-// which structure was touched from when to when shows where one ends
+// the contact intervals of structures would reveal hidden boundaries
 void Veil::hide_recording() {
   if (!scene_.recording) return;
   ViewedRecording& recording = *scene_.recording;
@@ -145,7 +145,7 @@ void Veil::hide_in_tasks() {
     for (ViewedTask::Region& region : task.regions) {
       if (region.extent && !region.extent->labels.empty()) {
         leave_out(region.extent->labels);
-        // a region of hidden structures alone has no place
+        // a region of hidden structures only has no place
         if (region.extent->labels.empty()) region.extent.reset();
       }
       region = region_in(scene_, region);
@@ -240,7 +240,8 @@ const ViewedTask* Veil::task_of(const std::string& name) const {
   return found == scene_.tasks.end() ? nullptr : &*found;
 }
 
-// which step is done, and how much of it, says which structure is touched: it is followed in what is shown
+// which step is done, and to what degree, reveals the structure in contact: progress is recomputed from the
+// veiled data
 ViewedTraining Veil::of(const ViewedTraining& training, const VeiledSteps& steps,
                         const TickRecord& tick) const {
   ViewedTraining veiled;
@@ -272,7 +273,7 @@ ViewedTraining Veil::of(const ViewedTraining& training, const VeiledSteps& steps
   return veiled;
 }
 
-// how long a tick computes depends on what the tool meets, and so does how late the next one may be
+// compute time depends on the contacts of the tool, and the lateness of the next tick depends on it
 ViewedHealth Veil::of(const ViewedHealth& health) const {
   ViewedHealth veiled;
   veiled.rate_hz = health.rate_hz;

@@ -11,27 +11,27 @@
 
 namespace palpate::link {
 
-/// The scene that learners are served while a quiz is at hand. It is made once, before anything is sent: the
-/// voxels of what is to be found have become what surrounds them (veiled_labels), nothing has a name, and the
-/// hidden structures are not in it. Everything that is sent to a learner is computed from this scene, from
-/// poses and from the total force on each device. A record of a tick, a state and a run are built from a list
-/// of what may pass: a new field of theirs is veiled until it is put on that list here.
+/// Redacted scene that learners receive during a quiz. It is computed once, before anything is sent: the
+/// voxels of the structures to be found are replaced by their surroundings (veiled_labels), names are
+/// removed, and the hidden structures are dropped. Everything sent to a learner is computed from this scene,
+/// from poses and from the total force on each device. Ticks, states and runs are built from an allow-list: a
+/// new member stays hidden until it is added here.
 class Veil {
  public:
-  /// @param scene  what its quizzes have to find is hidden, of all of them together
+  /// @param scene  the structures to be found in any of its quizzes are hidden
   explicit Veil(const ViewedScene& scene);
   Veil(const Veil&) = delete;
   Veil& operator=(const Veil&) = delete;
 
-  /// As learners see it. Its hash depends on nothing hidden.
+  /// Scene as learners receive it. Its hash does not depend on anything hidden.
   const ViewedScene& scene() const { return scene_; }
   bool is_hidden(LabelId label) const { return hidden_[label]; }
-  bool has_wide_labels() const { return has_wide_labels_; }  ///< needs_wide_labels() of the scene's
+  bool has_wide_labels() const { return has_wide_labels_; }  ///< needs_wide_labels() of scene()
 
   TickRecord of(const TickRecord& tick) const;
   ViewedState of(const ViewedState& state) const;
-  /// @param steps  of the veiled scene
-  /// @param tick   a veiled one: forces on structures are the total force on what it says is touched
+  /// @param steps  progress in the veiled scene
+  /// @param tick   a veiled tick: the total force is attributed to the structure in contact in it
   ViewedTraining of(const ViewedTraining& training, const VeiledSteps& steps, const TickRecord& tick) const;
   ViewedHealth of(const ViewedHealth& health) const;
 
@@ -44,30 +44,31 @@ class Veil {
   std::uint64_t content_hash() const;
   const ViewedTask* task_of(const std::string& name) const;
 
-  std::vector<bool> hidden_;       ///< by label
-  std::vector<int> tissue_place_;  ///< by tissue of the whole scene: its place here, -1: left out
+  std::vector<bool> hidden_;       ///< Indexed by label
+  std::vector<int> tissue_place_;  ///< Index here of each tissue of the whole scene; -1: dropped
   ViewedScene scene_;
   bool has_wide_labels_ = false;
-  bool reports_no_go_ = false;  ///< no-go regions are planes and balls alone, independent of voxels
-  bool is_cut_ = false;         ///< a tool takes voxels away
+  /// Whether all no-go regions are planes and balls, which do not depend on voxels
+  bool reports_no_go_ = false;
+  bool is_cut_ = false;  ///< Whether a tool removes voxels
   std::unique_ptr<const VeiledContact> contact_;
 };
 
-/// The veiled labels of a session from which burrs take voxels. For one thread.
+/// Veiled labels of a session in which burrs remove voxels. Not thread-safe.
 class VeiledCuts {
  public:
-  /// @param whole, veiled  the scene's labels, as they are and veiled
+  /// @param whole, veiled  the scene's labels, original and veiled
   VeiledCuts(std::shared_ptr<const Bricks<LabelId>> whole, std::shared_ptr<const Bricks<LabelId>> veiled);
 
-  /// The veiled labels without what is missing from `cut`, a later version of the whole labels.
+  /// The veiled labels minus the voxels missing from `cut`, a later version of the original labels.
   std::shared_ptr<const Bricks<LabelId>> of(const std::shared_ptr<const Bricks<LabelId>>& cut);
 
  private:
   const std::shared_ptr<const Bricks<LabelId>> whole_, veiled_;
-  std::shared_ptr<const Bricks<LabelId>> cut_, veiled_cut_;  ///< the last version and what it was veiled as
+  std::shared_ptr<const Bricks<LabelId>> cut_, veiled_cut_;  ///< Last version, original and veiled
 };
 
-/// Whether a scene has a quiz, of which learners are not to see everything.
+/// Whether a scene has a quiz, so that learners need a veil.
 bool has_quiz(const ViewedScene& scene);
 
 }  // namespace palpate::link

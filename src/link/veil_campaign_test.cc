@@ -1,6 +1,7 @@
-// Two adversaries against the veil, over fifty draws of each shipped quiz. Each gets what a learner gets and
-// knows more than any learner: the drawn anatomy without what is hidden. One never touches; the other one
-// touches by script. Phantoms are those of the tasks with coarser voxels.
+// Two simulated adversaries against the veil, over fifty random variants of each shipped quiz. Each receives
+// what a learner receives and knows more than any learner: the variant's anatomy without the hidden
+// structure. One never touches; the other touches by script. The phantoms are those of the tasks, with
+// coarser voxels.
 
 #include <gtest/gtest.h>
 
@@ -74,7 +75,7 @@ std::optional<Eigen::Vector3d> middle_of(const Volume<LabelId>& labels, const Is
   return count > 0 ? std::optional<Eigen::Vector3d>(sum / count) : std::nullopt;
 }
 
-/// A task of a file as a session offers it, as far as viewers are told.
+/// Task of a file as a session offers it, as far as it is published.
 ViewedTask task_in(const TaskFile& file, const std::string& name, const ViewedScene& scene) {
   ViewedTask task;
   task.name = name;
@@ -101,7 +102,7 @@ ViewedTask task_in(const TaskFile& file, const std::string& name, const ViewedSc
   return task;
 }
 
-/// One draw of a quiz: the scene as it is, and the same anatomy without what is hidden.
+/// One variant of a quiz: the original scene, and the same anatomy without the hidden structure.
 struct Draw {
   Draw(const std::string& name, std::uint64_t seed) {
     const TaskFile file = *load_task(name);
@@ -125,7 +126,7 @@ struct Draw {
     scene.tasks = {task_in(file, name, scene)};
     hidden = scene.tasks[0].to_find.front();
 
-    // a lesion takes its voxels from its structure, a nodule from soft tissue
+    // a lesion replaces voxels of its structure, a nodule voxels of soft tissue
     const auto* knee = std::get_if<KneeParameters>(&parameters);
     around = label_of(scene.structures, knee != nullptr ? knee->lesion_in : "soft_tissue");
     bare = whole;
@@ -147,11 +148,11 @@ struct Draw {
   FakeHost host, bare_host;
   Volume<LabelId> whole, bare;
   LabelId hidden = 0, around = 0;
-  std::set<LabelId> candidates;  ///< structures that may hold what is hidden
+  std::set<LabelId> candidates;  ///< Structures that may contain the hidden one
   Eigen::Vector3d centre, blind;
 };
 
-/// The probability that as many of some fair coins, or more, fall on one side.
+/// Probability that at least as many fair coins fall on one side (two-sided sign test).
 double sign_test(int better, int worse) {
   const int all = better + worse;
   double p = 0;
@@ -160,7 +161,7 @@ double sign_test(int better, int worse) {
   return p;
 }
 
-/// Errors of an adversary against those of somebody who is told less, over all draws.
+/// Errors of an adversary compared with those of one that receives less, over all variants.
 struct Duel {
   int better = 0, worse = 0, draws = 0;
   double own_mm = 0, other_mm = 0, farthest_apart_mm = 0;
@@ -182,7 +183,7 @@ struct Duel {
 
 // ---- the adversary that never touches
 
-/// What it is shown: voxels, and where the page looks at each region.
+/// Its data: voxels, and the page's view of each region.
 struct Shown {
   Volume<LabelId> labels;
   std::vector<Eigen::Vector3d> middles;
@@ -195,8 +196,8 @@ std::vector<Eigen::Vector3d> middles_of(const ViewedTask& task) {
   return middles;
 }
 
-/// Knows the anatomy: what is otherwise than in it is what was hidden. Failing that, what of a region is
-/// missing lies on the other side of its middle than where the middle has moved to.
+/// Knows the anatomy: voxels that differ from it were hidden. Without any, the missing part of a region lies
+/// opposite to the displacement of the region's centre.
 Eigen::Vector3d guess_unfelt(const Draw& draw, const Shown& shown) {
   const auto odd =
       middle_of(draw.bare, [&](std::size_t v) { return shown.labels.voxels()[v] != draw.bare.voxels()[v]; });
@@ -211,8 +212,7 @@ Eigen::Vector3d guess_unfelt(const Draw& draw, const Shown& shown) {
   return expected[most] - 0.5 * draw.bare_host.scene().tasks[0].regions[most].radius_mm * moved.normalized();
 }
 
-/// The rule of before the veiled scene: everything hidden is one structure, the one that shares most faces,
-/// air counted.
+/// Insecure baseline: the hidden structure becomes the one with the largest shared surface, air included.
 Volume<LabelId> shown_by_most_faces(const Draw& draw) {
   std::map<LabelId, std::size_t> faces;
   const Bricks<LabelId>& labels = *draw.host.scene().labels;
@@ -236,14 +236,14 @@ Volume<LabelId> shown_by_most_faces(const Draw& draw) {
 
 // ---- the adversary that touches
 
-/// What one touch says.
+/// Data of one touch.
 struct Touched {
   Eigen::Vector3d tip_mm;
   double force_N = 0;
-  bool is_odd = false;  ///< something in the message is otherwise than on the structures that are shown
+  bool is_odd = false;  ///< Whether a value in the message is inconsistent with the visible structures
 };
 
-/// Places on the structures that may hold what is hidden, at random.
+/// Random places on the structures that may contain the hidden one.
 std::vector<Eigen::Vector3d> script_of(const Draw& draw, std::mt19937_64& random) {
   constexpr std::size_t kTouches = 240;
   std::vector<std::size_t> skin;
@@ -268,9 +268,8 @@ std::vector<Eigen::Vector3d> script_of(const Draw& draw, std::mt19937_64& random
   return places;
 }
 
-/// A tick of a session in which the tip is pressed in at a place. What is hidden is softer and felt from the
-/// places of the surface that are nearest to it; a hand's tremor makes single forces unsure. Everything else
-/// in the tick is what a servo records.
+/// Tick in which the tip is pressed in at a place. The hidden structure is softer and affects the nearest
+/// places of the surface; tremor adds noise to single forces. All other values are as a servo records them.
 TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double least_mm, std::mt19937_64& random) {
   constexpr double kFeltWithin_mm = 6, kTremor = 0.5;
   std::normal_distribution<double> tremor(0, kTremor);
@@ -299,13 +298,14 @@ TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double least_
 
 constexpr std::size_t kFirstDevice = PoseMessage::kHead_bytes;
 
-/// Reads messages byte by byte, as docs/reference/viewer-messages.md lays them out.
+/// Parses messages byte by byte, by the layout of docs/reference/viewer-messages.md.
 Touched read(const std::string_view pose, const std::string_view near) {
   Touched touched;
   for (int axis = 0; axis < 3; ++axis)
     touched.tip_mm[axis] = number_at<float>(pose, kFirstDevice + 4 * static_cast<std::size_t>(axis));
   touched.force_N = number_at<float>(pose, kFirstDevice + 60);
-  // a second structure that gives force or is leant on, or one near that is not at the tip
+  // a second structure that contributes force or supports the tool, or a near structure that is not at the
+  // tip
   const bool is_shared = number_at<std::uint16_t>(pose, kFirstDevice + 104 + 12) != 0 ||
                          number_at<std::uint16_t>(pose, kFirstDevice + 176 + 20) != 0;
   const bool is_apart =
@@ -315,7 +315,7 @@ Touched read(const std::string_view pose, const std::string_view near) {
   return touched;
 }
 
-/// By odd messages where there are any, else by where forces are low.
+/// Uses inconsistent messages if there are any, else the region of low forces.
 Eigen::Vector3d guess_felt(const std::vector<Touched>& touches) {
   Eigen::Vector3d odd = Eigen::Vector3d::Zero(), best = Eigen::Vector3d::Zero();
   int odd_count = 0;
@@ -333,7 +333,7 @@ Eigen::Vector3d guess_felt(const std::vector<Touched>& touches) {
         sum -= std::log(other.force_N);
         ++count;
       }
-    // in standard errors, so that a place with few touches is no winner by chance
+    // in standard errors, so that a place with few touches does not win by chance
     const double score = sum / std::sqrt(count);
     if (score <= most) continue;
     most = score;
@@ -342,7 +342,7 @@ Eigen::Vector3d guess_felt(const std::vector<Touched>& touches) {
   return odd_count > 0 ? Eigen::Vector3d(odd / odd_count) : best;
 }
 
-/// Which of a tick's fields a message would still tell by a rule of before the veiled scene.
+/// Fields that an insecure baseline would leave in the tick.
 enum class Leak { kNone, kForces, kDistances };
 
 TickRecord told(const Veil& veil, const TickRecord& tick, Leak leak) {
@@ -370,7 +370,7 @@ std::string bytes_of(const TickRecord& record) {
 
 // ---- routes
 
-/// All that a server says by HTTP to a learner about a scene.
+/// Everything that a server sends to a learner about a scene by HTTP.
 std::vector<std::string> answers_of_campaign(FakeHost& host) {
   const TemporaryFolder folder;
   ViewerServerOptions options;
@@ -402,12 +402,12 @@ std::vector<std::string> answers_of_campaign(FakeHost& host) {
   return answers;
 }
 
-// ---- what is shown
+// ---- comparison
 
-/// Who is told more against who is told less, over all draws of a quiz.
+/// Adversaries with more data against those with less, over all variants of a quiz.
 struct Outcome {
-  Duel untouched, by_faces, by_middles;   ///< against a blind guess
-  Duel touched, by_forces, by_distances;  ///< against a program that is given pose and total force
+  Duel untouched, by_faces, by_middles;   ///< Against a blind guess
+  Duel touched, by_forces, by_distances;  ///< Against a program that only has pose and total force
 };
 
 void look(const Draw& draw, const Veil& veil, Outcome& outcome) {
@@ -435,7 +435,7 @@ void touch(const Draw& draw, const Veil& veil, const Veil& bare_veil, std::mt199
       const TickRecord record = told(veil, tick, leak);
       told_by[leak].push_back(read(PoseMessage(record, {}, {}, 0).bytes(), NearMessage(record).bytes()));
     }
-    // of the same pose and force in the anatomy without it every byte is the same
+    // the same pose and force in the anatomy without the hidden structure give identical bytes
     TickRecord bare;
     bare.device[0].tip_patient_mm = tick.device[0].tip_patient_mm;
     bare.device[0].force_N = tick.device[0].force_N;
@@ -449,7 +449,8 @@ void touch(const Draw& draw, const Veil& veil, const Veil& bare_veil, std::mt199
   outcome.by_distances.add(error_mm(Leak::kDistances), by_force_mm);
 }
 
-/// Whether all that is served of a draw is what is served of the anatomy without what is hidden.
+/// Checks that everything served for a variant equals what is served for the anatomy without the hidden
+/// structure.
 void compare(Draw& draw, const Veil& veil, const Veil& bare_veil, bool by_every_route) {
   ASSERT_TRUE(veil.scene().labels->dense().voxels() == draw.bare.voxels());
   ASSERT_EQ(veil.scene().content_hash, bare_veil.scene().content_hash);
@@ -485,11 +486,11 @@ TEST_P(VeilCampaign, NobodyFindsMoreThanByPoseAndTotalForce) {
   const Outcome outcome = played(GetParam());
   outcome.untouched.print("never touches, against a blind guess");
   outcome.touched.print("touches, against pose and total force");
-  // not only no better: the same guess in every draw
+  // not only no better: identical guesses in every variant
   EXPECT_EQ(outcome.untouched.farthest_apart_mm, 0);
   EXPECT_EQ(outcome.touched.farthest_apart_mm, 0);
 
-  // each leak of before is found by the same adversaries
+  // positive control: the same adversaries find each leak of the insecure baselines
   outcome.by_faces.print("  shown as what shares most faces, air counted");
   outcome.by_middles.print("  middles of regions of the labels as they are");
   outcome.by_forces.print("  forces and shares of structures");
@@ -498,11 +499,11 @@ TEST_P(VeilCampaign, NobodyFindsMoreThanByPoseAndTotalForce) {
   EXPECT_TRUE(is_found(outcome.by_middles));
   EXPECT_TRUE(is_found(outcome.by_forces));
   EXPECT_TRUE(is_found(outcome.by_distances));
-  // a nodule deep in soft tissue touches no air
+  // a nodule deep in soft tissue has no contact with air
   EXPECT_EQ(is_found(outcome.by_faces), GetParam() != "find-the-nodule");
 }
 
-// the reference of the campaign is what the generator itself makes without what is hidden
+// the reference anatomy equals what the generator makes without the hidden structure
 TEST_P(VeilCampaign, TheAnatomyWithoutItIsTheGenerators) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const Draw draw(GetParam(), seed);

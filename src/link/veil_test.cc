@@ -36,7 +36,8 @@ constexpr const char *kLearnerToken = "learner-token-k7wq2mzr9xbt4",
 using Place = std::array<int, 3>;
 constexpr Place kHere{9, 12, 12}, kElsewhere{14, 11, 15};
 
-/// A block of label 1 with a ball of label 2 in it, which is to be found; label 3 lies at its edge.
+/// Replaces the host's scene by a block of label 1 that contains a ball of label 2, to be found; label 3 lies
+/// at its edge.
 void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
   GridGeometry grid;
   grid.dims = {24, 24, 24};
@@ -51,7 +52,7 @@ void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
       }
   ViewedScene& scene = host.edit_scene();
   scene.labels = label_bricks(labels);
-  // other voxels, another hash
+  // other voxels, other hash
   scene.content_hash = scene.labels->content_hash();
   auto scan = std::make_shared<Volume<float>>(grid);
   scene.scan = scan;
@@ -109,7 +110,7 @@ TEST(Veil, NothingThatIsToldNamesIt) {
   const std::string text = json.dump();
   for (const char* name : {"nodule", "soft_tissue", "rib", "skin"})
     EXPECT_EQ(text.find(name), std::string::npos) << name;
-  // it is not among structures and tissues, nor in anything that lists them
+  // absent from structures and tissues, and from every list of them
   ASSERT_EQ(json["structures"].size(), 2u);
   EXPECT_EQ(json["structures"][1]["label"], 3);
   EXPECT_EQ(json["structures"][1]["within"], Json::array()) << "it may be within a hidden one";
@@ -126,14 +127,14 @@ TEST(Veil, NothingThatIsToldNamesIt) {
   EXPECT_EQ(veil.of(state).tissues.size(), 1u);
 }
 
-/// The bytes of every message that is made of a tick.
+/// Bytes of every message computed from a tick.
 std::string messages_of(const TickRecord& tick, const ViewedHealth& health = {}) {
   const PoseMessage pose(tick, {}, health, 0);
   const NearMessage near(tick);
   return std::string(pose.bytes()) + std::string(near.bytes());
 }
 
-/// A tick of which every byte is random but what may be told: pose, total force, and what somebody asked for.
+/// Tick with random bytes except for the allowed values: pose, total force, and the results of requests.
 TickRecord random_tick(std::mt19937& random, const DeviceTick& told) {
   TickRecord tick;
   static_assert(std::is_trivially_copyable_v<DeviceTick>);
@@ -192,7 +193,7 @@ TEST(Veil, WhereATipIsPressedInItIsShownOnWhatIsThere) {
   hide_a_ball(host);
   const Veil veil(host.scene());
   TickRecord tick;
-  // World's axes are those of FakeHost's scene: y of the patient is -z of World
+  // World's axes are those of FakeHost's scene: the patient's y is World's -z
   tick.device[0].tip_patient_mm = {15, 5, 12};
   tick.device[0].force_N = {0, 0, 1.25};
   tick.device[0].limit_N = 3;
@@ -206,10 +207,10 @@ TEST(Veil, WhereATipIsPressedInItIsShownOnWhatIsThere) {
   EXPECT_EQ(seen.flags, kFlagContact);
   tick.device[0].limit_N = 1.25;
   EXPECT_EQ(veil.of(tick).device[0].flags, kFlagContact | kFlagClamped);
-  // a tool with a radius is held out by it
+  // contact of a tool with a radius includes the radius
   host.edit_scene().tools = {{"ball", 2, false, "", {{0, 0, 0}}, {}}};
   EXPECT_NEAR(Veil(host.scene()).of(tick).device[0].depth_mm, 3.5, 1e-9);
-  // what is felt is told where nothing is shown
+  // the force is published even where nothing visible is in contact
   tick.device[0].tip_patient_mm = {15, -5, 12};
   EXPECT_EQ(veil.of(tick).device[0].label, 0);
   EXPECT_EQ(veil.of(tick).device[0].unclamped_force_N, 1.25);
@@ -242,7 +243,7 @@ TEST(Veil, ARegionOfPlanesAloneIsToldAsItPushes) {
   const Veil of_planes(host.scene());
   EXPECT_EQ(of_planes.of(tick).device[0].no_go_depth_mm, 0.5);
   EXPECT_EQ(of_planes.of(tick).device[0].flags, kFlagNoGo);
-  // beside one that is a structure, that one says where the structure is not deeper
+  // with a structure among the regions, the region reported depends on that structure
   host.edit_scene().no_go.push_back({"rib", 1, LabelId{3}});
   const Veil of_structures(host.scene());
   EXPECT_EQ(of_structures.scene().no_go.size(), 2u);
@@ -258,7 +259,7 @@ TEST(Veil, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
                 {"find", "touch", 1, {1, kNotKnown}, 0.2, 0, false}};
   const Veil veil(host.scene());
   ViewedTraining run = palpate::testing::test_training();
-  // what the evaluator has: the ball is touched, and that is not the block
+  // from the evaluator: the ball is in contact, not the block
   run.done = {false, true};
   run.share = {0, 1};
   run.protected_N = {0.7};
@@ -286,7 +287,7 @@ TEST(Veil, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   EXPECT_EQ(told.events_before, 0u);
   EXPECT_EQ(told.time_s, run.time_s);
   EXPECT_EQ(told.phase, run.phase);
-  // without a break
+  // the hold is interrupted
   tick.time_s += 0.01;
   tick.device[0].force_N = {};
   steps.see(tick);
@@ -327,12 +328,12 @@ TEST(Veil, WhatABurrTookIsGoneFromWhatIsShown) {
   EXPECT_EQ(both->at(9, 12, 12), 0);
   EXPECT_EQ(both->at(20, 12, 12), 0);
   EXPECT_EQ(both->at(9, 12, 13), 1);
-  // a stroke that is undone comes back as what is shown
+  // undoing a stroke restores the veiled labels
   EXPECT_EQ(cuts.of(cut(*host.scene().labels, {20, 12, 12}))->at(9, 12, 12), 1);
   EXPECT_EQ(cuts.of(host.scene().labels)->content_hash(), veil.scene().labels->content_hash());
 }
 
-/// A server with a quiz, a learner and a teacher.
+/// Server with a quiz, a learner and a teacher.
 struct Quiz {
   explicit Quiz(const Place& at = kHere) {
     hide_a_ball(host, at);
@@ -364,16 +365,16 @@ TEST(Veil, ALearnerIsToldNothingOfItByAnyWay) {
   EXPECT_NE(quiz.get(kTeacherToken, "/api/scene").body.find("nodule"), std::string::npos);
   EXPECT_EQ(quiz.labels(kLearnerToken).find('\2'), std::string::npos);
   EXPECT_NE(quiz.labels(kTeacherToken).find('\2'), std::string::npos);
-  // the other's address is none of his
+  // the teacher's URL is not valid for the learner
   EXPECT_EQ(quiz.get(kLearnerToken, "/api/volume/labels/" + hash).status, 404);
   EXPECT_EQ(quiz.get(kLearnerToken, "/api/picture/" + hash + "?view=32,32,0,0,-20,0.7,0,0,0,0.7,0").status,
             404);
 
-  // poses: what is touched, what it comes from, where it leans, how stiff it is
+  // poses: structure in contact, layers, supporting contacts, stiffness
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   learner.greet({{"token", kLearnerToken}, {"near", true}});
   teacher.greet({{"token", kTeacherToken}});
-  // nothing of what is near comes before the first pose
+  // no distances before the first pose
   const std::string told = learner.pose(), open = teacher.pose();
   ASSERT_EQ(told.substr(0, 4), "PLPT");
   constexpr std::size_t kDevice = 96;
@@ -385,7 +386,7 @@ TEST(Veil, ALearnerIsToldNothingOfItByAnyWay) {
   EXPECT_EQ(number_at<float>(open, kDevice + 84), 0.75f);
 }
 
-/// Everything that a server says by HTTP to a learner: heads, hashes, sizes and bodies.
+/// Everything that a server sends to a learner by HTTP: heads, hashes, sizes and bodies.
 std::vector<std::string> answers_to_a_learner(const Quiz& quiz) {
   std::vector<std::string> answers;
   const auto ask = [&](const std::string& path, const std::string& fields = "") {
@@ -393,7 +394,7 @@ std::vector<std::string> answers_to_a_learner(const Quiz& quiz) {
         request(quiz.server->port(), "GET", path,
                 std::string("Authorization: Bearer ") + kLearnerToken + "\r\n" + fields);
     std::string head = answer.head;
-    // the one thing that differs from server to server
+    // the port, which differs between the servers
     const std::string port = ":" + std::to_string(quiz.server->port());
     if (const std::size_t at = head.find(port); at != std::string::npos) head.erase(at, port.size());
     answers.push_back(head + answer.body);
@@ -469,14 +470,14 @@ TEST(Veil, APictureShowsNothingOfIt) {
   const std::string view = "?view=40,40,0,0,-20,0.6,0,0,0,0.6,0";
   const auto places = [](const TestAnswer& answer) { return answer.body.substr(24 + 5 * 1600); };
   const auto picture = [](const TestAnswer& answer) { return answer.body.substr(24, 3 * 1600); };
-  // soft tissue clear and what is hidden solid: it would stand there alone
+  // soft tissue transparent and the hidden structure opaque: it would be visible alone
   const std::string looks = "&looks=f0dcbe000a141eff09090900", veiled_looks = "&looks=f0dcbe0009090900";
   const TestAnswer open = quiz.get(kTeacherToken, "/api/picture/" + hash + view + looks);
   const TestAnswer told = quiz.get(kLearnerToken, "/api/picture/" + veiled + view + veiled_looks);
   ASSERT_EQ(told.status, 200);
   EXPECT_NE(places(open).find('\2'), std::string::npos);
   EXPECT_EQ(places(told), std::string(1600, '\0')) << "nothing is seen";
-  // soft tissue half clear: no border is seen between what looks the same
+  // soft tissue half transparent: no boundary visible between equal looks
   const TestAnswer half =
       quiz.get(kLearnerToken, "/api/picture/" + veiled + view + "&looks=f0dcbe6009090900");
   FakeHost without;

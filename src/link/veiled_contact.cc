@@ -9,11 +9,11 @@
 namespace palpate::link {
 namespace {
 
-/// A voxel's surface lies where half of what is interpolated is felt.
+/// Isovalue of the interpolated solidity at which a surface lies.
 constexpr double kSurface = 0.5;
-/// Deeper than any tool presses in.
+/// Search limit: deeper than any tool presses in.
 constexpr double kMostDepth_mm = 15;
-/// Forces below this have no direction worth following.
+/// Threshold below which a force has no reliable direction.
 constexpr double kLeast_N = 1e-6;
 
 Eigen::Matrix3d rotation_of(const std::array<double, 4>& wxyz) {
@@ -21,7 +21,7 @@ Eigen::Matrix3d rotation_of(const std::array<double, 4>& wxyz) {
   return (q.norm() > 0 ? q.normalized() : Eigen::Quaterniond::Identity()).toRotationMatrix();
 }
 
-/// A ball of a tool's outline, in the tip's frame.
+/// Sphere of a tool's outline, in the tip's frame.
 struct Ball {
   Eigen::Vector3d centre_mm;
   double radius_mm;
@@ -57,7 +57,7 @@ VeiledContact::VeiledContact(const ViewedScene& scene)
                                 scene.tissues[static_cast<std::size_t>(structure.tissue)].felt;
 }
 
-// trilinear
+// trilinear interpolation of the solid voxels
 double VeiledContact::solid_at(const Eigen::Vector3d& place_mm) const {
   const Eigen::Vector3d voxel = (X_VoxelPatient_ * Point<Patient>(place_mm)).eigen();
   const Eigen::Vector3d low = voxel.array().floor(), part = voxel - low;
@@ -76,7 +76,7 @@ double VeiledContact::solid_at(const Eigen::Vector3d& place_mm) const {
   return solid;
 }
 
-// of the eight voxels around a place; 0: none of them is felt
+// nearest voxel in contact among the eight around a place; 0: none
 LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
   const Eigen::Vector3d voxel = (X_VoxelPatient_ * Point<Patient>(place_mm)).eigen();
   const Eigen::Vector3d low = voxel.array().floor();
@@ -97,7 +97,7 @@ LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
   return found;
 }
 
-// 0 where it starts outside
+// distance to the surface along `outward`; 0 if it starts outside
 double VeiledContact::way_out_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const {
   double before = solid_at(from_mm);
   if (before < kSurface) return 0;
@@ -120,7 +120,7 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
   const Eigen::Matrix3d R_PatientTool = R_PatientWorld * rotation_of(device.orientation_wxyz);
   const Eigen::Vector3d outward = (R_PatientWorld * force_N).normalized();
 
-  // the part of the tool that is deepest, and how far it would have to move along the force to be out
+  // the deepest sphere of the tool, and its penetration along the force
   Eigen::Vector3d deepest = tip;
   double depth_mm = 0;
   LabelId label = 0;
@@ -131,7 +131,7 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
       depth_mm = way_mm;
       deepest = place;
     } else if (depth_mm == 0 && label == 0) {
-      // a tool that just touches is outside of voxels whose smoothed surface it is on
+      // a tool in marginal contact lies outside the voxels, on their smoothed surface
       label = nearest_felt(place - step_mm_ * outward);
     }
   }

@@ -11,20 +11,20 @@
 
 namespace palpate::link {
 
-/// Where a tool touches a scene's own labels, computed from the pose of the tool and the total force alone:
-/// the proxy, normal and structure that a viewer may be told without being told what lies beneath.
+/// Contact of a tool with a scene's own labels, computed from the tool's pose and the total force only:
+/// proxy, normal and structure can be published without revealing hidden structures.
 class VeiledContact {
  public:
-  /// @param scene  outlives this
+  /// @param scene  outlives this object
   explicit VeiledContact(const ViewedScene& scene);
 
   struct Touch {
-    Eigen::Vector3d proxy_mm, normal;  ///< patient; normal is zero where nothing is touched
-    double depth_mm = kNotKnown;       ///< from proxy to tip; not a number without contact
-    LabelId label = 0;                 ///< touched structure, 0: none
+    Eigen::Vector3d proxy_mm, normal;  ///< Patient frame; the normal is zero without contact
+    double depth_mm = kNotKnown;       ///< Distance from proxy to tip; NaN without contact
+    LabelId label = 0;                 ///< Structure in contact; 0: none
   };
-  /// @param tick    whose rotation of the object applies
-  /// @param number  of the device in `tick`
+  /// @param tick    supplies the rotation of the object
+  /// @param number  index of the device in `tick`
   Touch of(const TickRecord& tick, std::size_t number) const;
 
  private:
@@ -35,7 +35,7 @@ class VeiledContact {
   const ViewedScene& scene_;
   Eigen::Matrix3d R_WorldPatient_;
   Transform<Voxel, Patient> X_VoxelPatient_;
-  std::vector<bool> is_felt_;  ///< by label
+  std::vector<bool> is_felt_;  ///< Indexed by label
   double step_mm_;
 };
 

@@ -11,14 +11,14 @@
 namespace palpate::link {
 namespace {
 
-/// A component becomes one structure where at least this share of its votes names it. Where a structure's
-/// layer is curved, lines near its lower side end in what lies beneath; in cartilages of the knee phantom
+/// Share of a component's votes above which all of it becomes one structure. If a structure's layer is
+/// curved, lines near its lower side end in the structure beneath; in the cartilages of the knee phantom
 /// these are at most a ninth of all votes.
 constexpr double kUniformShare = 0.75;
 
 using Offset = std::array<int, 3>;
 
-/// One of each pair of opposite directions to the 26 neighbours.
+/// One direction of each opposite pair to the 26 neighbours.
 std::array<Offset, 13> line_directions() {
   std::array<Offset, 13> directions{};
   std::size_t count = 0;
@@ -29,7 +29,7 @@ std::array<Offset, 13> line_directions() {
   return directions;
 }
 
-/// Weights by label, of few labels.
+/// Weights by label, for a small number of labels.
 class Votes {
  public:
   void add(LabelId label, double weight) {
@@ -40,7 +40,7 @@ class Votes {
       votes_.emplace_back(label, weight);
   }
   bool empty() const { return votes_.empty(); }
-  /// The label with the greatest weight, the lower one of equals; 0 without votes.
+  /// Label with the greatest weight, the lowest label in a tie; 0 without votes.
   LabelId winner() const {
     std::pair<LabelId, double> best{0, 0};
     for (const auto& vote : votes_)
@@ -60,7 +60,7 @@ class Votes {
   std::vector<std::pair<LabelId, double>> votes_;
 };
 
-/// The box around all hidden voxels, with one voxel more on every side, as a dense array.
+/// Bounding box of all hidden voxels, padded by one voxel on every side, as a dense array.
 class HiddenBox {
  public:
   HiddenBox(const Bricks<LabelId>& labels, const std::vector<bool>& hidden, const VoxelBox& box)
@@ -97,7 +97,7 @@ class HiddenBox {
 
  private:
   static constexpr std::int32_t kVisible = -1;
-  using Component = std::vector<std::size_t>;  // places in voxels_, ascending
+  using Component = std::vector<std::size_t>;  // indices into voxels_, ascending
 
   std::size_t step(std::size_t at, std::ptrdiff_t by) const {
     return static_cast<std::size_t>(static_cast<std::ptrdiff_t>(at) + by);
@@ -107,7 +107,7 @@ class HiddenBox {
   }
   bool is_hidden(std::size_t at) const { return number_[at] != kVisible; }
 
-  // each line once, from its first voxel
+  // processes each line once, from its first voxel
   void vote() {
     for (const Offset& direction : line_directions()) {
       const std::ptrdiff_t by = stride(direction);
@@ -148,7 +148,7 @@ class HiddenBox {
           if (const std::size_t other = step(voxels_[n], by); !is_hidden(other) && labels_[other] != 0)
             faces.add(labels_[other], 1);
     }
-    // where no line ends in one structure, the structure that the component touches most
+    // without a line that ends in one structure: the structure with the largest contact area
     const LabelId most = all.empty() ? faces.winner() : all.winner();
     if (all.empty() || all.share_of(most) >= kUniformShare) {
       for (const std::size_t n : component) labels_[voxels_[n]] = most;
@@ -162,7 +162,7 @@ class HiddenBox {
     spread_into(open);
   }
 
-  // layer by layer, so that the order within a layer does not count
+  // layer by layer, so that the result does not depend on the order within a layer
   void spread_into(Component open) {
     while (!open.empty()) {
       std::vector<std::pair<std::size_t, LabelId>> layer;
@@ -187,9 +187,9 @@ class HiddenBox {
   std::array<int, 3> size_;
   std::array<std::ptrdiff_t, 3> strides_{};
   std::vector<LabelId> labels_;
-  std::vector<std::int32_t> number_;  // of a hidden voxel in voxels_
-  std::vector<std::size_t> voxels_;   // the hidden ones, ascending
-  std::vector<Votes> votes_;          // of each
+  std::vector<std::int32_t> number_;  // index of a hidden voxel in voxels_
+  std::vector<std::size_t> voxels_;   // hidden voxels, ascending
+  std::vector<Votes> votes_;          // per hidden voxel
 };
 
 std::optional<VoxelBox> box_of(const Bricks<LabelId>& labels, const std::vector<bool>& hidden) {

@@ -26,7 +26,7 @@ Volume<LabelId> veiled(const Volume<LabelId>& labels, const std::vector<LabelId>
   return veiled_labels(label_bricks(labels), hidden)->dense();
 }
 
-/// How many voxels are not what they were before a ball of them was hidden.
+/// Number of voxels that differ from the original after a ball has been hidden and filled.
 std::size_t wrong(const Volume<LabelId>& truth, const Eigen::Vector3d& centre, double radius,
                   bool in_air_too) {
   Volume<LabelId> labels = truth;
@@ -59,7 +59,7 @@ TEST(VeiledLabels, WhatBordersOnAirMostlyIsNotAir) {
 }
 
 TEST(VeiledLabels, AThinLayerGoesOnOverWhatItRestsOn) {
-  // a layer of 3 voxels between bone and air: a half ball of radius 3.5 touches bone and air most
+  // a layer of 3 voxels between bone and air: a half ball of radius 3.5 mostly touches bone and air
   const auto layer = painted({24, 24, 24}, [](int, int, int k) {
     return LabelId(k < 10 ? 7 : k < 13 ? 4 : 0);
   });

@@ -9,7 +9,7 @@
 namespace palpate::link {
 namespace {
 
-// as session's view_of(): where most of a surface's area faces one side
+// as in session's view_of(): minimum share of a surface's area that has to face one side
 constexpr double kLeastOutwardShare = 0.05;
 
 std::vector<bool> set_of(const std::vector<LabelId>& labels) {
@@ -18,7 +18,7 @@ std::vector<bool> set_of(const std::vector<LabelId>& labels) {
   return has;
 }
 
-/// Labels through which a tool may come: air, and structures of tissues that are not felt or of none.
+/// Labels that a tool can pass: air, and structures without contact or without a tissue.
 std::vector<bool> free_labels(const ViewedScene& scene) {
   std::vector<bool> is_free(std::size_t{std::numeric_limits<LabelId>::max()} + 1, true);
   for (const ViewedStructure& structure : scene.structures)
@@ -54,7 +54,7 @@ Eigen::Vector3d RegionExtent::middle_of_all() const {
   return sum / std::max(count, 1.0);
 }
 
-// the middle of all that are as far, so that the order of voxels does not decide
+// mean of all farthest voxels, so that the order of voxels does not matter
 Eigen::Vector3d RegionExtent::farthest(const Eigen::Vector3d& direction) const {
   constexpr double kAsFar_mm = 1e-6;
   double most = -std::numeric_limits<double>::infinity(), count = 0;
@@ -75,7 +75,7 @@ Eigen::Vector3d RegionExtent::farthest(const Eigen::Vector3d& direction) const {
 }
 
 ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region& region) {
-  // a ball says where it is by itself
+  // a sphere does not depend on labels
   if (region.extent && region.extent->labels.empty()) return region;
   const GridGeometry& grid = scene.labels->geometry();
   const Eigen::Matrix3d axes = grid.direction * grid.spacing_mm.asDiagonal();
@@ -95,7 +95,7 @@ ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region&
         const std::array<int, 3> step{axis == 0 ? side : 0, axis == 1 ? side : 0, axis == 2 ? side : 0};
         const LabelId beside = scene.labels->anywhere(i + step[0], j + step[1], k + step[2]);
         if (extent.has(beside) || !is_free[beside]) continue;
-        // weighted by the face's area, which is the voxel's volume over its height
+        // weighted by the face's area: the voxel's volume divided by its height
         const Eigen::Vector3d out = side * axes.col(axis);
         outward += out / out.squaredNorm();
         faces += 1 / out.norm();

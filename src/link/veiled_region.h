@@ -9,10 +9,10 @@
 
 namespace palpate::link {
 
-/// The voxels of a task's region among some labels.
+/// Voxels of a task's region in a label grid.
 class RegionExtent {
  public:
-  /// @param labels  outlive this
+  /// @param labels  outlives this object
   RegionExtent(const Bricks<LabelId>& labels, const ViewedTask::Region::Extent& extent);
 
   bool has(LabelId label) const { return has_[label]; }
@@ -49,9 +49,9 @@ class RegionExtent {
   std::vector<Plane> planes_;
 };
 
-/// A task's region as it is to be looked at in a scene's own labels: middle, radius and outward direction are
-/// computed again from ViewedTask::Region::extent. A region that has no extent, or no voxel of these labels,
-/// is the whole volume.
+/// A task's region in a scene's own labels: centre, radius and outward direction are recomputed from
+/// ViewedTask::Region::extent. A region without an extent, or without voxels in these labels, is the whole
+/// volume.
 ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region& region);
 
 }  // namespace palpate::link

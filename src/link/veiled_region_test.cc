@@ -13,8 +13,8 @@ std::array<double, 3> numbers(const Eigen::Vector3d& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-/// A slab of label 1 with a block of label 2 on its left end, which is felt, and one of label 3 beside it,
-/// which is not.
+/// A slab of label 1 with a block of label 2 on its left end, which has contact, and one of label 3 beside
+/// it, which has none.
 Volume<LabelId> slab() {
   GridGeometry grid;
   grid.dims = {40, 24, 16};
@@ -27,7 +27,7 @@ Volume<LabelId> slab() {
   return labels;
 }
 
-// the two are made in rooms that may not know each other, and a page shows either
+// implemented in two modules that may not depend on each other, while a page shows either
 TEST(VeiledRegion, IsLookedAtAsTheSessionLooksAtIt) {
   const Volume<LabelId> labels = slab();
   Model model;
@@ -82,7 +82,7 @@ TEST(VeiledRegion, WithoutVoxelsIsTheWholeVolume) {
   EXPECT_EQ(none.middle_mm, whole.middle_mm);
   EXPECT_EQ(none.radius_mm, whole.radius_mm);
   EXPECT_EQ(whole.outward, (std::array<double, 3>{}));
-  // a ball says where it is by itself
+  // a sphere does not depend on labels
   const auto ball =
       region_in(scene, {"r", {1, 2, 3}, 4, {}, Extent{{}, std::array{1.0, 2.0, 3.0}, {}, {}, 4, {}}});
   EXPECT_EQ(ball.middle_mm, (std::array<double, 3>{1, 2, 3}));

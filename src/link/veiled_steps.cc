@@ -41,7 +41,7 @@ bool VeiledSteps::is_met(const Step& step, const TickRecord& tick) const {
 }
 
 void VeiledSteps::see(const TickRecord& tick) {
-  // what was not looked at in between counts for no longer than a viewer's slowest pose
+  // a gap between samples counts at most as long as the slowest viewer's pose period
   constexpr double kMostBetween_s = 0.1;
   const double dt_s = std::clamp(tick.time_s - last_s_, 0.0, kMostBetween_s);
   last_s_ = tick.time_s;

@@ -10,17 +10,17 @@
 
 namespace palpate::link {
 
-/// How far the steps of a run are as the veiled scene has them: by where the tool touches what is shown, and
-/// by the total force. Steps that touch a region or visit a ball are followed; those that cover or remove are
-/// not done before the run is over. A score is of the structures as they are, and may have another step done.
+/// Progress of a run's steps in the veiled scene, from the contact with the visible structures and the total
+/// force. Steps that touch a region or visit a ball are tracked; steps that cover or remove are not done
+/// before the run is over. The score uses the original structures, so its steps may differ.
 class VeiledSteps {
  public:
-  /// @param scene  a veiled one; outlives this
+  /// @param scene  veiled scene; outlives this object
   explicit VeiledSteps(const ViewedScene& scene) : scene_(scene) {}
 
-  /// Of another run all steps begin anew.
+  /// Restarts all steps if the run has changed.
   void follow(const ViewedTraining& training);
-  /// @param tick  a veiled one
+  /// @param tick  veiled tick
   void see(const TickRecord& tick);
 
   std::vector<bool> done() const;

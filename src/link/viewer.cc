@@ -13,14 +13,14 @@ constexpr auto kHelloWithin = std::chrono::seconds(5);
 constexpr auto kReadWithin = std::chrono::seconds(10);
 constexpr auto kLeaveWithin = std::chrono::seconds(2);
 constexpr double kMostMessages_each_second = 250;
-// so many answers may wait before no more requests are taken
+// maximum number of queued answers; further requests are ignored
 constexpr std::size_t kMostAnswers = 32;
-// close codes of RFC 6455, and of ours: 4000 and above, which it leaves to applications
+// close codes of RFC 6455, and private ones: 4000 and above are reserved for applications
 constexpr std::uint16_t kUnknownData = 1003, kBadPayload = 1007, kPolicyError = 1008, kInternalError = 1011;
 constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408,
                         kTooManyGuesses = 4429;
 
-// nothing has yielded
+// message for tissue at rest
 ToldYield untold_yield(std::size_t device) {
   return {0, true, std::make_shared<const std::string>(YieldMessage(device, nullptr).bytes())};
 }
@@ -37,7 +37,7 @@ Viewer::Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const Addres
 
 void Viewer::begin() {
   reading_ = true;
-  // pings cost an answer each; the socket does not keep its viewer alive
+  // control frames count as messages, since each costs an answer; the socket does not keep this viewer alive
   const auto on_control = [viewer = weak_from_this()] {
     if (const auto self = viewer.lock()) self->too_many();
   };
@@ -49,7 +49,7 @@ void Viewer::begin() {
   });
 }
 
-// ---- what comes in
+// ---- input
 
 void Viewer::read() {
   if (reading_ || ending_ || gone_) return;
@@ -58,7 +58,7 @@ void Viewer::read() {
     self->take_whole(text, outcome);
     self->read();
   });
-  // no sooner: what could not begin for want of memory, the next sweep begins
+  // set only after read() succeeded: if it throws (out of memory), the next periodic check retries
   reading_ = true;
 }
 
@@ -68,10 +68,10 @@ bool Viewer::too_many() {
   return true;
 }
 
-// no error of ours leaves a viewer that is never heard again
+// an internal error closes the viewer instead of leaving it without a pending read
 void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
   const auto message = parse_viewer_message(text);
-  // a stop comes before whatever ends this viewer
+  // a stop is carried out before anything that might end this viewer
   const bool stop = welcomed_ && is_stop(message);
   if (stop) take(std::get<Request>(*message));
   if (outcome == WebSocket::Read::kBinary) return end(kUnknownData, "a binary message");
@@ -97,14 +97,14 @@ void Viewer::take(const std::optional<ViewerMessage>& message) {
 }
 
 void Viewer::take(const Request& request) {
-  // what finds no place for its answer is not done, a stop excepted
+  // without room for its answer a request is not carried out, except for a stop
   const bool room = answers_.size() < kMostAnswers;
   if (!room && !std::holds_alternative<StopRequest>(request.what)) {
     if (!std::exchange(deaf_, true)) hub_.log().say(peer_, "takes no answers, its requests are not granted");
     return;
   }
   std::string answer = hub_.answer(*this, request);
-  // first the answer, then what it changed
+  // the answer precedes the state that it changed
   if (room) say(std::move(answer));
   deaf_ = deaf_ && !room;
   hub_.look_at_state();
@@ -129,7 +129,7 @@ void Viewer::greet(const Hello& hello) {
   hub_.welcome(*this);
 }
 
-// ---- what goes out
+// ---- output
 
 void Viewer::say(std::string text) {
   answers_.push_back(std::move(text));
@@ -161,13 +161,13 @@ void Viewer::show_navigation() {
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
-  // half a turn early is nearer than half a turn late
+  // round to the nearest period
   constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMostPoses_hz));
   return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
 }
 
 void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
-  // one that has fallen behind its rate does not catch up
+  // a viewer behind its rate does not catch up
   next_pose_ = std::max(next_pose_ + pose_period_, now);
   pose_ = pose;
   pose_.set_sequence(++sequence_);
@@ -212,7 +212,7 @@ void Viewer::write_next() {
   }
 }
 
-// what was cut goes out in turns with poses
+// sweeps and poses are sent alternately
 bool Viewer::next_sweeps() {
   std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
   if (text.empty()) return false;
@@ -220,7 +220,7 @@ bool Viewer::next_sweeps() {
   return true;
 }
 
-// it changes by hand, seldom
+// rarely changes
 bool Viewer::next_plan() {
   if (!welcomed_ || !wants_plan_) return false;
   const auto told = hub_.told_plan(*this);
@@ -231,7 +231,7 @@ bool Viewer::next_plan() {
   return true;
 }
 
-// in turns with poses
+// alternates with poses
 bool Viewer::next_navigation() {
   if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.told_navigation()) return false;
   navigation_had_ = hub_.told_navigation();
@@ -239,7 +239,7 @@ bool Viewer::next_navigation() {
   return true;
 }
 
-// the figures of a run before it is told that it is over; in turns with poses
+// the debriefing precedes the message that the run is over; alternates with poses
 bool Viewer::next_training() {
   if (!welcomed_ || !wants_training_) return false;
   if (auto told = hub_.told_debriefing(*this); debriefing_had_ != told) {
@@ -254,17 +254,17 @@ bool Viewer::next_training() {
   return true;
 }
 
-// the newest of one device, in turns with poses
+// latest message of one device; alternates with poses
 bool Viewer::next_yield() {
   if (!welcomed_ || !wants_yields_ || Clock::now() < no_yield_before_) return false;
   for (std::size_t n = 0; n < yields_had_.size(); ++n) {
     const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
-    // how tissue goes shows what is in it
+    // the deformation of tissue reveals its structure
     const bool is_veiled = hub_.veil_of(*this) != nullptr;
     if (is_veiled && yields_had_[device] == 0) continue;
     const ToldYield told = is_veiled ? untold_yield(device) : hub_.told_yield(device);
     const std::uint64_t had = std::exchange(yields_had_[device], told.number);
-    // that nothing has yielded one knows that has heard of nothing else
+    // a viewer that has received nothing assumes tissue at rest
     if (had == told.number || (had == 0 && told.rests)) continue;
     yield_out_ = told.bytes;
     yield_is_out_ = true;
@@ -273,7 +273,7 @@ bool Viewer::next_yield() {
   return false;
 }
 
-// poses have most of a connection that is slow
+// on a slow connection, poses have priority
 void Viewer::rest_from_yields() {
   const Clock::time_point now = Clock::now();
   no_yield_before_ = now + 2 * (now - write_begun_);
@@ -290,7 +290,7 @@ void Viewer::write(std::string_view bytes, bool binary) {
   });
 }
 
-// A read that is under way may be telling the viewer why it ends: it gets its time.
+// a pending read may still receive the viewer's reason for closing: allow it some time
 void Viewer::write_failed() {
   if (!reading_) return gone();
   if (std::exchange(ending_, true)) return;
@@ -302,7 +302,7 @@ void Viewer::write_failed() {
 void Viewer::end(std::uint16_t code, std::string_view fault) {
   if (gone_ || std::exchange(ending_, true)) return;
   if (!fault.empty()) hub_.log().say(peer_, fault);
-  // there is nobody to say goodbye to yet, and a WebSocket cannot close while it opens
+  // a WebSocket cannot send a close frame before it is open
   if (!open_) return gone();
   end_by_ = Clock::now() + kLeaveWithin;
   socket_->close(code, [self = shared_from_this()] { self->gone(); });

@@ -22,29 +22,29 @@ namespace palpate::link {
 
 class Hub;
 
-/// What a viewer has had of the sweeps.
+/// Sweeps that a viewer has received.
 struct SweepsHad {
-  std::uint64_t count = 0;  ///< how many of those that it got still stand
+  std::uint64_t count = 0;  ///< Number of received sweeps that are still valid
   std::uint64_t shown =
-      0;  ///< how many its page shows; those beyond `count` were undone, and it must drop them
+      0;  ///< Number of sweeps that the page shows; those beyond `count` were undone and must be dropped
 };
 
-// close codes of RFC 6455's registry
+// close codes of RFC 6455
 inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
 
-/// One viewer's WebSocket. What it is sent waits here, never in the hub and never more than this:
+/// WebSocket of one viewer. Its pending output is stored here, never in the hub, and is bounded:
 ///
-///     answers_     texts, in order; when there are many, nothing but a stop is done until some were taken
-///     state_due_   the state as it is when its turn comes
-///     pose_        the latest, which replaces one that was not sent
-///     near_        the latest of what is near, likewise; it goes out before the pose with which it came
-///     training_due_, debriefing_due_  how far a run of a task is, and the last one's figures, likewise
-///     plan_had_    which text it has of the plan; the hub has the newest
-///     navigation_had_  which text it has of how wrong a tracked tip's place may be, likewise
-///     yields_had_  which message it has of the tissue around each device; the hub has the newest
+///    answers_     texts, in order; when the queue is full, only stop requests are carried out
+///    state_due_   the state is serialised when it is sent
+///    pose_        latest pose; replaces one not sent yet
+///    near_        latest distances, the same; sent before the pose of the same tick
+///    training_due_, debriefing_due_  progress of a run, and the last debriefing; the same
+///    plan_had_    text of the plan sent last; the hub has the latest
+///    navigation_had_  text of the tracked tip's error estimate sent last; the same
+///    yields_had_  number of the deformation message sent last, per device; the hub has the latest
 ///
-/// One write is under way at a time. A viewer that reads slowly thereby loses what it asks for and nothing
-/// else; the system's buffer for its connection is small, so that what does arrive is not old.
+/// One write is pending at a time. A viewer that reads slowly therefore only loses its own updates; the
+/// kernel's send buffer of its connection is small, so that what does arrive is recent.
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   using Clock = std::chrono::steady_clock;
@@ -53,30 +53,30 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const AddressBlock& from, Hub& hub);
 
   void begin();
-  /// Closes what takes too long.
+  /// Closes the viewer if it exceeds a time limit.
   void check(Clock::time_point now);
-  /// Offers a pose; taken where the viewer's own rate says that one is due.
+  /// Whether a pose is due at this viewer's own rate.
   bool is_due(Clock::time_point now) const;
-  /// @param near  of the same tick; null: the scene tells nothing of it
+  /// @param near  distances of the same tick; null: the scene has none
   void show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
   void show_state();
-  /// There may be something new of how tissue has yielded.
+  /// Announces that a new deformation may be available.
   void show_yields();
-  /// There is something new of a run of a task.
+  /// Announces new progress of a run.
   void show_training();
-  /// There is something new of how wrong a tracked tip's place may be.
+  /// Announces a new error estimate of a tracked tip.
   void show_navigation();
-  /// The plan is another one.
+  /// Announces a changed plan.
   void show_plan();
-  /// An answer.
+  /// Queues an answer.
   void say(std::string text);
-  /// Says goodbye with a close code, and why to the log.
+  /// Closes the connection with a close code, and logs the reason.
   void end(std::uint16_t code, std::string_view fault);
-  /// Leaves the hub, without a goodbye or after it.
+  /// Leaves the hub, with or without a close frame.
   void gone();
 
   bool welcomed() const { return welcomed_; }
-  /// Has not said hello, and still may.
+  /// Whether the viewer has not said hello, and still may.
   bool is_silent() const { return !welcomed_ && !ending_ && !gone_; }
   bool is_ending() const { return ending_; }
   bool wants_yields() const { return wants_yields_ && !ending_; }
@@ -84,9 +84,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool wants_navigation() const { return wants_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   const Who& who() const { return who_; }
-  /// Of the sweeps that it has had only so many are still there.
+  /// Invalidates the received sweeps beyond `count`, after an undo.
   void keep_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
-  /// Its own among all that say hello to this server.
+  /// Sets the viewer's number, unique within this server.
   void get_number(std::uint32_t number) { number_ = number; }
   ViewerIdentity identity() const { return {number_, may(who_.role, Right::kHand, true)}; }
 
@@ -104,7 +104,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_plan();
   bool next_navigation();
   void rest_from_yields();
-  /// @param bytes  stay as they are until it is done
+  /// @param bytes  have to stay valid until the write has finished
   void write(std::string_view bytes, bool binary);
   void write_failed();
   bool too_many();
@@ -123,12 +123,12 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Clock::time_point next_pose_{};
 
   std::deque<std::string> answers_;
-  bool deaf_ = false;  // has left requests undone, their answers having no place
+  bool deaf_ = false;  // has ignored requests for want of room for answers
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
   SweepsHad sweeps_had_;
   bool wants_yields_ = false, yield_is_out_ = false;
-  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< ToldYield::number; 0: it shows none
-  std::size_t next_yielding_ = 0;                        ///< device whose turn it is
+  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< ToldYield::number; 0: none shown
+  std::size_t next_yielding_ = 0;                        ///< next device in round-robin order
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;
   bool wants_plan_ = false;

@@ -46,7 +46,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   TestServer test;
   TestViewer viewer(test.port());
   EXPECT_EQ(viewer.opening().status, 101);
-  // RFC 6455's own example
+  // example of RFC 6455
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Protocol"), "palpate.v1");
   EXPECT_EQ(viewer.opening().field("Sec-WebSocket-Extensions"), "");
@@ -91,7 +91,7 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
     EXPECT_EQ(heard, until);
   };
   hear(first, had, 450);
-  // poses come in between, and one that comes later hears of all
+  // poses are interleaved, and a late viewer receives all sweeps
   EXPECT_FALSE(first.pose().empty());
   test.host.cut(3);
   hear(first, had, 453);
@@ -99,7 +99,7 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
   later.greet();
   std::uint64_t later_had = 0;
   hear(later, later_had, 453);
-  // what is there again is forgotten
+  // repeated sweeps are dropped first
   for (const std::uint64_t left : {200u, 0u}) {
     test.host.uncut(later_had - left);
     const Json none = later.text("cut");
@@ -107,7 +107,7 @@ TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
     EXPECT_TRUE(none["sweeps"].empty());
     later_had = left;
   }
-  // others in place of some of them, as many as before
+  // other sweeps in place of some, the same number as before
   test.host.cut(50);
   hear(later, later_had, 50);
   test.host.cut_anew(20, 20);
@@ -139,15 +139,15 @@ TEST(Viewer, HealthComesWithThePoses) {
   EXPECT_EQ(number_at<std::uint32_t>(pose, 92), 7u);
 }
 
-// counted, not timed: of three viewers together the slower get fewer
+// counted instead of timed: of three viewers together the slower ones get fewer poses
 TEST(Viewer, EachHasItsOwnRate) {
   TestServer test;
   TestViewer fast(test.port()), slow(test.port());
   slow.greet({{"poses_hz", 5}});
   fast.greet({{"poses_hz", 120}});
   const auto tick_of = [](const std::string& pose) { return number_at<std::uint64_t>(pose, 16); };
-  // its own sequence has no gap, and 24 turns of the server lie between two of its poses: fewer where the
-  // machine stands still, but not every time
+  // its sequence has no gap, and 24 server periods lie between two of its poses; fewer after a stall of the
+  // machine, but not every time
   std::uint64_t last = tick_of(slow.pose()), most = 0;
   for (std::uint64_t n = 2; n < 8; ++n) {
     const std::string pose = slow.pose();
@@ -182,7 +182,7 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   other.text("state");
   viewer.send({{"type", "set"}, {"id", 1}, {"max_force_N", 1.1}, {"method", "trilinear"}});
   EXPECT_EQ(viewer.text("done"), Json::parse(R"({"type": "done", "id": 1})"));
-  // everybody learns of it
+  // every viewer receives the state
   for (TestViewer* each : {&viewer, &other}) {
     Json state = each->text("state");
     while (!state.is_null() && state["method"] != "trilinear") state = each->text("state");
@@ -201,7 +201,7 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   EXPECT_TRUE(test.host.state().stop);
   EXPECT_EQ(test.host.asked_by().number, 1u);
   EXPECT_TRUE(test.host.asked_by().control);
-  // a rearm names the stop that it answers; one that is late answers another
+  // a rearm names the stop that it refers to; an outdated one is refused
   Json stopped = other.text("state");
   while (!stopped.is_null() && stopped["stop"].is_null()) stopped = other.text("state");
   EXPECT_EQ(stopped["emergency_stop"], true);
@@ -236,7 +236,7 @@ TEST(Viewer, EachIsToldWhoMovesTheTip) {
   one->greet(control);
   EXPECT_TRUE(one->text("state").at("pointer_by").is_null());
   other.greet(control);
-  // states that tell of something else may come before
+  // other state messages may come first
   const auto is_told = [](TestViewer& viewer, const Json& by) {
     for (int n = 0; n < 10; ++n)
       if (const Json state = viewer.text("state"); state.is_null() || state.at("pointer_by") == by)
@@ -269,7 +269,7 @@ TEST(Viewer, RolesAreKept) {
     EXPECT_EQ(viewer.text("refused")["where"], "role") << asked;
   }
   viewer.send({{"type", "tip"}, {"patient_mm", {7, 8, 9}}});
-  // a stop is everybody's
+  // every viewer may stop
   viewer.send({{"type", "stop"}, {"id", 2}});
   EXPECT_EQ(viewer.text("done")["id"], 2);
   EXPECT_TRUE(guarded.test.host.state().stop);
@@ -307,7 +307,7 @@ TEST(Viewer, NoTokenNoView) {
   EXPECT_EQ(log.find("0123456789"), std::string::npos);
 }
 
-// an answer that comes when somebody at the device has given it, to who asked
+// a late answer goes to the viewer that asked
 TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
   TestServer test;
   test.host.ask_first();
@@ -318,11 +318,11 @@ TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
   EXPECT_EQ(one.text("asked"), Json::parse(R"({"type": "asked", "id": 7})"));
   other.send({{"type", "set"}, {"id", 8}, {"paused", true}});
   EXPECT_EQ(other.text("asked")["id"], 8);
-  // a stop needs nobody
+  // a stop needs no consent
   one.send({{"type", "stop"}, {"id", 9}});
   EXPECT_EQ(one.text("done")["id"], 9);
   EXPECT_TRUE(test.host.state().stop);
-  // the one that goes waits for nothing
+  // a viewer that disconnected no longer waits
   other.socket().end_sending();
   EXPECT_TRUE(soon([&] { return test.host.asked() == 1; }));
   test.host.answer({});
@@ -357,7 +357,7 @@ TEST(Viewer, WhoeverMovesTheTipGetsItsForceBack) {
   EXPECT_FALSE(test.host.state().stop);
 }
 
-/// Of a session with a task.
+/// Server with a task.
 struct TaskTest : ::testing::Test {
   explicit TaskTest(const std::string& input = "script")
       : test({}, {5, 4, 3}, input, {palpate::testing::test_task()}) {}
@@ -381,12 +381,12 @@ TEST_F(TaskTest, ARunIsToldToWhoWantsItAndDebriefedOnce) {
   EXPECT_EQ(first.text("done")["id"], 2);
   const Json debriefing = first.text("debriefing");
   EXPECT_EQ(debriefing["run"], 3);
-  // who comes later hears of it, too
+  // a late viewer receives it as well
   TestViewer later(test.port());
   later.greet({{"task", true}});
   EXPECT_EQ(later.text("debriefing"), debriefing);
   EXPECT_EQ(later.text("task")["phase"], "over");
-  // nothing of it comes again, and nothing at all to who did not ask
+  // it is not repeated, and viewers without a subscription get nothing
   for (TestViewer* viewer : {&first, &plain}) {
     viewer->send({{"type", "set"}, {"id", 3}, {"paused", true}});
     for (Json next = viewer->text();; next = viewer->text()) {
@@ -432,7 +432,7 @@ TEST(Viewer, WhoHasControlPlaysARecording) {
   EXPECT_EQ(control.text("done")["id"], 2);
   EXPECT_EQ(test.host.played_at_s(), 12.25);
   EXPECT_EQ(test.host.state().playback->speed, -4);
-  // both are told
+  // both viewers receive the state
   for (TestViewer* viewer : {&control, &view})
     while (true)
       if (const auto state = viewer->text("state");
@@ -448,7 +448,7 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   TestViewer first(test.port()), second(test.port());
   first.greet();
   second.greet();
-  // not its own yet
+  // before it has taken the pointer
   first.send({{"type", "tip"}, {"patient_mm", {7, 8, 9}}});
   first.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   EXPECT_EQ(first.text("done")["id"], 1);
@@ -462,7 +462,7 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   second.send({{"type", "tip"}, {"patient_mm", {70, 80, 90}}});
   first.send({{"type", "tip"}, {"patient_mm", {1, 2, 3}}});
   EXPECT_TRUE(soon([&] { return test.host.tip() == std::array<double, 3>{1, 2, 3}; }));
-  // the one that goes lets go
+  // a viewer that disconnects releases the pointer
   first.socket().end_sending();
   EXPECT_TRUE(soon([&] { return !test.host.pointer_taken; }));
   EXPECT_EQ(test.host.asked_by().number, 1u) << "by him, whom nobody asks any more";
@@ -486,10 +486,10 @@ TEST(Viewer, PingsAreAnswered) {
   EXPECT_EQ(next.payload, "are you there");
 }
 
-// One that reads nothing: others go on without a gap, and what it gets when it reads again is little and ends
-// new.
+// A viewer that does not read: others continue without a gap, and when it reads again it gets few messages,
+// ending with a recent one.
 TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
-  // beside one whose server has no slow viewer: a machine that is busy with other tests holds up both
+  // reference: a second server without a slow viewer, since a busy machine delays both
   TestServer test, undisturbed;
   TestViewer slow(test.port(), "", false, 4096), other(test.port()), beside(undisturbed.port());
   for (TestViewer* viewer : {&slow, &other, &beside}) viewer->greet({{"poses_hz", 120}});
@@ -503,7 +503,7 @@ TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
   Sequence of_other{number_at<std::uint64_t>(other.pose(), 8)},
       of_beside{number_at<std::uint64_t>(beside.pose(), 8)};
   std::string pose;
-  // a quarter of the time that the server waits for one that takes nothing
+  // a quarter of the server's time limit for non-reading viewers
   for (int n = 0; n < 300; ++n) {
     pose = other.pose();
     const std::string same_time = beside.pose();
@@ -536,12 +536,12 @@ TEST(Viewer, OneThatTakesNothingIsClosed) {
   EXPECT_NE(test.log.text().find("takes nothing"), std::string::npos);
 }
 
-// answers that nobody takes never pile up, and never keep a stop from being heard
+// the queue of unread answers is bounded, and a stop is always carried out
 TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   TestServer test;
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});
-  // slower than the limit of messages, so that this is not what ends it
+  // below the message rate limit, so that the limit is not what ends it
   const auto ask = [&](const Json& request) {
     std::this_thread::sleep_for(std::chrono::milliseconds(4));
     return stuck.send(request);
@@ -555,7 +555,7 @@ TEST(Viewer, OneThatTakesNoAnswersStillStops) {
   EXPECT_TRUE(soon([&] { return test.server->viewers() == 0; }));
 }
 
-/// Viewers by the token that they show.
+/// Viewers with tokens of each role.
 struct Crowd {
   Crowd() {
     ViewerServerOptions options;
@@ -563,7 +563,7 @@ struct Crowd {
         write_private(folder / "tokens", std::string("control ") + kControl + "\nview " + kView + "\n");
     test.emplace(options);
   }
-  /// What it is told: "welcome", or the close code.
+  /// Result of connecting: "welcome", or the close code.
   std::string comes(const char* token) {
     auto viewer = std::make_unique<TestViewer>(test->port());
     const Json welcome = viewer->greet({{"token", token}});
@@ -586,7 +586,7 @@ TEST(Viewer, AtMostSixtyFour) {
   TestViewer late(crowd.test->port());
   late.send({{"type", "hello"}, {"protocol", 3}, {"token", Crowd::kControl}});
   EXPECT_EQ(late.close_code(), 1013);
-  // the page is still served, and one that goes makes room
+  // the page is still served, and a viewer that leaves frees its place
   EXPECT_EQ(request(crowd.test->port(), "GET", "/").status, 200);
   crowd.inside.pop_back();
   EXPECT_TRUE(soon([&] { return crowd.comes(Crowd::kControl) == "welcome"; }));
@@ -596,9 +596,9 @@ TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
   Crowd crowd;
   for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
   for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kView), "sent away") << "two places are kept";
-  // two have a place, and as many more as one likes find one
+  // two reserved places, and further viewers with control displace others
   for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kControl), "welcome") << n;
-  // of those who came last; whoever was there first noticed nothing
+  // the most recent ones are closed; earlier viewers are not affected
   for (const std::size_t gone : {59, 60, 61}) EXPECT_EQ(crowd.inside[gone]->close_code(), 1013) << gone;
   for (const std::size_t stays : {0, 1, 58, 62, 66})
     EXPECT_FALSE(crowd.inside[stays]->pose().empty()) << stays;
@@ -608,7 +608,7 @@ TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
 
 TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
   Crowd crowd;
-  // also where nearly every place is taken
+  // even if nearly every place is taken
   for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
   std::vector<std::unique_ptr<TestViewer>> silent;
   for (int n = 0; n < 40; ++n) {
@@ -619,7 +619,7 @@ TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
   EXPECT_EQ(silent.front()->close_code(), 1013) << "the first of them";
 }
 
-// to who asks, when it is another, and to one that comes later
+// sent to subscribers on a change, and to late subscribers
 TEST(Viewer, HowWrongATrackedTipMayBeIsToldToWhoAsks) {
   TestServer test;
   TestViewer viewer(test.port()), other(test.port());

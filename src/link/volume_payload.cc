@@ -22,7 +22,7 @@ void for_block(const std::array<int, 3>& dims, const std::array<int, 3>& block, 
       for (int i = block[0] * shrink; i < end(0); ++i) take(i, j, k);
 }
 
-/// Fills one voxel after the other with what value(i, j, k) gives for it, `kBytes` bytes each.
+/// Fills the payload with value(i, j, k) for each voxel, `kBytes` bytes each.
 template <int kBytes, class Value>
 std::shared_ptr<const std::string> fill(const std::array<int, 3>& dims, const std::atomic<bool>& stop,
                                         Value&& value) {
@@ -58,7 +58,7 @@ LabelId block_label(const Bricks<LabelId>& labels, const std::array<int, 3>& blo
   std::size_t count = 0;
   for_block(labels.geometry().dims, block, shrink,
             [&](int i, int j, int k) { members[count++] = labels.at(i, j, k); });
-  // most blocks hold one label
+  // most blocks are uniform
   if (std::all_of(members.begin(), members.begin() + count, [&](LabelId l) { return l == members[0]; }))
     return members[0];
   std::sort(members.begin(), members.begin() + count);
@@ -66,7 +66,7 @@ LabelId block_label(const Bricks<LabelId>& labels, const std::array<int, 3>& blo
   std::size_t most = 0;
   for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
     while (end < count && members[end] == members[begin]) ++end;
-    // background gives way to a structure that is as frequent
+    // in a tie, a structure wins over background
     if (end - begin > most || (end - begin == most && best == 0)) {
       best = members[begin];
       most = end - begin;
@@ -152,7 +152,7 @@ std::shared_ptr<const std::string> gzip(const std::string& bytes, const std::ato
   bool last = false;
   while (!last && !stop) {
     const std::size_t part = std::min(kPart_bytes, bytes.size() - taken);
-    // zlib does not write to its input
+    // zlib does not modify its input
     stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data() + taken));
     stream.avail_in = static_cast<uInt>(part);
     taken += part;

@@ -96,7 +96,7 @@ TEST(VolumePayload, WhatIsNoNumberIsTheLowest) {
   EXPECT_EQ(number_at<std::int16_t>(*scan_payload(none, ScanScale::of(none), 1, kGoOn), 0), 0);
 }
 
-// the largest range of floats, and a constant that is no whole number
+// the maximum range of floats, and a constant that is not an integer
 TEST(VolumePayload, ExtremeRangesStayFinite) {
   const float most = std::numeric_limits<float>::max();
   for (const auto& values : {std::vector<float>{-most, 0, most}, std::vector<float>{0.1f, 0.1f}}) {
@@ -163,7 +163,7 @@ TEST(VolumePayload, ShrunkLabelsAreTheMostFrequent) {
   EXPECT_EQ(of({9, 9, 9, 9, 9, 9, 9, 9}), 9);
   EXPECT_EQ(of({0, 0, 0, 0, 0, 3, 3, 3}), 0);
   EXPECT_EQ(of({5, 5, 5, 2, 2, 2, 2, 0}), 2);
-  // of equals the lowest above 0
+  // in a tie the lowest above 0
   EXPECT_EQ(of({0, 0, 0, 0, 3, 3, 3, 3}), 3);
   EXPECT_EQ(of({8, 3, 8, 3, 0, 0, 1, 1}), 1);
   EXPECT_EQ(of({8, 8, 8, 3, 3, 3, 0, 0}), 3);
@@ -247,7 +247,7 @@ TEST(PayloadStore, EndsWithWishesOpen) {
   {
     const auto make = volume_maker(nullptr, {}, labels, true);
     PayloadStore store([&](const PayloadKey& key, const std::atomic<bool>& stop) {
-      // however late this thread ends it, it is not done
+      // cannot finish before the store is destroyed
       while (!stop) std::this_thread::yield();
       return make(key, stop);
     });

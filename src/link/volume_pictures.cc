@@ -22,16 +22,16 @@ namespace {
 
 constexpr int kLowestPriority = 19;
 constexpr int kLeastSide = 16, kMostSide = 2048, kMostPixels = 3 << 20;
-/// Of every number in a query, mm: far beyond any patient.
+/// Maximum magnitude of any number in a query; mm. Far beyond any patient.
 constexpr double kMost_mm = 1e5;
 constexpr double kLeastPixel_mm = 1e-5;
-/// What was prepared is kept so long for whoever asks again.
+/// Time after the last request for which prepared data are cached.
 constexpr auto kKeptFor = std::chrono::seconds(60);
 constexpr std::size_t kHead_bytes = 24;
-/// A picture goes out as soon as it can: as little work as there is.
+/// Fastest compression level: latency matters more than size.
 constexpr int kGzipLevel = 1;
 
-/// Takes the part of a text before a separator off its front.
+/// Removes and returns the part of a text before a separator.
 std::string_view take_part(std::string_view& text, char separator) {
   const std::string_view part = text.substr(0, text.find(separator));
   text.remove_prefix(std::min(text.size(), part.size() + 1));
@@ -57,7 +57,7 @@ T three(const std::vector<double>& numbers, std::size_t from) {
   return T(numbers[from], numbers[from + 1], numbers[from + 2]);
 }
 
-/// width, height; the upper left pixel's upper left corner; a pixel to the right; a pixel down; the eye.
+/// Parses width, height; upper left corner of the upper left pixel; pixel vectors to the right and down; eye.
 bool take_view(const std::vector<double>& numbers, PictureKey& key) {
   if (numbers.size() != 11 && numbers.size() != 14) return false;
   VolumeCamera& camera = key.camera;
@@ -70,7 +70,7 @@ bool take_view(const std::vector<double>& numbers, PictureKey& key) {
   const auto corner = three<Point<Patient>>(numbers, 2);
   const auto across = three<Vector<Patient>>(numbers, 5), down = three<Vector<Patient>>(numbers, 8);
   if (across.norm() < kLeastPixel_mm || down.norm() < kLeastPixel_mm) return false;
-  // pixels are square, but for what rounding a picture's size to whole ones does
+  // pixels have to be square, up to the rounding of the picture's size
   if (std::abs(across.norm() / down.norm() - 1) > 0.05 ||
       std::abs(across.normalized().dot(down.normalized())) > 1e-3)
     return false;
@@ -91,7 +91,7 @@ int hex_digit(char c) {
   return -1;
 }
 
-/// Red, green, blue and opacity of the first structures, two digits each.
+/// Parses colour and opacity of the first structures, two hexadecimal digits per component.
 bool take_looks(std::string_view text, std::size_t structures, PictureKey& key) {
   if (text.size() % 8 != 0 || text.size() / 8 > structures) return false;
   for (std::size_t n = 0; n < text.size() / 8; ++n) {
@@ -154,7 +154,7 @@ PictureStore::Looks::Looks(const ViewedScene& scene) {
     of_label[structure.label] = {structure.colour,
                                  is_known ? tissues[static_cast<std::size_t>(structure.tissue)].opacity : 1};
     label_of.push_back(structure.label);
-    // a viewer knows no more of them apart
+    // a viewer cannot distinguish more structures in a byte
     if (label_of.size() <= std::numeric_limits<std::uint8_t>::max())
       place_of[structure.label] = static_cast<std::uint8_t>(label_of.size());
   }
@@ -164,7 +164,7 @@ PictureStore::PictureStore(const ViewerHost& host)
     : host_(host), looks_(host.scene()), labels_(host.scene().labels) {
   thread_ = std::thread([this] {
     be_ordinary_thread("viewer-pictures");
-    // and whoever helps it
+    // helper threads inherit the priority
     ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
     work();
   });
@@ -210,7 +210,7 @@ void PictureStore::work() {
     if (wish.asker.expired()) continue;
     const Payload payload = made(wish.key);
     if (stop_) continue;
-    // whoever cannot be told ends by his own deadline
+    // an exception from the callback is dropped; the connection that waits runs into its time limit
     try {
       wish.then(payload);
     } catch (const std::exception&) {
@@ -218,7 +218,7 @@ void PictureStore::work() {
   }
 }
 
-// what cannot be made is this wish's trouble alone
+// a failure affects this request only
 PictureStore::Payload PictureStore::made(const PictureKey& key) try {
   if (!prepare(key)) return nullptr;
   Payload plain = drawn(key);
@@ -235,10 +235,10 @@ bool PictureStore::prepare(const PictureKey& key) {
   for (std::size_t n = 0; n < key.colours.size(); ++n)
     looks[of.label_of[n]] = {key.colours[n], key.opacities[n]};
   if (!looks.empty()) looks[0].opacity = 0;
-  // how tissue yields shows what is in it
+  // the deformation of tissue reveals its structure
   const auto labels = key.veil != nullptr ? veiled_->cuts.of(host_.labels()) : host_.seen_labels();
-  // nothing is carried over from the whole labels to the veiled ones: how long that takes would tell how much
-  // differs
+  // nothing prepared is reused between original and veiled labels: the time for the update would reveal how
+  // much differs
   if (renderer_ && prepared_for_ == key.veil && are_equal(looks, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
     if (changed.voxel_count() > 0) renderer_->change(*labels, changed);
@@ -272,7 +272,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   constexpr double kDepthSteps = 65535;
 
   const std::vector<std::uint8_t>& places = key.veil != nullptr ? veiled_->looks.place_of : looks_.place_of;
-  // the structure is looked up behind the surface, which lies where half is covered
+  // the rendered surface lies at half coverage: the structure is looked up behind it
   const GridGeometry& grid = labels_->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   const Point<Patient> eye =
@@ -283,7 +283,8 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
     const Vector<Patient> way = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
     for (const double behind : {0.4, 1.0, 0.0, 1.8, 3.0}) {
       const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + way * (depth + behind * h);
-      // at a rim what is drawn lies beside the ray: of the eight voxels around the nearest one
+      // at a silhouette the rendered structure lies beside the ray: use the nearest of the eight voxels
+      // around
       const Eigen::Vector3d voxel = (X_VoxelPatient * at).eigen();
       const Eigen::Vector3d low = voxel.array().floor();
       double nearest = 3;

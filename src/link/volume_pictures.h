@@ -19,41 +19,40 @@
 
 namespace palpate::link {
 
-/// A picture of the volume as a viewer asks for it: rays through the middles of its pixels.
+/// Request for a picture of the volume: rays through the pixel centres.
 struct PictureKey {
   VolumeCamera camera;
-  std::vector<Rgb> colours;       ///< of the scene's first structures; of the others the scene's own
-  std::vector<double> opacities;  ///< likewise, 0 ... 1
-  std::optional<ClipPlane> clip;  ///< what lies on that side of it is taken away
+  std::vector<Rgb> colours;       ///< Colours of the scene's first structures; the others keep the scene's
+  std::vector<double> opacities;  ///< Opacities of the same structures, 0 ... 1
+  std::optional<ClipPlane> clip;  ///< Half-space that is cut away
   bool gzip = false;
-  const Veil* veil = nullptr;  ///< through which it is seen, the same one always; outlives the store
+  const Veil* veil = nullptr;  ///< Veil to be applied, always the same object; outlives the store; null: none
 };
-/// From a query as docs/reference/viewer-http.md has it, `view=...&looks=...&cut=...`; nothing where it
-/// is none.
+/// Parses a query as specified in docs/reference/viewer-http.md, `view=...&looks=...&cut=...`; empty if
+/// malformed.
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures);
 
-/// Pictures of a session's volume, made one after another by a thread of the lowest priority, whose helpers
-/// leave one processor alone: the servo, poses and volumes come first. The labels are prepared when somebody
-/// asks first, and again for other looks; when nobody has asked for a while, what was prepared is given back.
+/// Renders pictures of a session's volume sequentially on a thread of the lowest priority, whose helpers
+/// leave one CPU free: servo, poses and volumes have priority. The labels are prepared on the first request,
+/// and again for other colours or opacities; prepared data are freed after a period without requests.
 class PictureStore {
  public:
   using Payload = std::shared_ptr<const std::string>;
-  /// Of larger volumes there are none: a solid voxel takes 32 bytes while one is looked at.
+  /// Larger volumes are not rendered: a solid voxel takes 32 bytes while prepared.
   static constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
-  /// So many wishes wait; of more the oldest is not granted.
+  /// Maximum number of queued requests; beyond it the oldest is dropped.
   static constexpr std::size_t kMostWaiting = 16;
 
-  /// @param host  is asked for its labels before each picture: what a burr took meanwhile is gone, and tissue
-  ///              is where it has yielded to. Outlives
-  ///              the store
+  /// @param host  supplies the labels before each picture, including removal and deformation. Outlives the
+  /// store
   explicit PictureStore(const ViewerHost& host);
-  /// Ends after the picture that is being made; nobody is told of any.
+  /// Ends after the current picture; no callbacks are called.
   ~PictureStore();
   PictureStore(const PictureStore&) = delete;
   PictureStore& operator=(const PictureStore&) = delete;
 
-  /// Hands over the bytes on the store's own thread, or nothing where there is none.
-  /// @param asker  whoever is gone when it is the wish's turn gets none
+  /// Passes the bytes to `then` on the store's thread, or null if there is no picture.
+  /// @param asker  the request is dropped if this has expired
   void want(PictureKey key, std::weak_ptr<const void> asker, std::function<void(Payload)> then);
 
  private:
@@ -62,14 +61,14 @@ class PictureStore {
     std::weak_ptr<const void> asker;
     std::function<void(Payload)> then;
   };
-  /// How a scene's structures look, by label, and their places in it.
+  /// Colours and opacities by label, and the index of each structure in the scene.
   struct Looks {
     explicit Looks(const ViewedScene& scene);
     std::vector<StructureLook> of_label;
-    std::vector<LabelId> label_of;       ///< of the scene's structures
-    std::vector<std::uint8_t> place_of;  ///< of a label among these, + 1; 0: in none
+    std::vector<LabelId> label_of;       ///< Label of each of the scene's structures
+    std::vector<std::uint8_t> place_of;  ///< Index of a label in the scene's structures, plus 1; 0: none
   };
-  /// What is drawn for those who see the session through a veil.
+  /// State for viewers to whom a veil applies.
   struct Veiled {
     explicit Veiled(const Veil& veil, const ViewedScene& whole)
         : looks(veil.scene()), cuts(whole.labels, veil.scene().labels) {}
@@ -83,12 +82,12 @@ class PictureStore {
 
   const ViewerHost& host_;
   const Looks looks_;
-  // of the store's thread alone
+  // used by the store's thread only
   std::optional<Veiled> veiled_;
   const Veil* prepared_for_ = nullptr;
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::optional<VolumeRenderer> renderer_;  ///< of these labels
-  std::vector<StructureLook> prepared_;     ///< with these looks
+  std::optional<VolumeRenderer> renderer_;  ///< Prepared for labels_
+  std::vector<StructureLook> prepared_;     ///< Colours and opacities that it is prepared for
   std::vector<std::uint8_t> rgb_;
   std::vector<float> depth_mm_;
 

@@ -15,7 +15,7 @@ namespace {
 
 using palpate::testing::FakeHost;
 
-/// A ball of the second structure in the middle of the volume, and nothing else.
+/// A ball of the second structure in the centre of the volume, and nothing else.
 struct BallHost : FakeHost {
   BallHost() : FakeHost({40, 40, 40}) {
     GridGeometry grid;
@@ -39,7 +39,7 @@ struct BallHost : FakeHost {
   std::shared_ptr<const Bricks<LabelId>> now;
 };
 
-/// From the front, a pixel a mm, 48 of them each way.
+/// View from the front with 48 x 48 pixels of 1 mm.
 constexpr const char* kFront = "view=48,48,-4,20,44,1,0,0,0,0,-1";
 
 std::shared_ptr<const std::string> wait_for(PictureStore& store, const std::string& query) {
@@ -87,7 +87,7 @@ TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
         EXPECT_EQ(seen.place(column, row), 0) << column << " " << row;
       }
       if (off > 11) continue;
-      // the second of the structures, where the ball's surface is
+      // the second structure, at the ball's surface
       EXPECT_EQ(seen.place(column, row), 2) << column << " " << row;
       EXPECT_NEAR(seen.depth_mm(column, row), -std::sqrt(144 - off * off), off < 9 ? 1.3 : 2.4) << off;
     }
@@ -98,7 +98,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   const BallHost host;
   PictureStore store(host);
   const std::string front(kFront);
-  // hidden
+  // transparent
   const auto hidden = wait_for(store, front + "&looks=ffffffffff000000");
   ASSERT_NE(hidden, nullptr);
   EXPECT_EQ(Seen(*hidden).place(24, 24), 0);
@@ -106,11 +106,11 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   const auto red = wait_for(store, front + "&looks=ffffffffff0000ff");
   ASSERT_NE(red, nullptr);
   EXPECT_GT(Seen(*red).red(24, 24), 180);
-  // without its front half the ball begins in its middle, which lies 0 mm from the picture's plane at y = 20
+  // without its front half the ball begins at its centre, 0 mm from the picture's plane at y = 20
   const auto cut = wait_for(store, front + "&cut=20,20,20,0,-1,0");
   ASSERT_NE(cut, nullptr);
   EXPECT_NEAR(Seen(*cut).depth_mm(24, 24), 0, 0.7);
-  // from 60 mm before that plane
+  // perspective from 60 mm in front of that plane
   const auto near = wait_for(store, front + ",20,-40,20");
   ASSERT_NE(near, nullptr);
   EXPECT_NEAR(Seen(*near).depth_mm(24, 24), 60 - 12, 0.8);
@@ -123,7 +123,7 @@ TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
   const auto whole = wait_for(store, kFront);
   ASSERT_NE(whole, nullptr);
   EXPECT_NEAR(Seen(*whole).depth_mm(24, 24), -12, 1.3);
-  // a hole from the front to the middle
+  // a hole from the front to the centre
   Bricks<LabelId> holed =
       host.ball.labels->with({{{16, 4, 16}, {8, 16, 8}}, std::vector<LabelId>(8 * 16 * 8, 0)});
   const auto put = [&](std::shared_ptr<const Bricks<LabelId>> labels) {
@@ -135,7 +135,7 @@ TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
   ASSERT_NE(cut, nullptr);
   EXPECT_NEAR(Seen(*cut).depth_mm(24, 24), 0, 1.3);
   EXPECT_NEAR(Seen(*cut).depth_mm(16, 24), Seen(*whole).depth_mm(16, 24), 0.1);
-  // as if it had been so from the beginning, also in other looks
+  // equal to a new store with the same labels, with other looks, too
   BallHost other;
   other.ball.labels = std::make_shared<const Bricks<LabelId>>(holed);
   PictureStore anew(other);
@@ -165,7 +165,7 @@ TEST(PictureStore, EndsWithWishesOpen) {
   PictureStore store(host);
   const auto key = parse_picture_query(kFront, 2);
   ASSERT_TRUE(key);
-  // of too many the oldest are told at once that they get none
+  // the oldest requests beyond the limit are answered with null at once
   std::atomic<int> told{0};
   for (std::size_t n = 0; n < 3 * PictureStore::kMostWaiting; ++n)
     store.want(*key, asker, [&](PictureStore::Payload) { ++told; });

@@ -7,9 +7,8 @@
 #include "link/test_client.h"
 #include "link/test_host.h"
 
-// Bytes as they come from the network, to a whole server: the first byte says whether they are what a new
-// connection says or what a welcomed viewer does, and the others come in one or two parts. The server answers
-// the next one.
+// Bytes from the network, to a complete server: the first byte selects whether a new connection or a welcomed
+// viewer sends them, and the rest arrives in one or two parts. The server has to answer the next client.
 namespace {
 
 using palpate::testing::TestServer;

@@ -9,7 +9,7 @@
 
 namespace palpate::link {
 
-/// Numbers one after the other, little-endian whatever the machine's order is.
+/// Writes consecutive numbers in little-endian order on any machine.
 class WireWriter {
  public:
   explicit WireWriter(char* at) : at_(at) {}
@@ -20,7 +20,7 @@ class WireWriter {
       *at_++ = static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * byte) & 0xff);
   }
   void real64(double value) { whole(std::bit_cast<std::uint64_t>(value)); }
-  // beyond what a float can hold: infinite
+  // values beyond float's range become infinite
   void real32(double value) {
     constexpr double kMost = std::numeric_limits<float>::max();
     constexpr float kInfinite = std::numeric_limits<float>::infinity();

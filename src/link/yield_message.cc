@@ -12,10 +12,10 @@
 namespace palpate::link {
 namespace {
 
-// two steps: the solution of a hand at rest goes on trembling by less
+// two steps: below the jitter of the solution under a hand at rest
 constexpr int kSameSteps = 2;
 
-// whether there is such a grid, and as many places as it has
+// whether the grid is valid and has a displacement per node
 bool is_grid(const ViewedYield& yield) {
   std::size_t nodes = 1;
   for (const int along : yield.nodes) {
@@ -43,7 +43,7 @@ YieldMessage::YieldMessage(std::size_t device, const ViewedYield* yield)
   spacing_mm_ = yield->spacing_mm;
 }
 
-// false: none of the nodes is told
+// returns false if no node has to be sent
 bool YieldMessage::take(const ViewedYield& yield) {
   const int width = yield.nodes[0], height = yield.nodes[1], depth = yield.nodes[2];
   const auto at = [&](int i, int j, int k) {
@@ -102,7 +102,7 @@ std::string YieldMessage::bytes() const {
     for (const int count : three) out.whole(static_cast<std::uint16_t>(count));
   out.whole(std::uint16_t{0});
   out.reals32(first_mm_);
-  // a column of the matrix is an axis
+  // columns of the matrix are axes
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (std::size_t row = 0; row < 3; ++row) out.real32(axes_[3 * row + axis]);
   out.real32(spacing_mm_);

@@ -11,26 +11,25 @@
 
 namespace palpate::link {
 
-/// How tissue has yielded around a device's tool as viewers get it, in the layout of
-/// docs/reference/viewer-messages.md: of the grid's nodes the smallest box around those that moved, in whole
-/// steps.
+/// Binary message with the deformation around a device's tool, in the layout of
+/// docs/reference/viewer-messages.md: the bounding box of the displaced nodes, quantised to integer steps.
 class YieldMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96;
-  /// A grid with more nodes along an axis or altogether is not told.
+  /// Limits of a grid, per axis and in total; larger grids are not sent.
   static constexpr int kMostNodes_axis = 64;
   static constexpr std::size_t kMostNodes = 32768;
-  /// What is moved by less is not seen: such nodes are at rest.
+  /// Displacement below which a node counts as at rest; not visible.
   static constexpr float kLeast_mm = 0.005f;
-  /// As fine as that: what is strained is computed from differences.
+  /// Quantisation step. Fine, because strain is computed from differences.
   static constexpr float kStep_mm = 0.001f;
 
-  /// @param yield  null: nothing has yielded any more, and neither has where none of its nodes is told
+  /// @param yield  null: no deformation; equivalent to a field none of whose nodes has to be sent
   YieldMessage(std::size_t device, const ViewedYield* yield);
 
-  /// Nothing has yielded.
+  /// Whether there is no deformation.
   bool rests() const { return steps_.empty(); }
-  /// Whether a viewer that has the other one sees anything else with this one.
+  /// Whether the two messages are visually indistinguishable.
   bool looks_like(const YieldMessage& other) const;
   std::string bytes() const;
 
@@ -45,12 +44,12 @@ class YieldMessage {
   double spacing_mm_ = 0;
   float step_mm_ = kStep_mm;
   std::array<int, 3> lo_{}, size_{};
-  std::vector<std::int16_t> steps_;  ///< of the box: x, y, z, i fastest
+  std::vector<std::int16_t> steps_;  ///< Displacements in the box: x, y, z; i fastest
 };
 
-/// What the hub knows of the tissue around one device: the newest message, which viewers share.
+/// Latest deformation message of one device, shared by the viewers.
 struct ToldYield {
-  std::uint64_t number = 0;  ///< another one: another message; 0: there was none
+  std::uint64_t number = 0;  ///< Changes with each message; 0: none yet
   bool rests = true;
   std::shared_ptr<const std::string> bytes;
 };

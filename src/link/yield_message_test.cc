@@ -22,7 +22,7 @@ using palpate::testing::TestFrame;
 using palpate::testing::TestServer;
 using palpate::testing::TestViewer;
 
-// a grid whose nodes rest but for those of a box, each of which is moved by a way of its own
+// grid at rest except for a box, each node of which has a distinct displacement
 ViewedYield yield_of(std::array<int, 3> nodes, std::array<int, 3> lo, std::array<int, 3> size) {
   ViewedYield yield;
   yield.frame = 77;
@@ -45,7 +45,7 @@ std::array<int, 3> three(std::string_view bytes, std::size_t at) {
           number_at<std::uint16_t>(bytes, at + 4)};
 }
 
-// the document's own offsets, one by one
+// every offset as in the document
 TEST(YieldMessage, StandsWhereTheDocumentSays) {
   const ViewedYield yield = yield_of({6, 5, 4}, {1, 2, 1}, {3, 2, 2});
   const YieldMessage message(2, &yield);
@@ -61,7 +61,7 @@ TEST(YieldMessage, StandsWhereTheDocumentSays) {
   EXPECT_EQ(three(bytes, 22), (std::array{1, 2, 1}));
   EXPECT_EQ(three(bytes, 28), (std::array{3, 2, 2}));
   EXPECT_EQ(number_at<std::uint16_t>(bytes, 34), 0);
-  // first node, then the axes along which i, j and k count, spacing
+  // first node, then the axes of i, j and k, then the spacing
   const std::array<float, 13> reals{-10.5f, 20.25f, 30, 0, 1, 0, -1, 0, 0, 0, 0, 1, 2.5f};
   for (std::size_t n = 0; n < reals.size(); ++n) EXPECT_EQ(number_at<float>(bytes, 36 + 4 * n), reals[n]);
   const float step_mm = number_at<float>(bytes, 88);
@@ -126,7 +126,7 @@ TEST(YieldMessage, WhatTremblesLooksLikeBefore) {
   EXPECT_FALSE(YieldMessage(0, nullptr).looks_like(YieldMessage(0, &before)));
 }
 
-// The next of tissue, poses and texts before it skipped; empty: none within so many poses.
+// Next deformation message, skipping poses and texts; empty if there is none within `poses` poses.
 std::string yield_message(TestViewer& viewer, int poses = 1000) {
   for (TestFrame next = viewer.frame(); next.opcode >= 0 && poses > 0; next = viewer.frame()) {
     if (next.is_binary() && next.payload.starts_with("PLPY")) return next.payload;
@@ -150,7 +150,7 @@ TEST(Viewer, HowTissueYieldsComesWhereItIsAnotherWayAndToOneThatComesLate) {
   EXPECT_EQ(yield_message(first, 30), "") << "nothing has yielded";
   test.host.yield(1, shared(pressed));
   EXPECT_EQ(yield_message(first), YieldMessage(1, &pressed).bytes());
-  // the same again, by another frame
+  // the same deformation in another frame
   ViewedYield again = pressed;
   again.frame = 78;
   test.host.yield(1, shared(again));
@@ -167,12 +167,12 @@ TEST(Viewer, HowTissueYieldsComesWhereItIsAnotherWayAndToOneThatComesLate) {
   EXPECT_EQ(yield_message(other, 10), "") << "one that did not ask";
 }
 
-// one that reads nothing gets the newest when it does, and not what came before
+// a viewer that does not read gets the latest message when it does, not the earlier ones
 TEST(Viewer, ASlowViewerIsToldOfTheNewestTissue) {
   TestServer test;
   TestViewer slow(test.port(), "", false, 4096), other(test.port());
   for (TestViewer* viewer : {&slow, &other}) viewer->greet({{"yielded", true}});
-  // more than the system's buffers hold
+  // more than the kernel's buffers hold
   ViewedYield yield = yield_of({20, 20, 20}, {0, 0, 0}, {20, 20, 20});
   constexpr int kTold = 6;
   for (int n = 0; n < kTold; ++n) {
@@ -180,7 +180,7 @@ TEST(Viewer, ASlowViewerIsToldOfTheNewestTissue) {
     yield.spacing_mm = 1 + n;
     test.host.yield(0, shared(yield));
     std::string told;
-    // what was told may be of the one before
+    // the message may be of the previous frame
     while ((told = yield_message(other)) != "" && number_at<std::uint32_t>(told, 12) != yield.frame) {
     }
     ASSERT_FALSE(told.empty());

@@ -9,37 +9,38 @@
 
 #include "palpate/volume/volume.h"
 
-/// What viewers see of a plan that is rehearsed, and how they change it. Its title, which may name a patient,
-/// is told to nobody.
+/// Plan data published to viewers during a rehearsal, and edits of it. The plan's title is never published,
+/// because it may contain a patient's name.
 namespace palpate {
 
 struct ViewedPlan {
   struct Trajectory {
     std::string name;
-    std::array<double, 3> entry_mm{}, target_mm{};  ///< patient
+    std::array<double, 3> entry_mm{}, target_mm{};  ///< Patient frame
     std::optional<double> entry_within_mm, target_within_mm, angle_within_deg, depth_within_mm;
   };
-  /// The tool is to keep away from a structure so far.
+  /// Required clearance between the tool and a structure.
   struct KeepAway {
     LabelId label = 0;
     double mm = 0;
   };
   std::vector<Trajectory> trajectories;
   std::vector<KeepAway> keep_away;
-  std::uint32_t version = 1;  ///< one more with each change
-  bool saved = true;          ///< the plan's file says the same
-  bool can_change = false;    ///< viewers with control may
+  std::uint32_t version = 1;  ///< Incremented with each change
+  bool saved = true;          ///< Whether the plan equals the plan's file
+  bool can_change = false;    ///< Whether viewers with control may edit it
 };
 
-/// A trajectory is to be added, to be another one or to go; or all of the plan is to be as it was, or saved.
+/// Edit of a plan: adds, changes or removes a trajectory, restores an earlier version of the whole plan, or
+/// saves it.
 struct PlanRequest {
-  std::uint32_t version = 0;              ///< of the plan that is changed: as whoever asks has seen it
-  std::optional<std::size_t> trajectory;  ///< its place; one beyond the last: a new one
+  std::uint32_t version = 0;  ///< Version that the edit refers to: the one that the viewer has seen
+  std::optional<std::size_t> trajectory;  ///< Index of the trajectory; one beyond the last: a new one
   std::optional<std::string> name;
   std::optional<std::array<double, 3>> entry_mm, target_mm;
   bool remove = false;
-  // without a trajectory
-  std::optional<std::uint32_t> back_to;  ///< all of it as it was in that version: what was done is undone
+  // requests without a trajectory
+  std::optional<std::uint32_t> back_to;  ///< Undo: version of the plan to be restored
   bool save = false;
 };
 

@@ -10,35 +10,36 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 
-/// What viewers see of tasks and of a run that is under way or over. Structures are labels, which the scene
-/// names.
+/// Tasks, progress of a run and its debriefing, as published to viewers. Structures are given as labels,
+/// which the scene names.
 namespace palpate {
 
-/// A task that may be begun.
+/// Task that may be begun.
 struct ViewedTask {
   struct Region {
     std::string name;
-    std::array<double, 3> middle_mm{};  ///< patient
-    double radius_mm = 0;               ///< all of it lies so near to its middle
-    std::array<double, 3> outward{};    ///< unit, patient: from where it is seen; zero: from anywhere
-    /// What the region is made of, by which the above is computed again on other labels. Told to nobody.
+    std::array<double, 3> middle_mm{};  ///< Centre, patient frame
+    double radius_mm = 0;               ///< Radius of a sphere about the centre that contains the region
+    /// Unit vector, patient frame: side from which the region is visible; zero: any
+    std::array<double, 3> outward{};
+    /// Definition of the region, from which the members above are recomputed for other labels. Not published.
     struct Extent {
-      std::vector<LabelId> labels;                                     ///< none: a ball
-      std::optional<std::array<double, 3>> centre_mm, landmark, half;  ///< as TaskRegion has them
+      std::vector<LabelId> labels;                                     ///< None: a sphere
+      std::optional<std::array<double, 3>> centre_mm, landmark, half;  ///< As in TaskRegion
       double radius_mm = 0;
       struct Plane {
         std::array<double, 3> point_mm{}, normal{};
       };
-      std::vector<Plane> planes;  ///< the region lies on the side of each normal
+      std::vector<Plane> planes;  ///< The region lies on the positive side of each plane
     };
-    std::optional<Extent> extent = {};  ///< empty: not known
+    std::optional<Extent> extent = {};  ///< Empty: unknown
   };
   struct Step {
     std::string name, kind;  ///< "touch", "visit", "cover", "remove"
     std::size_t region = 0;
-    std::array<double, 2> force_N{0, kNotKnown};  ///< of a touch; no number: no bound
+    std::array<double, 2> force_N{0, kNotKnown};  ///< Force range of a touch; NaN: unbounded
     double seconds = 0, coverage = 0;
-    bool seen = false;  ///< by the scope
+    bool seen = false;  ///< Whether the region also has to be in the scope's view
   };
   struct Scope {
     double optics_deg = 0, back_mm = 0;
@@ -54,12 +55,12 @@ struct ViewedTask {
   };
   struct Metric {
     std::string name, unit;
-    std::vector<LabelId> labels;  ///< none: all
+    std::vector<LabelId> labels;  ///< None: all structures
     bool more_is_better = false;
     std::optional<double> at_least, at_most;
-    std::string basis;  ///< empty: not validated
+    std::string basis;  ///< Validation basis of the bounds; empty: not validated
   };
-  std::string name;  ///< by which it is asked for
+  std::string name;  ///< Name by which viewers request it
   std::string title, briefing;
   bool quiz = false, ordered = false, ends_with_steps = true;
   std::optional<double> time_limit_s, answer_s;
@@ -70,7 +71,7 @@ struct ViewedTask {
   std::vector<Protected> protections;
   std::vector<Metric> metrics;
   std::vector<LabelId> to_find;
-  std::optional<Scope> scope;  ///< in the second device
+  std::optional<Scope> scope;  ///< Scope held by the second device
 };
 
 struct ViewedTaskEvent {
@@ -79,35 +80,36 @@ struct ViewedTaskEvent {
   double time_s = 0, force_N = 0;
 };
 
-/// How far a run is.
+/// Progress of a run.
 struct ViewedTraining {
   enum class Phase : std::uint8_t { kNone, kRunning, kKeeping, kOver };
   static constexpr std::size_t kMostEvents = 8;
 
   Phase phase = Phase::kNone;
-  std::uint32_t run = 0;  ///< its number in the session, from 1; 0: there was none
+  std::uint32_t run = 0;  ///< Number within the session, from 1; 0: no run yet
   std::string task;
   double time_s = 0;
-  std::vector<bool> done;     ///< of the steps
-  std::vector<double> share;  ///< of each step, 0 ... 1
+  std::vector<bool> done;     ///< Per step: whether it is done
+  std::vector<double> share;  ///< Progress of each step, 0 ... 1
   std::vector<double> forces_N, protected_N;
   double touch_N = 0;
-  bool unseen = false;  ///< something is touched that the scope does not see
+  bool unseen = false;  ///< Whether a structure outside the scope's view is in contact
   double missing_s = 0;
-  std::vector<ViewedTaskEvent> events;  ///< the last ones
-  std::uint64_t events_before = 0;      ///< that came before these
+  std::vector<ViewedTaskEvent> events;  ///< Most recent events
+  std::uint64_t events_before = 0;      ///< Number of events before these
   bool keeps =
-      false;  ///< the run under way, or the next one of the session's own learner, is kept in records
-  std::string learner;  ///< whose the run is, a pseudonym, which is told to nobody; empty: nobody's
+      /// Whether the current run, or the next run of the session's own learner, is stored in the records
+      false;
+  std::string learner;  ///< Pseudonym of the run's learner, not published; empty: none
 };
 
-/// A run that is over.
+/// Result of a finished run.
 struct ViewedDebriefing {
   static constexpr std::size_t kMostEvents = 500, kMostPatches = 4000, kMostForces = 4;
 
   std::uint32_t run = 0;
   std::string task;
-  std::string end;  ///< "task", "asked", "session", "trouble"
+  std::string end;  ///< Reason for the end: "task", "asked", "session", "trouble"
   bool in_band = false;
   double time_s = 0, missing_s = 0;
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
@@ -117,15 +119,16 @@ struct ViewedDebriefing {
   };
   std::vector<Metric> metrics;
   std::vector<bool> done;
-  std::vector<ViewedTaskEvent> events;  ///< the first ones
+  std::vector<ViewedTaskEvent> events;  ///< Earliest events
   std::uint64_t more_events = 0;
   struct Sample {
     double time_s = 0;
-    std::array<double, 3> tip_mm{kNotKnown, kNotKnown, kNotKnown};  ///< patient
-    double touch_N = 0;                                             ///< on all that is touched
-    std::array<double, kMostForces> forces_N{};                     ///< on the first of the forces
+    std::array<double, 3> tip_mm{kNotKnown, kNotKnown, kNotKnown};  ///< Patient frame
+    double touch_N = 0;                                             ///< Total contact force
+    /// Contact force per measured force of the task, for the first of them
+    std::array<double, kMostForces> forces_N{};
   };
-  std::size_t forces = 0;  ///< that samples have
+  std::size_t forces = 0;  ///< Number of valid entries of Sample::forces_N
   std::vector<Sample> samples;
   struct Patch {
     std::array<double, 3> middle_mm{};
@@ -137,14 +140,14 @@ struct ViewedDebriefing {
   int runs = 0, in_a_row = 0;
   std::optional<std::int64_t> kept;
   std::optional<Error> not_kept;
-  std::string learner;  ///< whose the run was, as ViewedTraining has it
+  std::string learner;  ///< Pseudonym of the run's learner, as in ViewedTraining
 };
 
-/// A run is to begin, or to end.
+/// Request to begin or end a run.
 struct TaskRequest {
   std::optional<std::string> begin;
   bool end = false;
-  std::string learner = {};  ///< whose run it is to be; empty: the session's own learner's
+  std::string learner = {};  ///< Pseudonym of the run's learner; empty: the session's own learner
 };
 
 }  // namespace palpate
