@@ -6,7 +6,7 @@
 #include "palpate/device/device.h"
 #include "palpate/recording/recording.h"
 
-// Without a default, so that the compiler names a bit that was added elsewhere and has no name here.
+// The switches have no default, so that the compiler reports a new enumerator without a name.
 namespace palpate::internal {
 namespace {
 

@@ -2,8 +2,8 @@
 
 #include <string>
 
-/// What the bits of a recording mean, as its columns describe them: "1 clamped, 2 not finite, ...". One list
-/// of names, in bits.cc; docs/reference/flags.md is held against it.
+/// Meaning of the bits in a recording's columns: "1 clamped, 2 not finite, ...". The single list of names is
+/// in bits.cc; docs/reference/flags.md is checked against it.
 namespace palpate::internal {
 
 /// DeviceTick::flags
@@ -16,7 +16,7 @@ std::string status_bits();
 std::string setting_bits();
 /// "0 trilinear, 1 b-spline, ..."
 std::string method_numbers();
-/// RecordingEvent::kind and its by.asker, likewise.
+/// RecordingEvent::kind and its by.asker, in the same form.
 std::string event_kinds();
 std::string askers();
 

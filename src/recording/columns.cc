@@ -10,12 +10,12 @@
 namespace palpate::internal {
 namespace {
 
-// rows are copied between memory and file as they are
+// rows are copied bytewise between memory and file
 static_assert(std::endian::native == std::endian::little);
 
 using enum Number;
 
-// added within this format: some files of it lack it
+// column added within the current format: some files of this format lack it
 constexpr std::uint32_t kWithinFormat = kFormatMajor + 1;
 
 #define PALPATE_TICK(field) offsetof(TickRecord, field)

@@ -4,34 +4,34 @@
 #include <span>
 #include <string>
 
-/// The one table of what a recording stores for every tick and every event. The writer, the reader and the
-/// check of docs/reference/recording-layout.md all walk it; a new column is one new line here and one
-/// there.
+/// The table of all columns of ticks and events. Writer, reader and the check of
+/// docs/reference/recording-layout.md iterate over it; a new column is one new line here and one there.
 namespace palpate::internal {
 
-/// How a value lies in memory and, identically, in the file: little-endian.
+/// Representation of a value, identical in memory and file: little-endian.
 enum class Number { kU8, kU16, kU32, kU64, kF64 };
 
 std::size_t size_of(Number number);
 
-/// The oldest format that is read.
+/// Oldest format that can be read.
 inline constexpr std::uint32_t kOldestFormat = 3;
 
-/// One data set: `width` numbers a row.
+/// A data set with `width` numbers per row.
 struct Column {
-  const char* name;  ///< of the data set in its group
+  const char* name;  ///< Name of the data set in its group
   Number number;
-  std::size_t width;                ///< numbers a row; 1: the data set is [N], otherwise [N, width]
-  std::size_t offset;               ///< of the first number in TickRecord, DeviceTick or RecordingEvent
-  const char* unit;                 ///< "1": a pure number
-  const char* frame;                ///< whose axes, or "-"
-  const char* meaning;              ///< ASCII
-  std::string (*bits)() = nullptr;  ///< the list of what its bits or numbers mean
+  std::size_t width;    ///< Numbers per row; 1: the data set has shape [N], otherwise [N, width]
+  std::size_t offset;   ///< Offset of the first number in TickRecord, DeviceTick or RecordingEvent
+  const char* unit;     ///< Unit; "1": dimensionless
+  const char* frame;    ///< Frame of the axes, or "-"
+  const char* meaning;  ///< Description, ASCII
+  std::string (*bits)() = nullptr;  ///< List of the meanings of its bits or numbers
   std::uint32_t since =
-      kOldestFormat;  ///< the format's major number that never lacks it; what a file lacks is read as 0
+      /// Major number of the format from which on it is always present; a missing column reads as 0
+      kOldestFormat;
 
   std::size_t row_bytes() const { return size_of(number) * width; }
-  /// Stored with the data set.
+  /// Description stored with the data set.
   std::string description() const { return bits == nullptr ? meaning : meaning + (": " + bits()); }
 };
 
@@ -41,7 +41,7 @@ std::span<const Column> tick_columns();
 std::span<const Column> device_columns();
 /// Columns of the group /events: offsets in RecordingEvent.
 std::span<const Column> event_columns();
-/// Bytes of one tick of a recording with that many devices.
+/// Bytes per tick of a recording with `devices` devices.
 std::size_t tick_bytes(int devices);
 
 }  // namespace palpate::internal

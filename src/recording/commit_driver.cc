@@ -7,12 +7,12 @@
 namespace palpate::internal {
 namespace {
 
-// HDF5 finds its own part of an open file at the front of the driver's
+// HDF5 expects its base struct at the beginning of the driver's struct
 struct OpenFile {
   H5FD_t base;
   CommitFile* file;
 };
-// what a property list carries to open()
+// passed by the property list to open()
 struct DriverInfo {
   CommitFile* file;
 };
@@ -33,7 +33,7 @@ herr_t close_file(H5FD_t* base) {
   return 0;
 }
 
-// no accumulation, no aggregation: every block of metadata arrives as one write
+// no accumulation or aggregation: every block of metadata arrives as one write
 herr_t query(const H5FD_t*, unsigned long* flags) {
   *flags = 0;
   return 0;
@@ -52,13 +52,13 @@ herr_t read(H5FD_t* base, H5FD_mem_t, hid_t, haddr_t offset, std::size_t size, v
   return file_of(base).read(offset, {static_cast<std::byte*>(buffer), size}) ? 0 : -1;
 }
 
-// HDF5 is never told that a write failed: after that it would no longer close its files. CommitFile
-// remembers it and drops what follows.
+// Reports success to HDF5 even if the write failed, because HDF5 would no longer close its files after an
+// error. CommitFile stores the error and drops the following writes.
 herr_t write(H5FD_t* base, H5FD_mem_t, hid_t, haddr_t offset, std::size_t size, const void* buffer) {
   try {
     file_of(base).write(offset, {static_cast<const std::byte*>(buffer), size});
   } catch (const std::bad_alloc&) {
-    // exceptions must not pass through HDF5
+    // exceptions must not propagate through HDF5
     file_of(base).fail(ENOMEM);
   }
   return 0;

@@ -5,11 +5,11 @@
 
 namespace palpate::internal {
 
-/// File access properties with which HDF5 does its input and output through `file`, which must outlive
-/// the HDF5 file. A failed handle when HDF5 has no memory left.
+/// File access property list by which HDF5 performs its input and output through `file`, which must outlive
+/// the HDF5 file. Returns an invalid handle if HDF5 is out of memory.
 Handle access_through(CommitFile& file);
 
-/// Flushes HDF5's caches and commits. False when a write failed; CommitFile::error() tells why.
+/// Flushes HDF5's caches and commits. False if a write failed; see CommitFile::error().
 bool commit(const Handle& hdf5_file, CommitFile& file);
 
 }  // namespace palpate::internal

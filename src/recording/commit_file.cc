@@ -52,7 +52,7 @@ class FileSink : public ByteSink {
   int descriptor_;
 };
 
-// the step of commit() to which a held write belongs
+// step of commit() to which a deferred write belongs
 int step_of(std::uint64_t offset, std::span<const std::byte> bytes) {
   if (offset == 0) return 1;
   return bytes.size() >= 4 && std::memcmp(bytes.data(), "OHDR", 4) == 0 ? 3 : 2;
@@ -71,7 +71,7 @@ void CommitFile::fail(int error) {
 
 void CommitFile::write(std::uint64_t offset, std::span<const std::byte> bytes) {
   if (sealed_) return;
-  // what lies before the committed end waits, what lies after goes
+  // the part before the committed end is deferred, the rest is written immediately
   const std::uint64_t before = offset < committed_end_ ? committed_end_ - offset : 0;
   const std::size_t waiting = static_cast<std::size_t>(std::min<std::uint64_t>(before, bytes.size()));
   if (waiting > 0) hold(offset, bytes.first(waiting));
@@ -84,7 +84,7 @@ void CommitFile::write_now(std::uint64_t offset, std::span<const std::byte> byte
 }
 
 void CommitFile::hold(std::uint64_t offset, std::span<const std::byte> bytes) {
-  // the same block written again replaces its older self
+  // a block written again replaces its earlier version
   std::erase_if(held_,
                 [&](const Held& held) { return held.offset == offset && held.bytes.size() == bytes.size(); });
   held_.push_back({offset, {bytes.begin(), bytes.end()}});
@@ -92,7 +92,7 @@ void CommitFile::hold(std::uint64_t offset, std::span<const std::byte> bytes) {
 
 bool CommitFile::read(std::uint64_t offset, std::span<std::byte> bytes) const {
   if (sink_->read_at(offset, bytes) != 0) return false;
-  // held writes lie over the file, later ones over earlier ones
+  // deferred writes overlay the file; later ones overlay earlier ones
   for (const Held& held : held_) {
     const std::uint64_t begin = std::max(offset, held.offset);
     const std::uint64_t end = std::min(offset + bytes.size(), held.offset + held.bytes.size());
@@ -104,7 +104,7 @@ bool CommitFile::read(std::uint64_t offset, std::span<std::byte> bytes) const {
 
 bool CommitFile::commit() {
   if (sealed_) return error_ == 0;
-  // space that HDF5 took and left unwritten must exist before the superblock counts it
+  // space that HDF5 allocated but did not write must exist before the superblock counts it
   if (written_end_ < end_) {
     if (const int error = sink_->resize(end_)) {
       fail(error);
@@ -112,7 +112,7 @@ bool CommitFile::commit() {
     }
     written_end_ = end_;
   }
-  // from the first of these writes on the file may refer to the new bytes
+  // from the first of the following writes on the file may refer to the new bytes
   committed_end_ = end_;
   std::ranges::stable_sort(held_, {}, [](const Held& held) { return step_of(held.offset, held.bytes); });
   for (const Held& held : held_) {

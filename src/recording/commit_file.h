@@ -10,7 +10,7 @@
 
 namespace palpate::internal {
 
-/// Bytes on a disk. Every function answers 0 or an errno.
+/// Random-access byte storage. Every function returns 0 or an errno value.
 class ByteSink {
  public:
   virtual ~ByteSink() = default;
@@ -21,47 +21,47 @@ class ByteSink {
   virtual int sync() = 0;
 };
 
-/// The descriptor, closed with the sink, and the file claimed as long.
+/// Sink for a descriptor, which it closes; it holds the file's claim for its lifetime.
 std::unique_ptr<ByteSink> make_file_sink(int descriptor, OutputClaim claim);
 
-/// An HDF5 file that a killed program or a full disk leaves readable. HDF5 writes in whatever order suits
-/// its caches; here its writes are put into an order in which every prefix is a whole file:
+/// HDF5 file that stays readable if the process is killed or the disk is full. HDF5 writes in the order of
+/// its caches; this class reorders the writes so that every prefix of them is a valid file:
 ///
-///                                            committed end
-///       0                                          |
-///       [ superblock | objects, indices, rows ... ][ new rows, new blocks of the indices ...
-///       \__ writes to here wait until commit() ___/ \__ written at once: nothing refers to them yet
+///                                           committed end
+///      0                                          |
+///      [ superblock | objects, indices, rows ... ][ new rows, new blocks of the indices ...
+///      \__ writes deferred until commit() _______/ \__ written at once: nothing refers to them yet
 ///
 /// commit() then writes, in this order,
-///   1. the superblock, which now says that the file ends after the new bytes,
-///   2. every other write that waits: blocks of the indices, which gain the places of rows beyond each
-///      data set's extent,
-///   3. the object headers ("OHDR"), whose extents make the new rows part of their data sets.
-/// So each data set is as long as after the last commit or the one before, and what is inside an extent is
-/// there. This rests on three properties of the files written here: freed space is never used again; an
-/// index (HDF5's extensible array) never moves an entry; a chunk that was committed half full is replaced by
-/// one that begins with the same rows.
+///  1. the superblock, which now says that the file ends after the new bytes,
+///  2. all other deferred writes: blocks of the indices, which gain the addresses of rows beyond each
+///     data set's extent,
+///  3. the object headers ("OHDR"), whose extents make the new rows part of their data sets.
+/// Each data set therefore has its extent of the last commit or the one before, and everything inside an
+/// extent is present. This relies on three properties of the files written here: freed space is never reused;
+/// an index (HDF5's extensible array) never moves an entry; a chunk that was committed half full is replaced
+/// by one that begins with the same rows.
 ///
-/// When a write fails, error() says so, nothing more is written, and what was committed stays.
+/// After a failed write error() returns its errno, nothing more is written, and the last commit stays intact.
 class CommitFile {
  public:
   explicit CommitFile(std::unique_ptr<ByteSink> sink) : sink_(std::move(sink)) {}
 
   void write(std::uint64_t offset, std::span<const std::byte> bytes);
   bool read(std::uint64_t offset, std::span<std::byte> bytes) const;
-  /// The end of the space that HDF5 has allocated.
+  /// End of the space that HDF5 has allocated.
   void set_end(std::uint64_t end) { end_ = end; }
   std::uint64_t end() const { return end_; }
   /// Makes everything written so far part of the file, up to end(). False after any failure.
   bool commit();
-  /// From here on writes are accepted and dropped: HDF5 insists on some when it closes.
+  /// Ignores all further writes: HDF5 performs some when it closes.
   void seal() { sealed_ = true; }
-  /// Gives back the space after the last commit and flushes to the disk.
+  /// Truncates the file to the last commit and syncs it to disk.
   void trim_and_sync();
 
-  /// The errno of the first failure, 0 when there was none.
+  /// errno of the first failure; 0: none.
   int error() const { return error_; }
-  /// Nothing is written from here on.
+  /// Records a failure; nothing is written from here on.
   void fail(int error);
 
  private:
@@ -73,7 +73,7 @@ class CommitFile {
   void hold(std::uint64_t offset, std::span<const std::byte> bytes);
 
   std::unique_ptr<ByteSink> sink_;
-  std::vector<Held> held_;  ///< in the order of writing
+  std::vector<Held> held_;  ///< deferred writes, chronological
   std::uint64_t end_ = 0, committed_end_ = 0, written_end_ = 0;
   bool sealed_ = false;
   int error_ = 0;

@@ -1,4 +1,4 @@
-// What is left of a recording when its program is killed or its disk is full.
+// Recordings whose process is killed or whose disk is full.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-// "" or the first tick of `read` that is not the one of `written`
+// "" or the first tick of `read` that differs from `written`
 std::string not_a_beginning(const std::vector<TickRecord>& read, const std::vector<TickRecord>& written) {
   if (read.size() > written.size()) return "more ticks than were written";
   for (std::size_t i = 0; i < read.size(); ++i)
@@ -35,7 +35,7 @@ std::string not_a_beginning(const std::vector<TickRecord>& read, const std::vect
   return "";
 }
 
-// "" or what is wrong with the events that were read with some first ticks
+// "" or the difference between the events read with a prefix of the ticks and those written
 std::string wrong_events(const Recording& read, const std::vector<RecordingEvent>& written) {
   const std::size_t due = read.ticks.empty() ? 0 : internal::events_up_to(written, read.ticks.back().tick);
   if (read.events.size() != due)
@@ -46,14 +46,14 @@ std::string wrong_events(const Recording& read, const std::vector<RecordingEvent
   return "";
 }
 
-// The file as h5py and MATLAB see it: every column through plain HDF5 over its own whole extent.
-// "" or the first column that is not a beginning of what was written, or lacks what a tick had heard of.
+// Reads the file as h5py and MATLAB do: every column by plain HDF5 over its own extent. Returns "" or the
+// first column that is not a prefix of what was written, or that lacks an event acknowledged by a tick.
 std::string wrong_column(const fs::path& file, const std::vector<TickRecord>& written,
                          const std::vector<RecordingEvent>& events = {}) {
   const internal::Hdf5Section section;
   const internal::Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!opened.ok()) return "HDF5 does not open the file";
-  std::size_t ticks = 0;  // in the longest column of them
+  std::size_t ticks = 0;  // rows of the longest tick column
   const auto check = [&](const std::string& name, const internal::Column& column, std::size_t least_rows,
                          std::size_t most_rows, const auto& record_of) -> std::string {
     const internal::Handle data_set(H5Dopen2(opened.get(), name.c_str(), H5P_DEFAULT), H5Dclose);
@@ -93,8 +93,8 @@ std::string wrong_column(const fs::path& file, const std::vector<TickRecord>& wr
   return "";
 }
 
-// Ticks at 10 Hz: a chunk has 8, so that a run crosses the borders between the blocks of HDF5's index of
-// chunks (4, 20, 36 chunks). In chunks 6 and 7 the clock is slow, so that they are flushed half full.
+// Ticks at 10 Hz, so that a chunk has 8 and a run crosses the block boundaries of HDF5's chunk index (4, 20,
+// 36 chunks). In chunks 6 and 7 the clock is slow, so that they are flushed half full.
 constexpr double kRate = 10;
 std::vector<TickRecord> many_seconds() {
   auto ticks = test::random_ticks(8 * 39, 1, kRate, 20260301);
@@ -107,12 +107,12 @@ std::vector<TickRecord> many_seconds() {
   return ticks;
 }
 
-// what the sink had been told, and how many ticks were safe, after each commit
+// steps of the sink and number of committed ticks after each commit
 struct Commit {
   std::size_t steps, ticks;
 };
 
-// one whole run into memory
+// records a complete run in memory
 std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
                                const std::vector<RecordingEvent>& events, test::MemorySink::Disk& disk) {
   auto writer =
@@ -120,7 +120,7 @@ std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
   EXPECT_TRUE(writer) << writer.error().message();
   std::vector<Commit> commits{{disk.steps.size(), 0}};
   for (std::size_t i = 0; i < ticks.size(); ++i) {
-    // at most one a tick
+    // at most one event per tick
     const auto first = std::ranges::lower_bound(events, ticks[i].tick, {}, &RecordingEvent::tick);
     const std::size_t told = first != events.end() && first->tick == ticks[i].tick;
     EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, told)));
@@ -134,7 +134,7 @@ std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
 TEST(KilledRecording, IsWholeAfterEveryWrite) {
   const test::TemporaryFolder folder;
   const auto ticks = many_seconds();
-  // fewer than a chunk holds, so that what is written between two flushes stays what they write
+  // fewer than a chunk holds, so that only flushes write events
   const auto events = test::random_events(ticks, 5, 4);
   ASSERT_LT(events.size(), 64u);
   test::MemorySink::Disk disk;
@@ -145,7 +145,7 @@ TEST(KilledRecording, IsWholeAfterEveryWrite) {
   std::size_t done = 0, longest = 0;
   for (std::size_t c = 0; c + 1 < commits.size(); ++c) {
     for (; done < commits[c].steps; ++done) test::replay_step(disk.steps[done], file);
-    // the first two, the slow ones, new blocks of the index (chunks 4, 20, 36), the summary
+    // the first two commits, the slow ones, new index blocks (chunks 4, 20, 36), the summary
     const bool new_kind = c < 2 || (c > 3 && c < 6) || c == 22 || c == 38 || c + 3 > commits.size();
     if (!new_kind) continue;
     for (; done < commits[c + 1].steps; test::replay_step(disk.steps[done++], file)) {
@@ -157,7 +157,7 @@ TEST(KilledRecording, IsWholeAfterEveryWrite) {
       ASSERT_TRUE(read) << read.error().message();
       ASSERT_EQ(not_a_beginning((*read).ticks, ticks), "");
       ASSERT_EQ(wrong_events(*read, events), "");
-      // what was safe stays safe, and a run is called whole only when it is
+      // committed ticks are never lost, and a run counts as complete only when it is
       ASSERT_GE((*read).ticks.size(), std::max(longest, commits[c].ticks));
       longest = (*read).ticks.size();
       if ((*read).summary) {
@@ -171,7 +171,7 @@ TEST(KilledRecording, IsWholeAfterEveryWrite) {
 TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
   const test::TemporaryFolder folder;
   const auto ticks = test::random_ticks(80, 1, 50, 7);
-  // one run without failure tells how many writes there are
+  // a run without failure determines the number of writes
   test::MemorySink::Disk healthy;
   std::size_t created = 0;
   {
@@ -184,7 +184,7 @@ TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
   ASSERT_GT(healthy.steps.size(),
             created + 2 * (internal::tick_columns().size() + internal::device_columns().size()));
 
-  // every write of a second's commit, samples of the others, which are like it
+  // every write of one second's commit, and samples of the other, similar ones
   const std::size_t last = (created + healthy.steps.size()) / 2;
   for (std::size_t fails_at = 0; fails_at + 1 < healthy.steps.size(); fails_at += fails_at < last ? 7 : 1) {
     SCOPED_TRACE("write " + std::to_string(fails_at) + " of " + std::to_string(healthy.steps.size()) +
@@ -209,7 +209,7 @@ TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
       ASSERT_FALSE(appended);
       EXPECT_EQ(appended.error().kind, ErrorKind::kOutput);
       EXPECT_THAT(appended.error().what, HasSubstr("disk is full"));
-      // it stays so, and nothing hangs or is written afterwards
+      // the error persists, and nothing blocks or is written afterwards
       EXPECT_FALSE((*writer)->append(std::span(ticks).first(1)));
       EXPECT_FALSE((*writer)->finish(test::example_summary(ticks.size())));
     }
@@ -223,7 +223,7 @@ TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
   }
 }
 
-// a child that records until it is killed, and says after every append how many ticks it has handed over
+// child process that records until it is killed, and reports the number of appended ticks after each append
 void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks,
                      std::span<const RecordingEvent> events, int report) {
   auto writer = RecordingWriter::create(file, test::example_header(1));
@@ -240,9 +240,9 @@ void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks,
 
 TEST(KilledRecording, LosesAtMostTheLastSecond) {
   const test::TemporaryFolder folder;
-  // as fast as it can: far above any real rate, most of the time inside a write
+  // as fast as possible: far above any real rate, mostly inside a write
   const auto ticks = test::example_ticks(40'000, 1, 1000);
-  // so many that they fill a chunk between two flushes of ticks
+  // enough events to fill a chunk between two flushes of ticks
   const auto events = test::random_events(ticks, 7, 2);
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -255,7 +255,7 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
     const pid_t child = ::fork();
     if (child == 0) record_for_ever(file, ticks, events, ends[1]);
     ::close(ends[1]);
-    // the first ticks are in, so there is a file; then some milliseconds more
+    // the file exists once the first ticks are in; then some more milliseconds
     std::uint64_t given = 0, total = 0;
     ASSERT_EQ(::read(ends[0], &given, sizeof given), static_cast<ssize_t>(sizeof given));
     std::this_thread::sleep_for(std::chrono::microseconds(random() % 40'000));
@@ -273,7 +273,7 @@ TEST(KilledRecording, LosesAtMostTheLastSecond) {
   }
 }
 
-// appends until it fails, then lets go of the writer as a program would
+// appends until it fails, then destroys the writer
 std::size_t record_until_full(const fs::path& file, std::span<const TickRecord> ticks) {
   auto writer = RecordingWriter::create(file, test::example_header(1, 1250));
   EXPECT_TRUE(writer) << writer.error().message();
@@ -295,9 +295,9 @@ std::size_t record_until_full(const fs::path& file, std::span<const TickRecord> 
 
 TEST(FullDisk, LeavesARecordingThatReopens) {
   const test::TemporaryFolder folder;
-  // bits that do not compress
+  // incompressible data
   const auto ticks = test::random_ticks(10'000, 1, 1250, 3);
-  // 4 MB of a small disk where we may mount one, of a limited file elsewhere
+  // a disk of 4 MB if mounting is permitted, otherwise a file size limit
   const bool mounted = fs::create_directory(folder / "disk") &&
                        ::mount("tmpfs", (folder / "disk").c_str(), "tmpfs", 0, "size=4m") == 0;
   rlimit before{};
@@ -318,10 +318,10 @@ TEST(FullDisk, LeavesARecordingThatReopens) {
     EXPECT_EQ((*read).ticks.size(), flushed);
     EXPECT_EQ(not_a_beginning((*read).ticks, ticks), "");
   }
-  // the space after the last whole second is given back
+  // the space after the last complete second is freed
   EXPECT_LT(fs::file_size(file), flushed * internal::tick_bytes(1) + 64'000);
 
-  // and a disk without room for the beginning of one gets no file
+  // a disk too small even for the beginning gets no file
   if (mounted) {
     auto header = test::example_header(1);
     header.script_text = std::string(1'000'000, 'x');

@@ -13,7 +13,7 @@ namespace {
 using internal::Column;
 using internal::Number;
 
-// the outputs stand behind all inputs
+// in DeviceTick all outputs follow the inputs
 bool is_output(const Column& column) {
   return column.offset >= offsetof(DeviceTick, force_N);
 }

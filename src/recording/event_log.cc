@@ -3,7 +3,7 @@
 namespace palpate {
 
 void EventLog::tell(const std::function<std::optional<RecordingEvent>()>& apply) {
-  // first the memory: what has been done keeps its row
+  // allocate first, so that the event of a command that was carried out cannot be lost
   std::list<RecordingEvent> row(1);
   std::list<std::uint64_t> announcement(1);
   struct Announced {
@@ -26,7 +26,7 @@ void EventLog::tell(const std::function<std::optional<RecordingEvent>()>& apply)
   const auto done = apply();
   if (!done) return;
   row.front() = *done;
-  // given back before the announcement is over
+  // stored before the announcement is over
   const std::lock_guard lock(mutex_);
   rows_.splice(rows_.end(), row);
 }

@@ -5,10 +5,10 @@
 #include <mutex>
 #include <utility>
 
-/// Owning handles for the HDF5 C library, for this room alone.
+/// RAII handles for the HDF5 C library, used within this module only.
 namespace palpate::internal {
 
-/// One of HDF5's identifiers, closed by the function that belongs to its kind. Negative: a failed call.
+/// HDF5 identifier with the function that closes it. Negative: the call that created it failed.
 class Handle {
  public:
   using Close = herr_t (*)(hid_t);
@@ -35,8 +35,8 @@ class Handle {
   Close close_ = nullptr;
 };
 
-/// Held around every use of HDF5. Meanwhile HDF5 prints no error stacks on this thread, and no other
-/// thread of this room is inside HDF5: the reader forks, and its child must not inherit HDF5's lock taken.
+/// Lock around every use of HDF5. Suppresses HDF5's error stack output on this thread and excludes other
+/// threads of this module: the reader forks, and its child must not inherit a locked HDF5.
 class Hdf5Section {
  public:
   Hdf5Section() : lock_(mutex_) {

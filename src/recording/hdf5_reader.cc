@@ -15,17 +15,17 @@
 namespace palpate::internal {
 namespace {
 
-// a recording compressed by other tools may unpack to this many times its size, all of it, not more
+// decompression limit: a recording compressed by other tools may expand to this multiple of its size in total
 constexpr std::uint64_t kMaxUnpacking = 100;
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 50;
 constexpr hsize_t kMaxChunkBytes = hsize_t{64} << 20;
 
-// thrown within this file only
+// thrown and caught within this file
 struct Refusal {
   std::string what, remedy;
 };
 
-// what a file of this size may still unpack to
+// remaining decompression budget of a file
 struct Unpacking {
   explicit Unpacking(std::uint64_t file_bytes) : left(std::min(file_bytes, kMaxFileBytes) * kMaxUnpacking) {}
   std::uint64_t left;
@@ -35,7 +35,7 @@ void require(bool condition, const std::string& what) {
   if (!condition) throw Refusal{"the recording is damaged: " + what, ""};
 }
 
-// groups and data sets in the file itself: links to elsewhere are not followed
+// groups and data sets in the file itself: external and soft links are not followed
 bool is_there(hid_t parent, const std::string& name) {
   H5L_info_t info;
   return H5Lexists(parent, name.c_str(), H5P_DEFAULT) > 0 &&
@@ -49,20 +49,20 @@ Handle open_group(hid_t parent, const std::string& name) {
   return group;
 }
 
-// like ours in class, size and sign; byte order may differ
+// equal class, size and sign; byte order may differ
 bool same_type(const Handle& type, hid_t ours) {
   const H5T_class_t kind = H5Tget_class(ours);
   return H5Tget_class(type.get()) == kind && H5Tget_size(type.get()) == H5Tget_size(ours) &&
          (kind != H5T_INTEGER || H5Tget_sign(type.get()) == H5Tget_sign(ours));
 }
 
-// the bytes of a fixed-length text type, 0 when it is something else
+// size of a fixed-length string type in bytes; 0 for any other type
 std::size_t text_size(const Handle& type) {
   const bool fixed = H5Tget_class(type.get()) == H5T_STRING && H5Tis_variable_str(type.get()) == 0;
   return fixed ? H5Tget_size(type.get()) : 0;
 }
 
-// texts are padded with zeros
+// strings are zero-padded
 std::string unpadded(std::string text) {
   text.resize(std::min(text.size(), text.find('\0')));
   return text;
@@ -158,7 +158,7 @@ class DataSet {
             name_ + " cannot be read");
   }
 
-  // texts of a fixed length: one for rank 0, one a row for rank 1
+  // fixed-length strings: one for rank 0, one per row for rank 1
   std::vector<std::string> texts(std::size_t most) const {
     const std::size_t size = text_size(type_);
     require(size >= 1 && size <= most, name_ + " is not a text of fixed length");
@@ -169,7 +169,7 @@ class DataSet {
       read_all(type_.get(), bytes.data());
       return {unpadded(std::move(bytes))};
     }
-    // some at a time: what they are padded with is most of them
+    // in batches: most of the bytes are padding
     constexpr hsize_t kAtOnce = 1024;
     std::size_t kept = 0;
     for (hsize_t first = 0; first < rows(); first += kAtOnce) {
@@ -185,7 +185,7 @@ class DataSet {
     return texts;
   }
 
-  // every row is stored, or those of a range: HDF5 would fill gaps with zeros
+  // requires that every row, or every row of a range, is stored: HDF5 would fill gaps with zeros
   void require_stored(Unpacking& unpacking, const std::optional<RowRange>& range = {}) const {
     const hsize_t rows = rows_or_one(), row_bytes = H5Tget_size(type_.get()) * dims_[1];
     require(rows <= unpacking.left / row_bytes, name_ + " is longer than the file can hold");
@@ -206,7 +206,7 @@ class DataSet {
  private:
   hsize_t rows_or_one() const { return rank_ == 0 ? 1 : dims_[0]; }
 
-  // one by one: to count all chunks of a long run takes several times as long as reading a range of it
+  // individually: counting all chunks of a long run takes several times as long as reading a range of it
   void require_chunks(const RowRange& range) const {
     const hsize_t first = std::min<hsize_t>(range.first, dims_[0]),
                   end = first + std::min<hsize_t>(range.count, dims_[0] - first);
@@ -214,7 +214,7 @@ class DataSet {
       for (hsize_t column = 0; column < dims_[1]; column += chunk_[1]) {
         const hsize_t offset[2] = {row, column};
         hsize_t bytes = 0;
-        // HDF5 fails for one that was never stored
+        // HDF5 fails for a chunk that was never stored
         require(H5Dget_chunk_storage_size(data_set_.get(), offset, &bytes) >= 0 && bytes > 0,
                 name_ + " has gaps");
       }
@@ -239,13 +239,13 @@ class DataSet {
   std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
 };
 
-// a column with the data set that holds it; an earlier file may have none
+// a column and its data set; older files may lack it
 struct StoredColumn {
   const Column* column;
   std::optional<DataSet> data_set;
 };
 
-// the major number
+// returns the major number
 std::uint32_t check_format(hid_t file) {
   if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
     throw Refusal{"is an HDF5 file, but not a recording of palpate",
@@ -320,7 +320,7 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Un
   if (complete == 0) return std::nullopt;
   RecordingSummary summary;
   visit_summary(summary, [&](const char* name, std::uint64_t& value) {
-    // what was not counted then
+    // counters that did not exist in that format
     if (major >= kFormatMajor || is_there(group.get(), name)) number(name, H5T_STD_U64LE, &value);
   });
   const DataSet trouble(group.get(), "summary", "trouble");
@@ -331,7 +331,7 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Un
   return summary;
 }
 
-// Format 3 lists the model's changes at the end of a whole run, from 3.1 on, and not when they took hold.
+// Format 3 lists the model's changes at the end of a complete run, from 3.1 on, without their ticks.
 std::vector<RecordingEvent> read_earlier_changes(hid_t file, Unpacking& unpacking) {
   const Handle group = open_group(file, "summary");
   if (!is_there(group.get(), "model_changes")) return {};
@@ -374,30 +374,30 @@ std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complet
   std::uint64_t rows = columns.front().data_set->rows();
   for (const StoredColumn& column : columns) {
     if (!column.data_set) continue;
-    // a run that was cut short may have grown in some columns and not yet in others
+    // in an incomplete recording some columns may be longer than others
     if (complete) column.data_set->require_rows(rows);
     rows = std::min<std::uint64_t>(rows, column.data_set->rows());
   }
   return rows;
 }
 
-// Every event in order, some at a time.
+// Stream of all events in order, in batches.
 class EventQueue {
  public:
   EventQueue(std::vector<StoredColumn> columns, std::uint64_t rows)
       : columns_(std::move(columns)), rows_(rows) {}
-  // those of format 3
+  // for format 3
   explicit EventQueue(std::vector<RecordingEvent> all) : waiting_(std::move(all)) {}
 
-  // format 3: the first tick of each version is where it took hold
+  // format 3: a change took effect in the first tick of its version
   void see_version(std::uint32_t version, std::uint64_t tick) {
     for (; timed_ < waiting_.size() && waiting_[timed_].number <= version; ++timed_)
       waiting_[timed_].tick = tick;
   }
-  // the rest were felt by no tick that is there
+  // drops changes that no recorded tick acknowledges
   void forget_untimed() { waiting_.resize(timed_); }
 
-  // at most kBlockRows of those up to `tick` that were not taken yet
+  // up to kBlockRows events not after `tick` that were not taken yet
   std::vector<RecordingEvent> take(std::uint64_t tick) {
     std::vector<RecordingEvent> taken;
     while (taken.size() < kBlockRows) {
@@ -416,7 +416,7 @@ class EventQueue {
     next_ = 0;
     std::vector<std::byte> values;
     for (const auto& [column, data_set] : columns_) {
-      // what a file from before it lacks stays 0
+      // a column that an older file lacks stays 0
       if (!data_set) continue;
       const std::size_t width = column->row_bytes();
       values.resize(waiting_.size() * width);
@@ -453,7 +453,7 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
   return values;
 }
 
-// what is told before the ticks, from the few columns that it takes
+// computes the part of the head that depends on ticks, from the few columns needed
 void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, bool versions,
                 RecordingHead& head, EventQueue& events) {
   TicksSeen seen;
@@ -493,11 +493,12 @@ bool send_parts(const std::vector<StoredColumn>& columns, const RowRange& rows, 
 }
 
 Handle open_file(const std::filesystem::path& file) {
-  // no code from elsewhere to unpack data, no waiting for locks of a program that writes
+  // no filter plug-ins, and no waiting for the file lock of a writer
   H5PLset_loading_state(0);
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_file_locking(access.get(), false, true);
-  // of each data set the chunk that two blocks share, not the megabyte of every column that HDF5 would keep
+  // chunk cache for the one chunk of each data set that two blocks share, instead of HDF5's megabyte per
+  // column
   H5Pset_cache(access.get(), 0, 521, std::size_t{128} << 10, 0.75);
   return Handle(H5Fopen(file.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
 }
@@ -518,7 +519,8 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
     head.header = read_header(opened.get(), unpacking);
     head.summary = read_summary(opened.get(), major, unpacking);
     const bool complete = head.summary.has_value();
-    // the ticks' ends first: what they had heard of is in the file before them, also while it is written
+    // determine the ticks' ends first: the events that they acknowledge precede them in the file, also while
+    // it is being written
     std::vector<StoredColumn> columns;
     open_columns(opened.get(), major, "ticks", tick_columns(), range, unpacking, columns);
     for (int d = 0; d < head.header.devices; ++d)

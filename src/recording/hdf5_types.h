@@ -5,7 +5,7 @@
 
 namespace palpate::internal {
 
-/// The file type, little-endian, which is the memory type too.
+/// File type, little-endian, which is the memory type as well.
 inline hid_t hdf5_type(Number number) {
   switch (number) {
     case Number::kU8:

@@ -9,34 +9,35 @@
 
 #include "palpate/recording/recording.h"
 
-/// The one list of the header's and the summary's plain fields, walked by the writer, by the reader and
-/// by the stream between the reader's two processes. `visit(name, field)` sees std::string, bool, int,
+/// The list of the header's and the summary's plain fields, iterated by the writer, by the reader and by the
+/// stream between the reader's two processes. `visit(name, field)` receives std::string, bool, int,
 /// std::uint32_t, std::uint64_t and double.
 namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
-/// Incremented when old readers would misunderstand a file: a data set removed or given another meaning.
+/// Incremented when older readers would misinterpret a file: a data set is removed or changes its meaning.
 inline constexpr std::uint32_t kFormatMajor = 4;
-/// Incremented when something is added that old readers can leave aside.
+/// Incremented when something is added that older readers can ignore.
 inline constexpr std::uint32_t kFormatMinor = 11;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
 
-inline constexpr std::size_t kMaxText = 4096;  ///< bytes of one text of the header
+inline constexpr std::size_t kMaxText = 4096;  ///< Maximum size of a header text; bytes
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
-inline constexpr std::size_t kMaxNames = std::size_t{64}
-                                         << 20;  ///< bytes of all structures' names and tissues
+inline constexpr std::size_t kMaxNames =
+    std::size_t{64}  /// Maximum total size of all structures' and tissues' names; bytes
+    << 20;
 inline constexpr std::size_t kMaxTroubles = 1000;
-inline constexpr std::size_t kMaxChanges = 100'000;  ///< of the model, in format 3
-inline constexpr std::size_t kMaxMethods = 256;      ///< their number is a byte
-inline constexpr std::size_t kTroubleBytes = 512;    ///< of one of them, as written here
+inline constexpr std::size_t kMaxChanges = 100'000;  ///< Maximum number of model changes, in format 3
+inline constexpr std::size_t kMaxMethods = 256;      ///< The method number is a byte
+inline constexpr std::size_t kTroubleBytes = 512;    ///< Maximum size of one trouble as written here; bytes
 
-/// Fields that files of this format may lack.
+/// Header fields that files of this format may lack.
 inline constexpr std::array<std::string_view, 5> kLaterFields{"feel", "tissue_coarsened", "task", "task_hash",
                                                               "task_seed"};
-/// Everything of the header but the script and the structures: attributes of the group /header.
+/// All fields of the header except script and structures: attributes of the group /header.
 template <class Header, class Visit>
 void visit_header(Header& header, Visit&& visit) {
   visit("palpate_version", header.palpate_version);
@@ -64,9 +65,9 @@ void visit_header(Header& header, Visit&& visit) {
   visit("task_seed", header.task.seed);
 }
 
-/// A row of format 3's /summary/model_changes: version, tissue, and its values in the order of the struct.
+/// Row of format 3's /summary/model_changes: version, tissue, and the values in the order of the struct.
 using ChangeRow = std::array<double, 6>;
-/// Nothing where a number of the row is out of range for a version or a tissue.
+/// Empty if the version or tissue of the row is out of range.
 inline std::optional<ModelChange> change_of(const ChangeRow& row) {
   const auto whole = [](double value) {
     return value >= 0 && value <= 4294967295.0 && value == std::floor(value);
@@ -76,7 +77,7 @@ inline std::optional<ModelChange> change_of(const ChangeRow& row) {
       static_cast<std::uint32_t>(row[0]), static_cast<std::uint32_t>(row[1]), row[2], row[3], row[4], row[5]};
 }
 
-/// Data sets of one number each in the group /summary: those that count a flag.
+/// Scalar data sets of the group /summary that count a flag.
 template <class Summary, class Visit>
 void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("clamped", summary.clamped, kFlagClamped);
@@ -102,7 +103,7 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("turns_held", summary.turns_held, kFlagTurnHeld);
 }
 
-/// All of them.
+/// All scalar data sets of the group /summary.
 template <class Summary, class Visit>
 void visit_summary(Summary& summary, Visit&& visit) {
   visit("ticks", summary.ticks);

@@ -1,4 +1,4 @@
-// Recordings that are damaged, foreign or made to do harm.
+// Damaged, foreign and malicious recordings.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ constexpr std::size_t kTicks = 20;
 
 class Hostile : public ::testing::Test {
  protected:
-  // a small whole recording
+  // a small complete recording
   void SetUp() override {
     auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
     ASSERT_TRUE(writer);
@@ -38,7 +38,7 @@ class Hostile : public ::testing::Test {
     bytes_ = test::read_bytes(file_);
   }
 
-  // the error after `change` was made to a fresh copy through HDF5
+  // error of reading a fresh copy that was modified by `change` through HDF5
   std::string error_after(const std::function<void(hid_t file)>& change) {
     test::write_bytes(file_, bytes_);
     {
@@ -69,7 +69,7 @@ class Hostile : public ::testing::Test {
     H5Tset_size(type.get(), size);
     return type;
   }
-  // an empty data set in place of the one that is there
+  // replaces a data set by an empty one
   static void replace(hid_t file, const char* name, hid_t type, std::vector<hsize_t> dims,
                       std::vector<hsize_t> chunk = {}, const Handle* properties = nullptr) {
     H5Ldelete(file, name, H5P_DEFAULT);
@@ -131,7 +131,7 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_THAT(with("header/script", huge.get(), {}), HasSubstr("not a text"));
 }
 
-/// A place of a recording is read from a file that may have changed since it was opened.
+/// A range may be read from a file that has changed since it was opened.
 TEST_F(Hostile, OfARangeTheGapsAreRefused) {
   const auto source = RecordingSource::open(file_);
   ASSERT_TRUE(source) << source.error().message();
@@ -140,7 +140,7 @@ TEST_F(Hostile, OfARangeTheGapsAreRefused) {
   EXPECT_THAT(
       error_after([](hid_t f) {
         replace(f, "ticks/dt_s", H5T_IEEE_F64LE, {kTicks}, {kChunk});
-        // all but the first chunk
+        // all chunks but the first
         const std::vector<double> values(kTicks, 0.125);
         const Handle column(H5Dopen2(f, "ticks/dt_s", H5P_DEFAULT), H5Dclose);
         const Handle space(H5Dget_space(column.get()), H5Sclose);
@@ -151,7 +151,7 @@ TEST_F(Hostile, OfARangeTheGapsAreRefused) {
             H5Dwrite(column.get(), H5T_IEEE_F64LE, memory.get(), space.get(), H5P_DEFAULT, values.data()), 0);
       }),
       HasSubstr("has gaps"));
-  // what is stored is read
+  // the stored rows can be read
   const auto stored = source->read_at(kChunk, kTicks - kChunk);
   ASSERT_TRUE(stored) << stored.error().message();
   EXPECT_EQ(stored->front().dt_s, 0.125);
@@ -174,7 +174,7 @@ TEST_F(Hostile, LengthsThatTheFileCannotHoldAreRefused) {
                 replace(f, "ticks/dt_s", H5T_IEEE_F64LE, {kTicks}, {}, &never_stored);
               }),
               HasSubstr("has gaps"));
-  // a whole run has columns of one length, and as many ticks as it says
+  // a complete run has columns of equal length, and as many ticks as it declares
   EXPECT_THAT(error_after([](hid_t f) {
                 const Handle column(H5Dopen2(f, "device0/depth_mm", H5P_DEFAULT), H5Dclose);
                 const hsize_t fewer = kTicks - 1;
@@ -219,7 +219,7 @@ TEST_F(Hostile, HeadersAreChecked) {
 TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   test::write_bytes(file_, bytes_);
   {
-    // without what came after format 1, as such a file is
+    // without the columns added after format 1, as in such a file
     const internal::Hdf5Section section;
     const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
     const std::uint32_t earlier = 1;
@@ -241,7 +241,7 @@ TEST_F(Hostile, RecordingsFromBeforeSettingsWereToldAreRead) {
   const auto read = read_recording(file_);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->header.feel, "");
-  // nor do those from before tasks were told
+  // files from before tasks were recorded lack these fields, too
   EXPECT_EQ(error_after([](hid_t f) {
               for (const char* name : {"task", "task_hash", "task_seed"})
                 H5Adelete_by_name(f, "header", name, H5P_DEFAULT);
@@ -283,7 +283,7 @@ TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
   written({ball, cone});
   EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, cone}));
   {
-    // as format 4.5 has them
+    // as in format 4.5
     const internal::Hdf5Section section;
     const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
     for (const char* later : {"events/axis_patient_mm", "events/end_radius_mm"})
@@ -291,7 +291,7 @@ TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
   }
   EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, ball}));
 
-  // what no burr leaves
+  // values that no burr produces
   SweepRecord endless = cone, pointed = cone, unknown = cone, twofold = ball;
   endless.axis_mm[0] = 1e5;
   pointed.end_radius_mm = 0;
@@ -305,7 +305,7 @@ TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
   }
 }
 
-// a file of format 3.1: no events, and how the model changed at its end
+// converts to format 3.1: without events, with the model's changes at the end
 void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& changes) {
   const std::uint32_t major = 3;
   const Handle attribute(H5Aopen(file, "format_major", H5P_DEFAULT), H5Aclose);
@@ -340,7 +340,7 @@ TEST_F(Hostile, Format3IsStillRead) {
     }
     return read_recording(file_);
   };
-  // each where the first tick felt it; the last one was felt by none
+  // each change takes effect in the first tick of its version; no tick has the last one
   const auto read =
       read_with({{2, 0, 0.8, 0.3, 0.2, 0.1}, {3, 1, 0.7, 0, 0, 0}, {4, 4294967295.0, 0, 0, 0, 0}, {5, 0}});
   ASSERT_TRUE(read) << read.error().message();
@@ -427,7 +427,7 @@ TEST_F(Hostile, ForeignFilesAreToldApart) {
                        H5Fclose);
   }
   EXPECT_THAT(error_of(folder_ / "other.h5"), HasSubstr("not a recording of palpate"));
-  // a block of somebody else's in front is part of HDF5's format
+  // HDF5's format permits a user block in front
   std::vector<std::byte> prefixed(512);
   prefixed.insert(prefixed.end(), bytes_.begin(), bytes_.end());
   test::write_bytes(folder_ / "prefixed.h5", prefixed);
@@ -458,7 +458,7 @@ TEST_F(Hostile, FlippedBytesNeverCrash) {
       bytes[random() % bytes.size()] = static_cast<std::byte>(random());
     test::write_bytes(file_, bytes);
     const auto read = read_recording(file_);
-    if (read) continue;  // flipped in the rows
+    if (read) continue;  // the flipped bit is in row data
     EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
     EXPECT_FALSE(read.error().what.empty());
     ++refused;
@@ -484,7 +484,7 @@ TEST(Stream, EndsAreNoticedAtEveryByte) {
   EXPECT_EQ((*whole).summary->trouble, test::example_summary(0).trouble);
 }
 
-// the stream of a few ticks with their events
+// stream of a few ticks with their events
 std::vector<std::byte> stream_of(const std::vector<TickRecord>& ticks,
                                  const std::vector<RecordingEvent>& events, const RecordingHead& head) {
   test::MemoryTarget sent;
@@ -511,7 +511,7 @@ TEST(Stream, BelievesNoPart) {
     return read ? std::string("no error") : read.error().what;
   };
   EXPECT_EQ(error_of(stream_of(ticks, test::example_events(), head)), "no error");
-  // what the beginning says of the ticks
+  // inconsistent declarations in the head
   RecordingHead other = head;
   other.methods = {{1, 0}};
   EXPECT_THAT(error_of(stream_of(ticks, {}, other)), HasSubstr("not what its beginning says"));
@@ -521,7 +521,7 @@ TEST(Stream, BelievesNoPart) {
   other = head;
   other.clock_rises = false;
   EXPECT_EQ(error_of(stream_of(standing, {}, other)), "no error");
-  // more ticks than are left, more events than a part holds, and nothing at all without end
+  // more ticks than declared, more events than a part may hold, empty parts without end
   other = head;
   other.ticks = 2;
   EXPECT_THAT(error_of(stream_of(ticks, {}, other)), HasSubstr("no size that it may have"));

@@ -11,14 +11,14 @@
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"
 
-// HDF5 is not safe against hostile files, so a process of its own opens them (reader_process.h). What comes
-// from it are plain rows (stream.h).
+// HDF5 is not safe against malicious files, so a sandboxed process opens them (reader_process.h) and sends
+// plain rows (stream.h).
 namespace palpate {
 namespace internal {
 namespace {
 
 std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::path& file) {
-  // HDF5's signature stands at 0, 512, 1024, 2048, ...
+  // HDF5's signature may be at 0, 512, 1024, 2048, ...
   for (std::uint64_t at = 0; at < opened.size(); at = at == 0 ? 512 : 2 * at) {
     std::array<std::byte, 8> bytes{};
     if (const auto got = opened.read_at(at, bytes); !got) return got.error();
@@ -28,7 +28,7 @@ std::optional<Error> not_hdf5(const InputFile& opened, const std::filesystem::pa
                "name a file that palpate simulate or explore wrote"};
 }
 
-// @param progress  stays where it is as long as the process lives
+// @param progress  must stay valid for the lifetime of the process
 Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& file,
                                                             std::optional<RowRange> range,
                                                             const Progress& progress) {
@@ -46,14 +46,14 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& fil
 using TakeHead = std::function<Result<bool>(const RecordingHead&)>;
 using TakePart = std::function<Result<void>(const RecordingPart&)>;
 
-// what is wrong with the file, or with what is read; not with what is made of it
+// adds the file name to errors of the file or of reading it, not to those of the consumer
 Error about(const std::filesystem::path& file, Error error) {
   if (error.kind != ErrorKind::kInterrupted) error.where = file.string();
   return error;
 }
 
 /// @param range  as for send_recording
-/// @param take_head  says whether the parts are wanted too
+/// @param take_head  returns whether the parts are wanted too
 Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowRange> range,
                            const TakeHead& take_head, const TakePart& take_part,
                            const Progress& progress) try {
@@ -94,8 +94,9 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
          a.devices == b.devices && a.script_text == b.script_text;
 }
 
-/// A reader that is slow beside the writer may meet an index in the middle of a change: it looks again.
-/// @param look  reads all that it needs, anew each time
+/// Reading while another process writes: a slow reader may observe an index in the middle of an update, so it
+/// retries.
+/// @param look  reads everything that it needs, from the beginning each time
 Result<void> read_beside_writer(const std::filesystem::path& file,
                                 const std::function<Result<void>()>& look) {
   constexpr int kMostLooks = 20;
@@ -137,7 +138,7 @@ RecordingSource::RecordingSource(const Recording& recording) : memory_(&recordin
 
 Result<void> RecordingSource::read(const std::function<Result<void>(const RecordingPart&)>& take,
                                    const Progress& progress) const {
-  // as many ticks as the head tells of, and their events
+  // exactly the number of ticks that the head announced, with their events
   std::uint64_t left = head_.ticks;
   const auto take_known = [&](RecordingPart part) -> Result<void> {
     if (left == 0) return {};
@@ -203,7 +204,7 @@ Result<Recording> read_recording(const std::filesystem::path& file, const Progre
     all = static_cast<double>(head.ticks);
     return true;
   };
-  // memory is taken as the rows arrive, not as their number promises
+  // memory grows with the rows received, not with their announced number
   const auto take_part = [&](const RecordingPart& part) -> Result<void> {
     progress.report("reading the recording", static_cast<double>(recording.ticks.size()) / all);
     recording.ticks.insert(recording.ticks.end(), part.ticks.begin(), part.ticks.end());

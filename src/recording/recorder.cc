@@ -15,10 +15,10 @@ namespace palpate {
 namespace internal {
 namespace {
 
-// The servo may not wake anybody, so the ring is looked at from time to time: far below the seconds that it
-// holds, far above what looking costs.
+// The servo may not wake another thread, so the ring is polled: at a period far below the seconds that it
+// holds, and far above the cost of a poll.
 constexpr std::chrono::milliseconds kPoll{5};
-// ticks taken at a time: their slots are free again before the disk is asked for anything
+// ticks taken per batch: their slots are free again before the disk is accessed
 constexpr std::size_t kBatch = 256;
 
 class RingRecorder : public Recorder {
@@ -57,26 +57,26 @@ class RingRecorder : public Recorder {
   Result<void> write(std::span<const TickRecord> ticks);
   void give_up(const Error& error);
 
-  // of the recorder's thread, and of others once it has ended
+  // used by the recorder's thread, and by others after it has ended
   SpscRing<TickRecord>& ring_;
-  std::unique_ptr<RecordingWriter> writer_;  // none: nothing is kept
+  std::unique_ptr<RecordingWriter> writer_;  // null: nothing is stored
   const std::filesystem::path file_;
   const See see_;
-  EventLog* const told_;  // none: nothing is told
+  EventLog* const told_;  // null: no external commands
   std::vector<TickRecord> batch_;
-  std::list<RecordingEvent> unheard_;   // that no tick had heard of yet
-  std::vector<RecordingEvent> events_;  // of the batch
+  std::list<RecordingEvent> unheard_;   // events that no tick has acknowledged yet
+  std::vector<RecordingEvent> events_;  // events of the batch
 
   std::thread thread_;
   std::atomic<bool> stop_ = false;
-  mutable std::mutex mutex_;  // of what follows; never held while anything is written
+  mutable std::mutex mutex_;  // guards the members below; never held during a write
   RecordingSummary summary_;
   std::optional<Error> failure_;
 };
 
 void RingRecorder::run() noexcept {
   for (bool last = false; !last;) {
-    // asked before the ring is emptied: what was pushed before the stop is taken after it
+    // read before the ring is drained: ticks pushed before the stop are drained after it
     last = stop_.load(std::memory_order_acquire);
     drain();
     if (!last) std::this_thread::sleep_for(kPoll);
@@ -88,7 +88,7 @@ void RingRecorder::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-// what is in the ring by now; what comes meanwhile is for the next time
+// drains the ring's current content; later ticks are left to the next call
 void RingRecorder::drain() {
   for (std::size_t left = ring_.size(); left > 0;) {
     const std::size_t count = ring_.pop(std::span(batch_).first(std::min(left, batch_.size())));
@@ -130,7 +130,7 @@ bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
   return tick.arming_number >= event.number;
 }
 
-// the rows that this tick is the first to have heard of
+// moves the events that this tick is the first to acknowledge
 void RingRecorder::take_heard(const TickRecord& tick) {
   for (auto row = unheard_.begin(); row != unheard_.end();) {
     if (!had_heard(tick, *row)) {
@@ -143,7 +143,7 @@ void RingRecorder::take_heard(const TickRecord& tick) {
   }
 }
 
-// after the ticks were taken: what they had heard of is there
+// called after the ticks were popped, so that all events that they acknowledge are available
 Result<void> RingRecorder::hear(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
@@ -164,7 +164,7 @@ Result<void> RingRecorder::write(std::span<const TickRecord> ticks) {
 }
 
 void RingRecorder::give_up(const Error& error) {
-  // closes the file, which keeps what was flushed
+  // closes the file, which retains what was flushed
   writer_.reset();
   const std::lock_guard lock(mutex_);
   failure_ = error;

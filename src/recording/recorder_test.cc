@@ -1,4 +1,4 @@
-// A run's ticks on their way from the ring to the disk.
+// Transfer of a run's ticks from the ring to the disk.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ using ::testing::HasSubstr;
 constexpr double kRecorderRate = 1000;
 const std::vector<std::string> kTrouble{"line 3: asked for 2.00 N, felt 1.40 N"};
 
-// a servo that waits for room, so that every tick is due to arrive
+// a producer that waits for free slots, so that no tick is dropped
 void push_all(SpscRing<TickRecord>& ring, std::span<const TickRecord> ticks) {
   for (const TickRecord& tick : ticks)
     while (!ring.push(tick)) std::this_thread::yield();
@@ -48,7 +48,7 @@ void expect_beginning(const std::vector<TickRecord>& read, const std::vector<Tic
 TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   const test::TemporaryFolder folder;
   const auto ticks = test::random_ticks(5000, 2, kRecorderRate, 11);
-  SpscRing<TickRecord> ring(128);  // many times around
+  SpscRing<TickRecord> ring(128);  // wraps around many times
   std::vector<std::uint64_t> seen;
   auto recorder = Recorder::start(
       ring, folder / "run.h5", test::example_header(2, kRecorderRate),
@@ -68,7 +68,7 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
     std::this_thread::yield();
   }
   servo.join();
-  // the last ones are still in the ring
+  // the last ticks are still in the ring
   const auto finished = (*recorder)->finish(3, 4, kTrouble);
   ASSERT_TRUE(finished) << finished.error().message();
 
@@ -127,7 +127,7 @@ TEST(Recorder, DoesNotStartWhereNoFileCanBe) {
   EXPECT_EQ(recorder.error().kind, ErrorKind::kOutput);
 }
 
-// a servo that says up to what it has heard, in a loop that several threads tell things
+// servo with counters of acknowledged commands, used by several threads
 struct ToldServo {
   EventLog told;
   std::atomic<std::uint32_t> version{1}, settings{0}, arming{0};
@@ -137,7 +137,7 @@ struct ToldServo {
       RecordingEvent event;
       event.kind = kind;
       event.by = by;
-      // the servo may look at once, and whoever told may lose the processor here
+      // the servo may read the counter immediately, and this thread may be preempted here
       event.number = channel.fetch_add(1) + 1;
       std::this_thread::yield();
       event.change.version = kind == RecordingEvent::Kind::kModel ? event.number : 0;
@@ -163,8 +163,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   };
   auto recorder = Recorder::start(ring, folder / "run.h5", test::example_header(1, kRate), see, &servo.told);
   ASSERT_TRUE(recorder) << recorder.error().message();
-  // faster than ticks, so that many are heard of by one; no more of them on a machine on which ticks take
-  // long
+  // faster than the ticks, so that many commands share a tick; bounded in number in case ticks take long
   std::atomic<bool> over = false;
   std::vector<std::thread> tellers;
   for (std::uint32_t teller = 0; teller < 2; ++teller)
@@ -179,7 +178,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
     });
   for (TickRecord& tick : ticks) {
     servo.look(tick);
-    // every hundredth is lost on its way
+    // every hundredth tick is lost
     if (tick.tick % 100 == 50) continue;
     while (!ring.push(tick)) std::this_thread::yield();
   }
@@ -207,7 +206,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
     }
     numbers[std::min<std::size_t>(static_cast<std::size_t>(event.kind), 2)].insert(event.number);
   }
-  // all that the last tick had heard of, each once
+  // exactly the events acknowledged by the last tick, each once
   const TickRecord& last = *by_number.rbegin()->second;
   EXPECT_EQ(numbers[0].size(), last.model_version - 1);
   EXPECT_EQ(numbers[1].size(), last.settings_number);
@@ -217,7 +216,7 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   EXPECT_EQ(heard_live, read->events) << "whoever sees ticks hears of the same";
 }
 
-// a writer whose disk has stopped, until it is let go
+// a writer that blocks until it is released
 class StuckWriter : public RecordingWriter {
  public:
   explicit StuckWriter(std::binary_semaphore& entered, std::binary_semaphore& let_go)
@@ -243,7 +242,7 @@ TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {
   ASSERT_TRUE(recorder);
   ASSERT_TRUE(ring.push(ticks[0]));
   entered.acquire();
-  // while it is written the whole ring is free again, and it can be asked
+  // during the write the whole ring is free, and queries do not block
   EXPECT_EQ((*recorder)->so_far().ticks, 1u);
   EXPECT_FALSE((*recorder)->failure());
   for (std::size_t i = 1; i < ticks.size(); ++i) EXPECT_TRUE(ring.push(ticks[i])) << i;
@@ -257,7 +256,7 @@ TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {
   EXPECT_EQ(finished.value().dropped, 1u);
 }
 
-// steps of a healthy recorder: until the file is there, until the ticks are in, to the end
+// steps of a recorder without failures: until the file exists, until the ticks are written, until the end
 struct Steps {
   std::size_t created, appended, finished;
 };
@@ -279,7 +278,7 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(2500, 1, kRecorderRate);
   const Steps steps = healthy_steps(ticks);
-  // in the second chunk of ticks, so that the first is kept
+  // fails in the second chunk of ticks, so that the first is preserved
   test::MemorySink::Disk disk;
   disk.fails_at = steps.created + (steps.appended - steps.created) / 2 - 3;
   auto writer = internal::create_on(std::make_unique<test::MemorySink>(disk),
@@ -291,7 +290,7 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
       internal::start_recorder(ring, std::move(*writer), "run.h5",
                                [&](const TickRecord&, std::span<const RecordingEvent>) { ++seen; });
   ASSERT_TRUE(recorder);
-  // would not return if the ring were not drained any more
+  // would block if the ring were no longer drained
   push_all(ring, ticks);
   const auto failure = [&] {
     for (;; std::this_thread::yield())
@@ -303,7 +302,7 @@ TEST(Recorder, AFullDiskStopsTheFileAndNothingElse) {
   EXPECT_THAT(failure.remedy, HasSubstr("the first 800 ticks are kept"));
   const std::size_t steps_at_failure = disk.steps.size();
 
-  // the same error, and every tick was taken all the same
+  // the same error, and all ticks are counted nevertheless
   push_all(ring, std::span(ticks).first(100));
   const auto finished = (*recorder)->finish(0, 0, {});
   ASSERT_FALSE(finished);
@@ -340,7 +339,7 @@ TEST(Recorder, ADiskThatIsFullAtTheVeryEndIsAnErrorToo) {
   EXPECT_EQ((*recorder)->failure()->message(), finished.error().message());
 }
 
-// a child that records until it is killed, and says now and then how many ticks it has pushed
+// child process that records until it is killed, and occasionally reports the number of pushed ticks
 void record_through_the_ring(const fs::path& file, std::span<const TickRecord> ticks, int report) {
   SpscRing<TickRecord> ring(512);
   auto recorder = Recorder::start(ring, file, test::example_header(1, kRecorderRate));
@@ -377,7 +376,7 @@ TEST(Recorder, KilledLeavesARecordingThatOpens) {
     const auto read = read_recording(file);
     ASSERT_TRUE(read) << read.error().message();
     EXPECT_FALSE((*read).summary);
-    // lost: less than a second, what was in the ring and in the recorder's hands
+    // lost: less than a second, plus the content of the ring and of the recorder's batch
     EXPECT_GT((*read).ticks.size() + 1000 + 512 + 256, pushed);
     expect_beginning((*read).ticks, ticks);
   }

@@ -1,8 +1,8 @@
-// recording_example write FILE      a whole run of two devices, 2500 ticks at 1 kHz
+// recording_example write FILE      a complete run of two devices, 2500 ticks at 1 kHz
 // recording_example killed FILE     the same, killed before its end
-// recording_example same A B        exit code 0 when both hold the same header and ticks
+// recording_example same A B        exit code 0 if both contain the same header and ticks
 //
-// For open_in_h5py_test.py, and to have a file to try the examples of docs/reference/recording.md on.
+// For open_in_h5py_test.py, and to create a file for the examples of docs/reference/recording.md.
 #include <unistd.h>
 
 #include <csignal>

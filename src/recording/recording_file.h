@@ -7,13 +7,13 @@
 
 namespace palpate::internal {
 
-/// The writer behind RecordingWriter::create, on any sink. When it returns, the sink holds a whole
-/// recording without ticks. `file` only names errors.
+/// Implements RecordingWriter::create on any sink. On return the sink contains a valid recording without
+/// ticks. `file` is used in error messages only.
 Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sink,
                                                    const RecordingHeader& header,
                                                    const std::filesystem::path& file);
 
-/// The recorder behind Recorder::start, with any writer or none. `file` only names errors.
+/// Implements Recorder::start with any writer or none. `file` is used in error messages only.
 Result<std::unique_ptr<Recorder>> start_recorder(SpscRing<TickRecord>& ring,
                                                  std::unique_ptr<RecordingWriter> writer,
                                                  const std::filesystem::path& file, Recorder::See see,

@@ -1,9 +1,9 @@
-// Four ways in, chosen by the first byte:
+// Four targets, selected by the first byte:
 //   0 - 31     a stream with a valid head, followed by the input
-//   32 - 127   the stream from the reading process, as a process led astray might send it
-//   128 - 247  a recording whose data sets and attributes were replaced by others, through HDF5 and the
-//              checks of this room, in this process
-//   248 - 255  a valid recording with bytes changed, through read_recording and its child process
+//   32 - 127   the stream of the reading process, as a compromised process might send it
+//   128 - 247  a recording with replaced data sets and attributes, read by HDF5 and this module's checks
+//              in this process
+//   248 - 255  a valid recording with modified bytes, through read_recording and its child process
 #include <hdf5.h>
 #include <pthread.h>
 
@@ -27,7 +27,7 @@ namespace {
 using namespace palpate;
 using internal::Handle;
 
-// bytes of the fuzzer's input, zeros when it is used up
+// the fuzzer's input, followed by zeros
 class Input {
  public:
   explicit Input(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
@@ -49,7 +49,7 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
-// what comes out must be inside the bounds that callers rely on
+// results must be within the bounds that callers rely on
 void check(const Result<Recording>& read) {
   if (!read) return must(!read.error().what.empty());
   const RecordingHeader& header = read.value().header;
@@ -89,7 +89,7 @@ void receive_after_head(std::span<const std::byte> bytes) {
   receive(stream.bytes);
 }
 
-// a type from the kinds that a recording has, and some that it has not
+// a type that occurs in recordings, or some other
 Handle any_type(Input& input) {
   const std::array plain{H5T_STD_U8LE,   H5T_STD_U16LE,  H5T_STD_U32LE,  H5T_STD_U64LE, H5T_STD_I64BE,
                          H5T_IEEE_F64LE, H5T_IEEE_F64BE, H5T_IEEE_F32LE, H5T_C_S1};
@@ -108,18 +108,18 @@ Handle any_type(Input& input) {
   return type;
 }
 
-// a data set in the place of the one called `name`
+// replaces the data set `name`
 void replace_data_set(hid_t file, const std::string& name, Input& input) {
   H5Ldelete(file, name.c_str(), H5P_DEFAULT);
   const int rank = static_cast<int>(input.number(1) % 4);
   hsize_t dims[3], chunk[3];
   for (int i = 0; i < rank; ++i) {
-    // mostly lengths that fit
+    // mostly plausible lengths
     const std::uint64_t kind = input.number(1);
     dims[i] = kind < 100 ? 20 : kind < 200 ? kind % 5 : input.number(8) >> (kind % 64);
     chunk[i] = std::clamp<hsize_t>(input.number(2), 1, std::max<hsize_t>(dims[i], 1));
   }
-  // one way of storing: HDF5 itself crashes on some that exclude each other
+  // a single kind of storage: HDF5 itself crashes on some contradictory combinations
   const std::uint64_t layout = input.number(1) % 6;
   const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   if (layout < 3 && rank > 0) H5Pset_chunk(properties.get(), rank, chunk);
@@ -131,7 +131,7 @@ void replace_data_set(hid_t file, const std::string& name, Input& input) {
   const Handle made(
       H5Dcreate2(file, name.c_str(), type.get(), space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT),
       H5Dclose);
-  // some hold data, most of the small ones
+  // some of the small ones contain data
   std::array<std::uint64_t, 512> values{};
   for (std::uint64_t& value : values) value = input.number(1);
   if (made.ok() && input.number(1) % 4 != 0 && H5Sget_simple_extent_npoints(space.get()) <= 60 &&
@@ -152,7 +152,7 @@ void replace_attribute(hid_t object, const std::string& name, Input& input) {
   H5Awrite(made.get(), type.get(), value.data());
 }
 
-// every name that the reader looks at
+// all names that the reader accesses
 const std::vector<std::string>& data_set_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all{"header/script",        "structures/label",  "structures/colour",
@@ -190,7 +190,7 @@ void rebuild(Input& input) {
       } else if (what == 6 && which % 2 == 0) {
         replace_attribute(file.get(), root[which / 2 % root.size()], input);
       } else if (what == 6) {
-        // the earlier format, which has no events; one that was replaced may have two of them
+        // the earlier format without events; its replaced attribute may have two values
         const std::array<std::uint32_t, 2> earlier{3, 3};
         const Handle major(H5Aopen(file.get(), "format_major", H5P_DEFAULT), H5Aclose);
         if (major.ok()) H5Awrite(major.get(), H5T_STD_U32LE, earlier.data());
@@ -209,7 +209,7 @@ void rebuild(Input& input) {
   must(whole || !read);
 }
 
-// pairs of a place and a byte in a valid file
+// pairs of an offset and a byte in a valid file
 void change_bytes(Input& input) {
   std::vector<std::byte> bytes = valid_recording();
   while (!input.empty()) {
@@ -222,7 +222,7 @@ void change_bytes(Input& input) {
   check(read_recording(scratch));
 }
 
-// a crash of the child is what the child is for; it is not a finding
+// a crash of the child process is expected and not a finding
 void excuse_child() {
   __sanitizer_set_death_callback(nullptr);
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGALRM}) ::signal(signal, SIG_DFL);

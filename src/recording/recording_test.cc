@@ -18,7 +18,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// writes in pieces of changing size, as a recorder thread gets them
+// writes in pieces of varying size, as a recorder thread does
 void write_recording(const std::filesystem::path& file, const RecordingHeader& header,
                      const std::vector<TickRecord>& ticks, std::size_t piece = 37,
                      std::span<const RecordingEvent> events = {}) {
@@ -49,7 +49,7 @@ void expect_same(const std::vector<RecordingEvent>& read, const std::vector<Reco
     ASSERT_EQ(test::first_difference(read[i], written[i]), "") << "event " << i;
 }
 
-// any bits in everything but the numbers of the ticks, of which every other one is missing
+// random bits in all fields but the tick numbers, every other of which is missing
 std::vector<TickRecord> numbered_ticks(std::size_t count, int devices, double rate_hz, std::uint64_t seed) {
   auto ticks = test::random_ticks(count, devices, rate_hz, seed);
   for (std::size_t i = 0; i < count; ++i) ticks[i].tick = 2 * i;
@@ -60,14 +60,14 @@ TEST(Recording, ComesBackBitForBit) {
   const test::TemporaryFolder folder;
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
-  // around the borders of a chunk (400) and of a block of the reader (4096)
+  // around the boundaries of a chunk (400) and of a block of the reader (4096)
   for (const std::size_t count : {0u, 1u, 399u, 400u, 401u, 800u, 4096u, 4097u, 9001u})
     for (const int devices : {1, 2, 4}) {
       if (count > 401 && devices == 2) continue;
       SCOPED_TRACE(std::to_string(count) + " ticks, " + std::to_string(devices) + " devices");
       const auto header = test::example_header(devices, 500);
       const auto ticks = numbered_ticks(count, devices, 500, seed + count);
-      // around the borders of a chunk of events (64) too
+      // and around the boundaries of a chunk of events (64)
       const auto events = test::random_events(ticks, count < 4096 ? 4 : 97, seed + count);
       write_recording(folder / "run.h5", header, ticks, 37, events);
       const auto read = read_recording(folder / "run.h5");
@@ -96,7 +96,7 @@ TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
     EXPECT_LE(part.ticks.size(), 4096u);
     EXPECT_LE(part.events.size(), 4096u);
     told.insert(told.end(), part.events.begin(), part.events.end());
-    // what these ticks had heard of is there
+    // the events acknowledged by these ticks are present
     for (const TickRecord& tick : part.ticks) {
       EXPECT_EQ(tick.tick, 2 * read++);
       const std::size_t due = tick.tick < 6 ? 0u : tick.tick < 9000 ? 9000u : 18000u;
@@ -109,7 +109,7 @@ TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
   expect_same(told, events);
 }
 
-// as the reader's own child finds it, and as a recording in memory tells it
+// the reader's child process and a recording in memory give the same head
 TEST(RecordingSource, TellsWhatTheTicksAreAndReadsThemAgain) {
   const test::TemporaryFolder folder;
   auto ticks = test::example_ticks(9000, 1, 1000);
@@ -170,7 +170,7 @@ TEST(RecordingSource, ReadsTicksAtAnyPlace) {
       for (std::size_t i = 0; i < read->size(); ++i)
         ASSERT_EQ(test::first_difference((*read)[i], ticks[first + i]), "") << i;
     }
-  // another one in its place
+  // another file under the same name
   write_recording(folder / "run.h5", test::example_header(1), test::example_ticks(10000, 1, 1000), 37, {});
   const auto read = opened->read_at(0, 3);
   ASSERT_FALSE(read);
@@ -205,7 +205,7 @@ TEST(RecordingSource, ReadsAsFarAsItWasOpenedAndNothingElse) {
   const auto source = RecordingSource::open(folder / "run.h5");
   ASSERT_TRUE(source);
   EXPECT_EQ(source->head().ticks, 800u);
-  // it grows on, and what it is told then is of later ticks
+  // it grows, and later events belong to later ticks
   auto later = test::example_events();
   for (RecordingEvent& event : later) event.tick += 1000;
   ASSERT_TRUE((*writer)->append(std::span(ticks).subspan(800), later));
@@ -242,7 +242,7 @@ std::vector<std::string> trouble_after_reading(const std::vector<std::string>& t
 
 TEST(Recording, KeepsTroubleWithinBounds) {
   EXPECT_EQ(trouble_after_reading({}), std::vector<std::string>{});
-  // around the borders of a chunk (16) and up to the last that fits
+  // around the boundaries of a chunk (16) and up to the maximum
   for (const std::size_t count : {1u, 15u, 16u, 17u, 1000u}) {
     std::vector<std::string> trouble;
     for (std::size_t i = 0; i < count; ++i) trouble.push_back("step " + std::to_string(i));
@@ -253,7 +253,7 @@ TEST(Recording, KeepsTroubleWithinBounds) {
   EXPECT_EQ(most[998], "again");
   EXPECT_EQ(most[999], "and 4 more");
 
-  // a long one is cut between two characters, also where ü stands across the border
+  // a long sentence is truncated between two characters, also if the limit is inside a ü
   const std::string whole(512, 'x');
   EXPECT_EQ(trouble_after_reading({whole, whole + "x"}),
             (std::vector<std::string>{whole, std::string(509, 'x') + "..."}));
@@ -262,7 +262,7 @@ TEST(Recording, KeepsTroubleWithinBounds) {
 }
 
 TEST(Recording, TableCoversEveryFieldOnce) {
-  // a tick of known bytes, column by column: no two columns share a byte
+  // columns of a tick do not overlap
   std::vector<bool> tick(sizeof(TickRecord)), device(sizeof(DeviceTick));
   const auto claim = [](std::vector<bool>& bytes, const internal::Column& column) {
     for (std::size_t i = column.offset; i < column.offset + column.row_bytes(); ++i) {
@@ -272,14 +272,14 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   };
   for (const auto& column : internal::tick_columns()) claim(tick, column);
   for (const auto& column : internal::device_columns()) claim(device, column);
-  // what no column claims is TickRecord::devices, which is the header's, the devices' place and padding
+  // not covered: TickRecord::devices, which is in the header, the devices themselves, and padding
   const auto unclaimed = [](const std::vector<bool>& bytes) { return std::ranges::count(bytes, false); };
   EXPECT_EQ(unclaimed(tick), static_cast<std::ptrdiff_t>(sizeof(TickRecord) - internal::tick_bytes(0)));
   EXPECT_EQ(internal::tick_bytes(0), 130u);
   EXPECT_EQ(internal::tick_bytes(1), 130u + 860u);
   EXPECT_EQ(internal::tick_bytes(4), 130u + 4 * 860u);
   EXPECT_LT(unclaimed(device), 8) << "a field of DeviceTick without a column";
-  // what the recorder makes rows of is in no column either
+  // counters from which the recorder derives events have no column, either
   EXPECT_LT(static_cast<std::size_t>(unclaimed(tick)),
             sizeof(TickRecord::device) + sizeof(TickRecord::devices) + sizeof(TickRecord::settings_number) +
                 sizeof(TickRecord::arming_number) + 12)
@@ -287,7 +287,8 @@ TEST(Recording, TableCoversEveryFieldOnce) {
   std::vector<bool> event(sizeof(RecordingEvent));
   std::size_t padding = 0;
   for (const auto& column : internal::event_columns()) claim(event, column);
-  // a change's version is the event's number; the rest is padding around numbers of four and eight bytes
+  // the change's version equals the event's number; the rest is padding around numbers of four and eight
+  // bytes
   for (std::size_t i = 0; i < event.size(); ++i) padding += !event[i];
   EXPECT_LT(padding, sizeof(ModelChange::version) + 7 + 3 + 4 + 5 + 4)
       << "a field of RecordingEvent without a column";
@@ -315,7 +316,7 @@ TEST(Recording, DescribesEveryBit) {
   const std::string flags = description(internal::device_columns(), "flags");
   EXPECT_THAT(flags, HasSubstr(": 1 clamped, 2 not finite, "));
   EXPECT_THAT(flags, ::testing::EndsWith(", 4194304 no-go region, 8388608 release"));
-  EXPECT_EQ(std::ranges::count(flags, ','), 23 + 1);  // and one in the sentence before
+  EXPECT_EQ(std::ranges::count(flags, ','), 23 + 1);  // one more comma in the preceding sentence
 }
 
 TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
@@ -348,7 +349,7 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
     TickRecord tick;
     tick.devices = 2;
     summary.see(tick);
-    // on one device, on the other, on both, and on one that is not there
+    // on one device, on the other, on both, and on a device that does not exist
     tick.device[0].flags = flag;
     summary.see(tick);
     tick.device[1].flags = flag | kFlagContact;
@@ -375,8 +376,8 @@ TEST(RecordingSummary, MixesTheHashOfEveryTick) {
   EXPECT_EQ(summary.run_hash, expected);
 }
 
-// A file but for the object header with which HDF5 extends the superblock: that one holds the second of
-// its creation, which no setting of HDF5 prevents.
+// Bytes of a file without the object header of the superblock extension, which contains the second of its
+// creation; no setting of HDF5 prevents that.
 std::vector<std::byte> without_time(const std::filesystem::path& file) {
   constexpr std::size_t kBegin = 48, kEnd = 108;
   auto bytes = test::read_bytes(file);
@@ -387,11 +388,11 @@ std::vector<std::byte> without_time(const std::filesystem::path& file) {
 }
 
 TEST(Recording, IsTheSameBytesForTheSameRun) {
-  // nothing of the machine and nothing left over in memory is in a file
+  // a file contains no machine-dependent data and no uninitialised memory
   const test::TemporaryFolder folder;
   const auto header = test::example_header();
   const auto ticks = test::example_ticks(2345, 2, 1000);
-  // fresh memory full of one pattern, then of another
+  // fresh memory filled with one pattern, then with another
   ::mallopt(M_PERTURB, 0x5a);
   write_recording(folder / "a.h5", header, ticks, 7);
   ::mallopt(M_PERTURB, 0xa5);
@@ -426,7 +427,7 @@ TEST(Recording, ReplacesAnOlderOneOnlyWhenItCanStart) {
   const auto kept = read_recording(folder / "run.h5");
   ASSERT_TRUE(kept);
   EXPECT_EQ((*kept).ticks.size(), 10u);
-  // and it leaves no temporary behind
+  // no temporary file is left
   EXPECT_EQ(folder.count(), 1u);
 }
 
@@ -514,7 +515,7 @@ TEST(Recording, CanBeReadWhileItIsWritten) {
 }
 
 TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
-  // by another process, as a session's recording is read
+  // written by another process, as for a session's recording
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(20'000, 1, 1000);
   const testing::Shared<std::atomic<bool>> is_begun;
@@ -541,7 +542,7 @@ TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
 }
 
 TEST(Recording, IsFlushedAfterASecondOnASlowClock) {
-  // a real clock that reaches 300 of its nominal 1000 ticks a second
+  // a real clock that reaches 300 of its nominal 1000 ticks per second
   const test::TemporaryFolder folder;
   auto ticks = test::example_ticks(1700, 1, 300);
   auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1, 1000));
@@ -559,11 +560,11 @@ TEST(Recording, IsFlushedAfterASecondOnASlowClock) {
   expect_same((*read).ticks, ticks);
 }
 
-// Not under AddressSanitizer: the reader forks, and a lock of the sanitizer's own allocator that another
-// thread holds then stays locked in the copy. glibc's malloc sees to that.
+// Not under AddressSanitizer: the reader forks, and if another thread holds a lock of the sanitizer's
+// allocator it stays locked in the child. glibc's malloc handles that.
 #ifndef __SANITIZE_ADDRESS__
 TEST(Recording, ReadsFromThreadsWhileOthersWrite) {
-  // no thread may be inside HDF5 when the reader forks
+  // no other thread may be inside HDF5 while the reader forks
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(400, 1, 100);
   write_recording(folder / "done.h5", test::example_header(1, 100), ticks);
@@ -608,7 +609,7 @@ TEST(RunHash, DependsOnEveryStateAndOnTheirOrder) {
   EXPECT_NE(of({1, 2}), of({2, 1}));
   EXPECT_NE(of({0}), of({0, 0}));
   EXPECT_NE(of({5, 6, 7}), of({5, 6, 8}));
-  // pinned: hashes in old recordings must keep their meaning
+  // pinned, because hashes in existing recordings must remain valid
   EXPECT_EQ(of({1, 2, 3}), 5880516937824699343u);
 }
 
@@ -619,7 +620,7 @@ TEST(Recording, TellsTheFirstOutputThatDiffers) {
   recorded.contact_N = {0.5, 0.25};
   EXPECT_EQ(first_different_output(recorded, recorded), "");
   DeviceTick again = recorded;
-  // an input is what it was given
+  // inputs are not compared
   again.tip_world_mm = {1, 1, 1};
   EXPECT_EQ(first_different_output(recorded, again), "");
   again.contact_N[1] = 0.5;
@@ -627,7 +628,7 @@ TEST(Recording, TellsTheFirstOutputThatDiffers) {
             "contact_N: recorded 0.5 0.25 0 0 0 0, now 0.5 0.5 0 0 0 0");
   again.contact_label[1] = 8;
   EXPECT_EQ(first_different_output(recorded, again), "contact_label: recorded 7 9 0 0 0 0, now 7 8 0 0 0 0");
-  // a recording of before this column reads as 0
+  // a recording older than this column reads as 0
   recorded.contact_label = {};
   recorded.contact_N = {};
   EXPECT_EQ(first_different_output(recorded, again), "");

@@ -19,12 +19,12 @@ namespace palpate {
 namespace internal {
 namespace {
 
-// A commit is due after a second. A chunk is full a little earlier, also on a clock that is somewhat slow,
-// so that commits write whole chunks and need not come back to them.
+// A commit is due after a second. Chunks are filled in slightly less time, even if the clock is somewhat
+// slow, so that commits write complete chunks once.
 constexpr double kMaxUnflushed_s = 1.0;
 constexpr double kChunk_s = 0.8;
 constexpr double kMaxChunkRows = 65536;
-// A chunk that is not full is written anew with each flush, and what it was is lost space: so a small one.
+// A partial chunk is written again with each flush and its old space is lost, so event chunks are small.
 constexpr std::size_t kEventChunkRows = 64;
 
 std::size_t chunk_rows_at(double rate_hz) {
@@ -44,14 +44,14 @@ Handle space_of(std::initializer_list<hsize_t> dims) {
   return Handle(H5Screate_simple(static_cast<int>(dims.size()), dims.begin(), nullptr), H5Sclose);
 }
 
-// Writes groups, attributes and data sets; ok() tells whether all of it worked.
+// Writes groups, attributes and data sets; ok() is true if all calls succeeded.
 class Scribe {
  public:
   explicit Scribe(hid_t file) : file_(file) {}
   bool ok() const { return ok_; }
 
   Handle group(const char* name) {
-    // in the object header, from which HDF5 would move more than eight attributes to a heap
+    // stored in the object header; by default HDF5 would move more than eight attributes to a heap
     Handle properties(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
     check(H5Pset_attr_phase_change(properties.get(), 64, 0));
     check(H5Pset_obj_track_times(properties.get(), false));
@@ -86,7 +86,7 @@ class Scribe {
     raw_attribute(object, name, H5T_STD_U8LE, &byte);
   }
 
-  // a data set of fixed size, with its content
+  // fixed-size data set with its content
   Handle data_set(hid_t group, const char* name, hid_t type, std::initializer_list<hsize_t> dims,
                   const void* values) {
     const Handle space = space_of(dims);
@@ -99,7 +99,7 @@ class Scribe {
     return made;
   }
 
-  // a data set of no rows yet
+  // extensible data set without rows
   Handle growing(hid_t group, const char* name, hid_t type, hsize_t width, hsize_t chunk_rows) {
     const int rank = width == 1 ? 1 : 2;
     const hsize_t none[2] = {0, width}, chunk[2] = {chunk_rows, width};
@@ -110,7 +110,7 @@ class Scribe {
     check(H5Pset_chunk(properties.get(), rank, chunk));
     check(H5Pset_shuffle(properties.get()));
     check(H5Pset_deflate(properties.get(), 1));
-    // chunks go out when they are written, once: no cache
+    // each chunk is written once, immediately: no cache
     Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     check(H5Pset_chunk_cache(access.get(), 1, 0, 0));
     Handle made(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), access.get()),
@@ -134,7 +134,7 @@ class Scribe {
   bool ok_ = true;
 };
 
-// `rows` rows, of which the first gets the number `first`, become the end of a growing data set
+// appends `rows` rows to an extensible data set that has `first` rows
 bool grow(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsize_t rows,
           const void* values) {
   const int rank = width == 1 ? 1 : 2;
@@ -146,14 +146,15 @@ bool grow(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsiz
          H5Dwrite(data_set.get(), type, memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
 }
 
-// texts of one length, padded with zeros
+// texts of equal length, zero-padded
 std::string padded(const std::vector<std::string>& texts, std::size_t width) {
   std::string bytes(width * texts.size(), '\0');
   for (std::size_t i = 0; i < texts.size(); ++i) bytes.replace(i * width, texts[i].size(), texts[i]);
   return bytes;
 }
 
-// cut between two characters of UTF-8 where it is too long; a zero byte would end it
+// truncates a text at a UTF-8 character boundary if it is too long; zero bytes are removed because they would
+// terminate it
 std::string fitting(std::string text, std::size_t most) {
   std::erase(text, '\0');
   if (text.size() <= most) return text;
@@ -163,7 +164,7 @@ std::string fitting(std::string text, std::size_t most) {
   return text.substr(0, end).append(kMore);
 }
 
-// as many sentences of as many bytes as a recording keeps
+// truncates the list and its sentences to the limits of a recording
 std::vector<std::string> kept_trouble(const std::vector<std::string>& trouble) {
   std::vector<std::string> kept;
   for (const std::string& sentence : trouble) {
@@ -176,15 +177,15 @@ std::vector<std::string> kept_trouble(const std::vector<std::string>& trouble) {
   return kept;
 }
 
-// one column while it is being filled: the rows of the chunk that is not full yet
+// a column and its current, partial chunk
 struct GrowingColumn {
   const Column* column;
   Handle data_set;
   std::vector<std::byte> chunk;
 };
 
-// Columns of one length, row for row. Whole chunks are written; one that is not full is written again,
-// beginning with the same rows, when it has more.
+// Columns of equal length. Complete chunks are written once; a partial one is written again, beginning with
+// the same rows, once it has more.
 class GrowingTable {
  public:
   GrowingTable(std::size_t chunk_rows) : chunk_rows_(chunk_rows) {}
@@ -196,7 +197,7 @@ class GrowingTable {
                           std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
   }
 
-  // a row's part in the columns from `first` on; the first of them that is not filled yet
+  // copies a record to the columns from `first` on; returns the index after the last one
   std::size_t put(std::size_t first, std::span<const Column> columns, const void* record) {
     for (std::size_t c = 0; c < columns.size(); ++c)
       std::memcpy(columns_[first + c].chunk.data() + filled_ * columns[c].row_bytes(),
@@ -209,7 +210,7 @@ class GrowingTable {
   bool all_flushed() const { return filled_ == flushed_; }
   std::size_t flushed_rows() const { return start_ + flushed_; }
 
-  // the chunk becomes the end of the data sets, to be committed
+  // writes the current chunk to the end of the data sets; to be committed
   bool flush(const CommitFile& bytes) const {
     return std::ranges::all_of(columns_, [&](const GrowingColumn& of) {
       return grow(of.data_set, hdf5_type(of.column->number), of.column->width, start_, filled_,
@@ -220,7 +221,7 @@ class GrowingTable {
   void committed() {
     flushed_ = filled_;
     if (!full()) return;
-    // the next chunk
+    // start the next chunk
     start_ += chunk_rows_;
     filled_ = flushed_ = 0;
     for (GrowingColumn& column : columns_) std::ranges::fill(column.chunk, std::byte{0});
@@ -230,9 +231,9 @@ class GrowingTable {
  private:
   std::size_t chunk_rows_;
   std::vector<GrowingColumn> columns_;
-  std::size_t start_ = 0;    // rows in full chunks
-  std::size_t filled_ = 0;   // rows in the chunk being filled
-  std::size_t flushed_ = 0;  // of these, already committed
+  std::size_t start_ = 0;    // rows in complete chunks
+  std::size_t filled_ = 0;   // rows in the current chunk
+  std::size_t flushed_ = 0;  // rows of the current chunk that are committed
 };
 
 class Hdf5Writer : public RecordingWriter {
@@ -243,7 +244,7 @@ class Hdf5Writer : public RecordingWriter {
         devices_(header.devices),
         ticks_(chunk_rows_at(header.rate_hz)) {}
   ~Hdf5Writer() override {
-    // a run that ends without a summary still keeps every tick it was given
+    // an unfinished run still stores every tick that was appended
     const Hdf5Section section;
     if (file_.ok() && bytes_.error() == 0) static_cast<void>(flush());
     close();
@@ -268,7 +269,7 @@ class Hdf5Writer : public RecordingWriter {
   Handle file_;
   GrowingTable ticks_, events_{kEventChunkRows};
   Handle trouble_;
-  double unflushed_since_s_ = 0;  // time of the first tick that is not
+  double unflushed_since_s_ = 0;  // time of the first tick not flushed yet
   bool finished_ = false;
 };
 
@@ -284,14 +285,14 @@ Result<void> Hdf5Writer::start(const RecordingHeader& header) {
   const Hdf5Section section;
   Handle access = access_through(bytes_);
   Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
-  // A superblock of version 2 carries no "open for writing" mark that a killed program would leave behind;
-  // without free-space managers nothing that the committed file refers to is ever written over.
+  // A superblock of version 2 has no "open for writing" mark that a killed process would leave behind;
+  // without free-space managers nothing that the committed file refers to is ever overwritten.
   const bool made =
       access.ok() && H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_LATEST) >= 0 &&
       H5Pset_file_space_strategy(creation.get(), H5F_FSPACE_STRATEGY_NONE, false, 1) >= 0 &&
       H5Pset_obj_track_times(creation.get(), false) >= 0 &&
       (file_ = Handle(H5Fcreate("recording", H5F_ACC_TRUNC, creation.get(), access.get()), H5Fclose)).ok() &&
-      // data sets of version 1.10, whose index of chunks only gains entries
+      // data sets of version 1.10, whose chunk index is append-only
       H5Fset_libver_bounds(file_.get(), H5F_LIBVER_V110, H5F_LIBVER_LATEST) >= 0 &&
       write_fixed_part(header) && commit(file_, bytes_);
   if (!made) return failure();
@@ -312,7 +313,7 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
   scribe.data_set(header_group.get(), "script", script_type.get(), {}, header.script_text.c_str());
   write_structures(scribe, header.structures);
 
-  // zeros and no sentence until finish(): nothing new is made then
+  // zeros and no sentences until finish(), which then creates no new object
   const Handle summary = scribe.group("summary");
   const std::uint64_t zero = 0;
   const RecordingSummary unknown;
@@ -360,7 +361,7 @@ Result<void> Hdf5Writer::append(std::span<const TickRecord> ticks, std::span<con
   PALPATE_CHECK(!finished_);
   if (bytes_.error() != 0) return failure();
   const Hdf5Section section;
-  // before the ticks that had heard of them
+  // events precede the ticks that acknowledge them
   for (const RecordingEvent& event : events) {
     events_.put(0, event_columns(), &event);
     events_.next_row();
@@ -381,7 +382,8 @@ Result<void> Hdf5Writer::append(std::span<const TickRecord> ticks, std::span<con
   return {};
 }
 
-// Events in a commit of their own: however it ends, no tick is there without what it had heard of.
+// Events get a separate commit first: at no time does the file contain a tick without the events that it
+// acknowledges.
 Result<void> Hdf5Writer::flush() {
   if (auto committed = commit_rows(events_); !committed) return committed;
   return commit_rows(ticks_);
@@ -411,7 +413,7 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
     written = written &&
               grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());
   }
-  // the mark of a whole run comes after everything that it vouches for
+  // the completion mark is committed after everything that it covers
   const std::uint8_t complete = 1;
   return written && commit(file_, bytes_) && put("complete", H5T_STD_U8LE, &complete) &&
          commit(file_, bytes_);
@@ -454,7 +456,7 @@ std::optional<Error> header_error(const RecordingHeader& header) {
   if (header.structures.size() > kMaxStructures)
     return bad("more than " + std::to_string(kMaxStructures) + " structures do not fit a recording");
 
-  // a text must come back as it went in
+  // texts must survive a round trip
   std::optional<Error> error;
   const auto check = [&](const std::string& name, const std::string& text, std::size_t most) {
     if (text.size() > most) error = bad("the " + name + " is longer than " + std::to_string(most) + " bytes");
@@ -492,7 +494,7 @@ Result<std::unique_ptr<RecordingWriter>> create_on(std::unique_ptr<ByteSink> sin
 
 Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::filesystem::path& file,
                                                                  const RecordingHeader& header) {
-  // the name appears when there is a recording to open under it
+  // the file gets its final name once it contains a valid recording
   auto claim = OutputClaim::take(file);
   if (!claim) return claim.error();
   auto pending = PendingFile::create(file);

@@ -18,7 +18,7 @@ static_assert(Receiver::kMostText == kMaxText);
 
 constexpr const char* kDamaged = "the recording is damaged: ";
 
-// what another process says is shown to a person: printable ASCII only
+// text from an untrusted process is displayed to a person: printable ASCII only
 std::string printable(std::string text) {
   std::ranges::replace_if(
       text, [](char c) { return c < ' ' || c > '~'; }, '?');
@@ -101,8 +101,7 @@ RecordingHead receive_accepted(Receiver& in) {
   return head;
 }
 
-// one column into the rows it belongs to; `record` finds the part of a row that the column's offset counts
-// from
+// Receives one column into rows; `record` maps a row to the struct to which the column's offset refers.
 template <class Row, class Record>
 void receive_column(Receiver& in, const Column& column, std::span<Row> rows, std::vector<std::byte>& buffer,
                     Record&& record) {
@@ -141,7 +140,7 @@ bool is_sweep(const SweepRecord& sweep) {
          way_mm <= kLargest_mm;
 }
 
-// @param last_tick  of the event before them, which becomes that of the last one
+// @param last_tick  in: tick of the preceding event; out: tick of the last one
 void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_t& last_tick,
                     std::vector<std::byte>& buffer) {
   for (const Column& column : event_columns())

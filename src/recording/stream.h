@@ -11,14 +11,14 @@
 #include "palpate/reader/fields.h"
 #include "palpate/recording/recording.h"
 
-/// What the process that opens an HDF5 file sends to the one that wants its content. HDF5 may have been
-/// led astray by the file, so the receiver believes nothing.
+/// Protocol from the sandboxed process that opens an HDF5 file to its client. The file may have compromised
+/// the sender, so the receiver validates everything.
 ///
-///   byte 0      u32 n, n bytes: what is wrong; u32 m, m bytes: the remedy            a refusal
+///   byte 0      u32 n, n bytes: the problem; u32 m, m bytes: the remedy              a refusal
 ///   byte 1      header fields in the order of visit_header, script, structures,
 ///               byte 0 or 1 and, after 1, the fields of the summary, u32 number of troubles, troubles,
-///               u64 ticks, byte: whether the clock rises, u32 number of methods, u8 method and u64 tick of
-///               each, then parts until all ticks are there:
+///               u64 ticks, byte: whether the clock is monotonic, u32 number of methods, u8 method and u64
+///               tick of each, then parts until all ticks have been sent:
 ///
 ///                 u32 events, u32 ticks, at most kBlockRows of each and at least one of either
 ///                 rows of each column in the order of event_columns(),
@@ -33,13 +33,13 @@ inline constexpr std::uint64_t kBlockRows = 4096;
 using reader::ByteSource;
 using reader::ByteTarget;
 
-/// What a recording's ticks tell of the whole, from the first tick on.
+/// Properties of the sequence of ticks that the head contains, accumulated from the first tick on.
 class TicksSeen {
  public:
   void see(std::uint64_t tick, double time_s, std::uint8_t method);
-  /// Into the head that it is about.
+  /// Stores them in a head.
   void tell(RecordingHead& head) const;
-  /// Whether so far it is as a head says.
+  /// Whether they agree so far with a received head.
   bool agrees_with(const RecordingHead& head) const;
 
  private:
@@ -52,16 +52,16 @@ class TicksSeen {
 
 bool send_refusal(ByteTarget& target, const Error& refusal);
 bool send_head(ByteTarget& target, const RecordingHead& head);
-/// The beginning of a part, up to the columns of its ticks.
+/// Sends the beginning of a part, up to the columns of its ticks.
 bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std::uint32_t ticks);
 
-/// The head, or the refusal, or what is wrong with the stream. Error::where is empty.
+/// Receives the head. Errors: the sender's refusal, or a violation of the protocol; Error::where is empty.
 Result<RecordingHead> receive_head(ByteSource& source);
-/// All parts after the head. `take` may end it by an error.
+/// Receives all parts after the head. `take` may stop by returning an error.
 Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
                            const std::function<Result<void>(const RecordingPart&)>& take,
                            const Progress& progress);
-/// How many of the first events are not after this tick.
+/// Number of events not after this tick.
 std::size_t events_up_to(std::span<const RecordingEvent> events, std::uint64_t tick);
 
 }  // namespace palpate::internal

@@ -85,7 +85,7 @@ class RandomBits {
   explicit RandomBits(std::uint64_t seed) : engine_(seed) {}
   std::uint64_t word() { return engine_(); }
   double number() {
-    // the rare kinds of numbers must not be rare here
+    // makes special values frequent
     switch (engine_() % 8) {
       case 0:
         return -0.0;
@@ -219,7 +219,7 @@ RecordingSummary example_summary(std::uint64_t ticks) {
   RecordingSummary summary;
   summary.ticks = ticks;
   summary.run_hash = 0x8000000000000001u;
-  // no two counts are alike
+  // all counts differ
   std::uint64_t next = 1000;
   for (std::uint64_t* count :
        {&summary.clamped,          &summary.not_finite,    &summary.outside,   &summary.paused,
@@ -286,7 +286,7 @@ std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rat
     tick.tick = i;
     tick.time_s = static_cast<double>(i) / rate_hz;
     tick.dt_s = 1 / rate_hz;
-    // a late begin of 20 us, every 100th one of 2 ms
+    // a lateness of 20 us, every 100th tick 2 ms
     tick.lateness_s = i % 100 == 99 ? 2e-3 : 20e-6;
     tick.compute_s = 8e-6;
     tick.model_version = 1;
@@ -434,7 +434,7 @@ void replay_step(const SinkStep& step, std::vector<std::byte>& file) {
 }
 
 int MemorySink::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
-  // a full disk still takes what lies within the file, and of the rest a part
+  // a full disk still accepts writes within the file, and a part of those beyond
   const bool fails = disk_.steps.size() >= disk_.fails_at;
   const std::size_t room = disk_.file.size() > offset ? disk_.file.size() - offset : 0;
   const auto stored = !fails ? bytes : bytes.first(room > 0 ? 0 : bytes.size() / 2);

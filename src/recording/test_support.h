@@ -13,31 +13,31 @@
 #include "recording/commit_file.h"
 #include "recording/stream.h"
 
-/// What the tests, the fuzzer and the example of this room share.
+/// Utilities shared by the tests, the fuzzer and the example of this module.
 namespace palpate::test {
 
-/// A header with every field set.
+/// Header with every field set.
 RecordingHeader example_header(int devices = 2, double rate_hz = 1000);
 RecordingSummary example_summary(std::uint64_t ticks);
-/// One of the model and one of settings, in ticks 3 and 7.
+/// A model event in tick 3 and a settings event in tick 7.
 std::vector<RecordingEvent> example_events();
-/// Any bits that an event may have, at most one of them in a row after `ticks[0]`, `ticks[every]`, ...
+/// Random valid events, at most one after each of `ticks[0]`, `ticks[every]`, ...
 std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std::size_t every,
                                           std::uint64_t seed);
 
 /// A smooth, plausible run on a virtual clock.
 std::vector<TickRecord> example_ticks(std::size_t count, int devices, double rate_hz);
-/// Any bits in every number but time_s, which follows the rate: NaNs with payloads, denormals, -0.0.
+/// Random bits in every number but time_s, which follows the rate: NaNs with payloads, denormals, -0.0.
 std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate_hz, std::uint64_t seed);
 
-/// "" when both hold the same bits in every field, the name of the first differing field otherwise.
-/// Fields are listed by hand here, so that one forgotten in the table of columns is noticed.
+/// "" if all fields are bitwise equal, otherwise the name of the first that differs. The fields are listed
+/// manually here, so that a field missing in the table of columns is detected.
 std::string first_difference(const TickRecord& a, const TickRecord& b);
 std::string first_difference(const RecordingEvent& a, const RecordingEvent& b);
 std::string first_difference(const RecordingHeader& a, const RecordingHeader& b);
 std::string first_difference(const RecordingSummary& a, const RecordingSummary& b);
 
-/// One write or, without bytes, one change of size.
+/// One write or, without bytes, one resize.
 struct SinkStep {
   std::uint64_t offset = 0;
   std::vector<std::byte> bytes;
@@ -45,13 +45,13 @@ struct SinkStep {
 };
 void replay_step(const SinkStep& step, std::vector<std::byte>& file);
 
-/// A sink in memory that keeps every step and can run out of space.
+/// In-memory sink that stores every step and can run out of space.
 class MemorySink : public internal::ByteSink {
  public:
   struct Disk {
     std::vector<std::byte> file;
     std::vector<SinkStep> steps;
-    std::size_t fails_at = SIZE_MAX;  ///< this write fails, and so do later ones
+    std::size_t fails_at = SIZE_MAX;  ///< This write and all later ones fail
   };
   explicit MemorySink(Disk& disk) : disk_(disk) {}
   int write_at(std::uint64_t offset, std::span<const std::byte> bytes) override;
@@ -63,7 +63,7 @@ class MemorySink : public internal::ByteSink {
   Disk& disk_;
 };
 
-/// The two ends of the stream between the reader's processes, in memory.
+/// Both ends of the stream between the reader's processes, in memory.
 class MemorySource : public internal::ByteSource {
  public:
   explicit MemorySource(std::span<const std::byte> bytes) : rest_(bytes) {}
@@ -78,11 +78,10 @@ class MemoryTarget : public internal::ByteTarget {
   std::vector<std::byte> bytes;
 };
 
-/// All that comes through a stream.
+/// Everything received through a stream.
 Result<Recording> receive_all(internal::ByteSource& source);
 
-/// read_recording without its child process, which takes long to start under sanitizers. For files that
-/// are not hostile.
+/// read_recording without its child process, which starts slowly under sanitizers. For trusted files only.
 Result<Recording> read_in_this_process(const std::filesystem::path& file);
 
 void write_bytes(const std::filesystem::path& file, std::span<const std::byte> bytes);

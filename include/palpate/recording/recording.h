@@ -17,43 +17,43 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 
-/// A run on disk: HDF5 that opens in h5py and MATLAB, every input of every tick in it.
-/// docs/reference/recording-layout.md documents the data sets. Holds no path, no header text and nothing else
-/// that could name a patient.
+/// Recording of a run: an HDF5 file, readable by h5py and MATLAB, that contains every input of every tick.
+/// docs/reference/recording-layout.md documents the data sets. Contains no path, no header text of image
+/// files and nothing else that could name a patient.
 namespace palpate {
 
 template <class T>
 class SpscRing;
 
-/// What is known before the first tick.
-/// Of which task a recording is a run, as it was said when it began.
+/// Task of which a recording is a run, as declared at its beginning.
 struct RecordedTask {
-  /// By which palpate task list has it; of a file of the user's its title; empty: of none.
+  /// Name in `palpate task list`; for a user's file its title; empty: none
   std::string name;
   std::uint64_t hash = 0;  ///< TaskFile::text_hash
-  std::string seed;        ///< by which palpate task draw draws this data set; empty: by none
+  std::string seed;        ///< Seed by which `palpate task draw` draws this data set; empty: none
   friend bool operator==(const RecordedTask&, const RecordedTask&) = default;
 };
 
+/// Data known before the first tick.
 struct RecordingHeader {
   std::string palpate_version, commit, build_type, compiler;
   std::string simd_target;
   std::string started_utc;  ///< ISO 8601; wall clock, not part of the hash
-  std::string data_set;     ///< catalogue name that replay can find by itself, or empty
+  std::string data_set;     ///< Catalogue name by which replay finds the data set; may be empty
   std::string scene_title;
   std::uint64_t model_hash = 0;
   std::uint32_t model_version = 1;
   double rate_hz = 1000;
   std::uint64_t seed = 0;
-  std::string device, hand;  ///< of the simulation; empty for a real device
+  std::string device, hand;  ///< Simulated device and hand; empty for a physical device
   bool simulated = true;
   int devices = 1;
-  std::string clock = "virtual";  ///< or "real"
-  std::string scheduler;          ///< what the servo thread got; empty on the virtual clock
-  double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in files from before it was told
-  std::string feel;         ///< feel_text() (palpate/servo/feel.h); empty in files from before it was told
-  RecordedTask task;        ///< none in files from before it was told
-  std::string script_text;  ///< the script as run
+  std::string clock = "virtual";  ///< "virtual" or "real"
+  std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
+  double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in older files without it
+  std::string feel;               ///< feel_text() (palpate/servo/feel.h); empty in older files without it
+  RecordedTask task;              ///< Empty in older files without it
+  std::string script_text;        ///< Text of the script
   struct Structure {
     LabelId label;
     std::string name, tissue;
@@ -62,23 +62,23 @@ struct RecordingHeader {
   std::vector<Structure> structures;
 };
 
-/// Who asked for something that a run was told from outside.
+/// Originator of an external command to a run.
 enum class Asker : std::uint8_t {
-  kSession,        ///< nobody: the session by itself
-  kScript,         ///< the simulated hand's script
-  kKey,            ///< a key where palpate runs
-  kControlViewer,  ///< a viewer that may change things
-  kLookingViewer,  ///< a viewer that may look, and stop
-  kAgreedViewer,   ///< a viewer that may change things, agreed to by a key where palpate runs
+  kSession,        ///< The session itself
+  kScript,         ///< The simulated hand's script
+  kKey,            ///< A key where palpate runs
+  kControlViewer,  ///< A viewer with permission to change things
+  kLookingViewer,  ///< A viewer that may only look and stop
+  kAgreedViewer,   ///< A viewer with permission, with consent given by a key where palpate runs
 };
 struct AskedBy {
   Asker asker = Asker::kSession;
-  std::uint32_t viewer = 0;  ///< which viewer, from 1 in the order in which they said hello; 0: none
+  std::uint32_t viewer = 0;  ///< Number of the viewer, from 1 in the order of their hellos; 0: none
 
   friend bool operator==(const AskedBy&, const AskedBy&) = default;
 };
 
-/// What a settings request changed. Bits of RecordingEvent::changed.
+/// Settings changed by a request. Bits of RecordingEvent::changed.
 enum SettingBit : std::uint8_t {
   kSettingMethod = 1u << 0,
   kSettingFriction = 1u << 1,
@@ -87,136 +87,140 @@ enum SettingBit : std::uint8_t {
   kSettingPaused = 1u << 4,
   kSettingMaxForce = 1u << 5,
   kSettingRotation = 1u << 6,
-  kSettingPointer = 1u << 7,  ///< a viewer took the tip, or left it: in turns, for one at a time has it
+  /// Pointer taken or released by a viewer, alternately, since one viewer has it at a time
+  kSettingPointer = 1u << 7,
 };
 
-/// Something that a run was told from outside, and the tick in which it took hold.
+/// External command to a run, with the tick in which it took effect.
 struct RecordingEvent {
   enum class Kind : std::uint8_t {
-    kModel,     ///< the model became its next version: `change`
+    kModel,     ///< A new model version: `change`
     kSettings,  ///< `changed` ... `rotation_wxyz`
-    kStop,      ///< emergency stop: forces off at once
-    kRearm,     ///< forces on again, by the ramp
-    kSweep,     ///< a burr's sweep, of those that the model's version `number` is cut by: `sweep`
-    kMotor,     ///< as kSettings, and the tool's motor was switched on or off
-    kYield,     ///< tissue that yields was solved: frame `number` (YieldFrame), `input_tick`, `frame_hash`
+    kStop,      ///< Emergency stop: forces off immediately
+    kRearm,     ///< Forces ramped up again
+    kSweep,     ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
+    kMotor,     ///< As kSettings, with the tool's motor switched on or off
+    kYield,     ///< A solution of deforming tissue: frame `number` (YieldFrame), `input_tick`, `frame_hash`
   };
-  /// The first recorded tick that had heard of it: the one in which it took hold, where none is missing.
+  /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
   std::uint64_t tick = 0;
   Kind kind = Kind::kModel;
   AskedBy by;
-  /// Of the model the version that it became; of a solution the frame; of settings, and of stops and rearms
-  /// together, their place in that order, from 1.
+  /// kModel: the resulting version; kYield: the frame; otherwise an ordinal from 1, counted over settings,
+  /// and over stops and rearms together.
   std::uint32_t number = 0;
-  ModelChange change;  ///< its version is `number`
-  // the settings as they were from then on, as in TickRecord; what several requests changed before one tick
-  // felt them stands in each row
-  std::uint8_t changed = 0;  ///< SettingBit bits; none: it was asked for what held already
+  ModelChange change;  ///< ModelChange with version `number`
+  // Settings in effect from then on, as in TickRecord. If several requests preceded one tick, each row
+  // contains the result of all of them.
+  std::uint8_t changed = 0;  ///< SettingBit bits; 0: the request asked for the current values
   std::uint8_t method = 0, switches = 0;
   double max_force_N = 0;
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
-  std::uint64_t input_tick = 0;  ///< of a solution: the tick that it was made from
-  std::uint64_t frame_hash = 0;  ///< what it came to (YieldFrame::hash)
+  std::uint64_t input_tick = 0;  ///< kYield: tick from which it was solved
+  std::uint64_t frame_hash = 0;  ///< kYield: YieldFrame::hash of the result
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;
 };
 
-/// What a session is told from outside, on its way to the recorder. The servo can keep no row, so a tick only
-/// says by numbers up to what it has heard (TickRecord's model_version, yield_frame, settings_number,
-/// arming_number), and the recorder finds each row's tick:
+/// Log of external commands on their way to the recorder. The servo cannot store events, so each tick only
+/// contains counters of the commands that it has acknowledged (TickRecord's model_version, yield_frame,
+/// settings_number, arming_number), and the recorder determines each event's tick from them:
 ///
-///     who asks    tell(): announced ── done in the loop ── row kept ── announcement over
-///     servo                                 └─ ticks with the next number ─► ring
-///     recorder    ticks out of the ring ── announcements until now are over ── rows taken
+///    caller      tell(): announced ── applied to the loop ── event stored ── announcement over
+///    servo                                 └─ ticks with the next counter value ─► ring
+///    recorder    ticks out of the ring ── wait for pending announcements ── events taken
 ///
-/// A row is announced before a tick can hear of it and kept before the announcement is over, so whoever
-/// waits for the announcements after he took the ticks has every row that these had heard of. Requests that
-/// overtake each other before a tick looks are heard of by the same tick. Any thread.
+/// An event is announced before a tick can acknowledge it, and stored before its announcement is over. A
+/// thread that takes ticks first and then waits for the announcements therefore has every event that these
+/// ticks acknowledge. Commands that overtake each other between two ticks are acknowledged by the same tick.
+/// Thread-safe.
 class EventLog {
  public:
-  /// @param apply  does what is asked and returns the row, without its tick; nothing where nothing was done.
-  ///               Where it throws there is no row.
+  /// @param apply  carries the command out and returns its event, without the tick; empty if nothing was
+  /// done. If it throws, no event is logged.
   void tell(const std::function<std::optional<RecordingEvent>()>& apply);
-  /// The rows since the last time go to the end of `rows`. Waits for those that are announced, which takes
-  /// as long as a change of the loop's parameters or model.
+  /// Appends the events since the last call to `rows`. Waits for pending announcements, which takes as long
+  /// as a change of the loop's parameters or model.
   void take(std::list<RecordingEvent>& rows);
 
  private:
-  std::mutex mutex_;  // of what follows; not held while anything is done
+  std::mutex mutex_;  // guards the members below; not held while a command is applied
   std::condition_variable over_;
-  std::list<std::uint64_t> announced_;  // numbers, in order
+  std::list<std::uint64_t> announced_;  // numbers of pending announcements, ascending
   std::uint64_t announcements_ = 0;
   std::list<RecordingEvent> rows_;
 };
 
-/// What is known after the last tick. A recording cut short has none.
+/// Totals known after the last tick. Absent in an incomplete recording.
 struct RecordingSummary {
   std::uint64_t ticks = 0;
-  std::uint64_t run_hash = 0;  ///< over every tick's state hash, in order
-  /// Ticks in which a device had the flag of that name, whose output was thus changed or withheld.
+  std::uint64_t run_hash = 0;  ///< Hash over every tick's state hash, in order
+  /// Number of ticks in which a device had the flag of that name, so that its output was modified or
+  /// withheld.
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0, rotation_ignored = 0, thermal = 0;
   std::uint64_t slewed = 0, stale = 0, jumped = 0, device_faults = 0, halted = 0, emergency_stopped = 0;
   std::uint64_t clutched = 0, faded = 0, blended = 0, method_missing = 0;
   std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0, turns_held = 0;
-  std::uint64_t dropped = 0;  ///< ticks that were computed and never reached the recorder: the ring was full
-  std::uint64_t skipped = 0;  ///< points in time of the real clock that passed without a tick
-  /// What the simulated hand did not reach, a sentence each. A recording keeps 1000 of them, the last of
-  /// which then tells how many more there were, and 512 bytes of each.
+  std::uint64_t dropped = 0;  ///< Ticks that were computed but lost because the ring was full
+  std::uint64_t skipped = 0;  ///< Nominal tick times of the real clock that passed without a tick
+  /// Targets that the simulated hand missed, one sentence each. A recording stores at most 1000, the last of
+  /// which then gives the number of omitted ones, and 512 bytes of each.
   std::vector<std::string> trouble;
 
-  /// Counts a tick, its flags, each once whatever the number of devices that have it, and its state hash.
+  /// Adds a tick: its flags, each counted once per tick regardless of the number of devices, and its state
+  /// hash.
   void see(const TickRecord& tick);
 };
 
-/// A recording in memory, 1.8 kB a tick: for a few minutes.
+/// Recording in memory, 1.8 kB per tick: for a few minutes.
 struct Recording {
   RecordingHeader header;
   std::vector<TickRecord> ticks;
-  std::vector<RecordingEvent> events;       ///< in the order of their ticks
-  std::optional<RecordingSummary> summary;  ///< absent: the run was cut short
+  std::vector<RecordingEvent> events;       ///< Ascending by tick
+  std::optional<RecordingSummary> summary;  ///< Absent: the recording is incomplete
 };
 
-/// What there is to know of a recording before its ticks are read.
+/// Data of a recording available without reading its ticks.
 struct RecordingHead {
   RecordingHeader header;
-  std::optional<RecordingSummary> summary;  ///< absent: the run was cut short
-  std::uint64_t ticks = 0;                  ///< that it holds
-  bool clock_rises = true;                  ///< time_s is finite and grows from tick to tick
+  std::optional<RecordingSummary> summary;  ///< Absent: the recording is incomplete
+  std::uint64_t ticks = 0;                  ///< Number of ticks
+  bool clock_rises = true;                  ///< Whether time_s is finite and strictly increasing
   struct FeltMethod {
     std::uint8_t method = 0;  ///< as in TickRecord
-    std::uint64_t tick = 0;   ///< the first one that felt it
+    std::uint64_t tick = 0;   ///< First tick that used it
   };
-  std::vector<FeltMethod> methods;  ///< that were felt, in the order of their first ticks
+  std::vector<FeltMethod> methods;  ///< Force methods used, in the order of their first ticks
 };
 
-/// Some ticks in a row with what was told up to them: a model's change comes with or before the first tick
-/// that felt it. Either may be empty.
+/// Consecutive ticks with the events up to them: an event precedes or accompanies the first tick that
+/// acknowledges it. Either may be empty.
 struct RecordingPart {
   std::span<const TickRecord> ticks;
   std::span<const RecordingEvent> events;
 };
 
-/// A recording to be read from its beginning to its end, as often as one likes, in memory that does not
-/// depend on its length.
+/// Recording that can be streamed from beginning to end any number of times, in memory independent of its
+/// length.
 class RecordingSource {
  public:
-  /// A cut-short one up to its last whole flush, also while it is being written: then as far as it was
-  /// now. Damaged or foreign bytes, and recordings of formats that are not read, are one clear error, never a
-  /// crash: HDF5 runs in a process of its own, a copy of the program that can do nothing else. It is to be
-  /// read where a servo does not tick; volume_io.h says what the copy costs.
+  /// Opens a file. An incomplete recording, or one still being written, is read up to its last complete
+  /// flush. Damaged or foreign files and unsupported formats give an error, never a crash: HDF5 runs in a
+  /// sandboxed copy of this process. Not to be used where a servo ticks; volume_io.h states the cost of the
+  /// copy.
   static Result<RecordingSource> open(const std::filesystem::path& file, const Progress& progress = {});
-  /// What is in memory already, which outlives the source.
+  /// Source for a recording in memory, which outlives it.
   RecordingSource(const Recording& recording);  // NOLINT(google-explicit-constructor): it is one
 
   const RecordingHead& head() const { return head_; }
-  /// Everything in order, head().ticks ticks in all. `take` may end it by an error, which is then that of
-  /// read(). Errors: those of open(), kInterrupted, kBadInput where another file has taken the place of the
-  /// one that was opened.
+  /// Streams the whole recording in order, head().ticks ticks in total. `take` may stop by returning an
+  /// error, which read() then returns. Errors: those of open(), kInterrupted, kBadInput if the file has been
+  /// replaced since it was opened.
   Result<void> read(const std::function<Result<void>(const RecordingPart&)>& take,
                     const Progress& progress = {}) const;
-  /// Ticks in a row, as many as there are of `count` from the one in row `first` on, 0 the first. It takes as
-  /// long at any place. Errors: those of read().
+  /// Consecutive ticks: up to `count` from row `first` on, counted from 0. Takes the same time at any row.
+  /// Errors: those of read().
   Result<std::vector<TickRecord>> read_at(std::uint64_t first, std::uint64_t count,
                                           const Progress& progress = {}) const;
 
@@ -229,66 +233,65 @@ class RecordingSource {
   RecordingHead head_;
 };
 
-/// Mixes one tick's state hash into the run's.
+/// Combines a tick's state hash with the run's hash.
 std::uint64_t mix_run_hash(std::uint64_t run_hash, std::uint64_t state_hash);
 
-/// Appends ticks to a file and flushes at least once per second of recorded time, so that a killed
-/// program or a full disk loses at most the last second. Not for the servo thread.
+/// Appends ticks to a file and flushes at least once per second of recorded time, so that a killed process or
+/// a full disk loses at most the last second. Not for the servo thread.
 class RecordingWriter {
  public:
-  /// Replaces `file` by a recording without ticks, or leaves it as it is. Errors: kBadInput for a header
-  /// that does not fit (devices, rate, texts above 4096 bytes, scripts above 16 MiB), kOutput.
+  /// Replaces `file` by a recording without ticks, or leaves it unchanged on failure. Errors: kBadInput for
+  /// an invalid header (devices, rate, texts above 4096 bytes, scripts above 16 MiB), kOutput.
   static Result<std::unique_ptr<RecordingWriter>> create(const std::filesystem::path& file,
                                                          const RecordingHeader& header);
   virtual ~RecordingWriter() = default;
-  /// Every tick has the header's number of devices. Error kOutput when the disk is full or gone, now and
-  /// at every later call; what was flushed before stays readable.
-  /// @param events  of these ticks, in their order; in the file before the first tick that heard of them
+  /// Appends ticks, each with the header's number of devices. Error kOutput if writing fails (disk full or
+  /// gone), then also on every later call; what was flushed before stays readable.
+  /// @param events  events of these ticks, ascending; written before the first tick that acknowledges them
   virtual Result<void> append(std::span<const TickRecord> ticks,
                               std::span<const RecordingEvent> events = {}) = 0;
-  /// Flushes, writes the summary and closes: the last call but the destructor. Without it the destructor
-  /// keeps all ticks, and the recording counts as cut short.
+  /// Flushes, writes the summary and closes the file; no further call is permitted. Without finish() the
+  /// destructor flushes all ticks, and the recording counts as incomplete.
   virtual Result<void> finish(const RecordingSummary& summary) = 0;
 };
 
-/// Takes a run's ticks from a ring and writes them, on a thread of its own: what lies between the servo,
-/// which waits for nobody, and a disk that lets everybody wait. Every few milliseconds it empties the ring,
-/// so the ring must hold what comes in during the longest write.
+/// Writes the ticks of a run from a ring to disk, on a thread of its own. Decouples the servo, which must not
+/// block, from the disk, which may. The ring is emptied every few milliseconds and must hold the ticks that
+/// arrive during the longest write.
 class Recorder {
  public:
   using See = std::function<void(const TickRecord&, std::span<const RecordingEvent>)>;
-  /// @param ring  outlives the recorder, which is its one consumer
-  /// @param file  as for RecordingWriter::create; empty: the ticks are counted and seen, and not kept
-  /// @param see   called on the recorder's thread with every tick, in order, and with the rows that this is
-  ///              the first one to have heard of, as they are written; may be empty; throws nothing. Its time
-  ///              adds to that of a write.
-  /// @param told  what the run is told from outside; outlives the recorder, which alone takes from it; may be
-  ///              null
-  /// Errors: those of RecordingWriter::create, kUnavailable when there is no thread to be had.
+  /// @param ring  outlives the recorder, which is its only consumer
+  /// @param file  as for RecordingWriter::create; empty: ticks are counted and passed to `see`, but not
+  /// stored
+  /// @param see   called on the recorder's thread with every tick in order, and with the events that this
+  /// tick is the first to acknowledge, as they are written; may be empty; must not throw. Its time adds to
+  /// that of a write.
+  /// @param told  log of external commands; outlives the recorder, its only consumer; may be null
+  /// Errors: those of RecordingWriter::create, kUnavailable if no thread can be created.
   static Result<std::unique_ptr<Recorder>> start(SpscRing<TickRecord>& ring,
                                                  const std::filesystem::path& file,
                                                  const RecordingHeader& header, See see = {},
                                                  EventLog* told = nullptr);
-  /// Takes what is left in the ring and stops. A recording that was not finished counts as cut short.
+  /// Drains the ring and stops. A recording without finish() counts as incomplete.
   virtual ~Recorder() = default;
-  /// Of the ticks taken so far; `dropped`, `skipped` and `trouble` are finish()'s. Any thread.
+  /// Totals so far; `dropped`, `skipped` and `trouble` are set by finish(). Thread-safe.
   virtual RecordingSummary so_far() const = 0;
-  /// Why the file stays as it was: the disk is full or gone. Ticks go on being taken, counted and seen. Any
-  /// thread.
+  /// Reason why writing has ended: the disk is full or gone. Ticks are still counted and passed to `see`.
+  /// Thread-safe.
   virtual std::optional<Error> failure() const = 0;
-  /// Takes what is left in the ring, writes the summary and closes: the last call but the destructor, when
-  /// nothing is pushed any more. Fails with failure(), also when the last write is the one that fails.
-  /// @param dropped, skipped  of the whole run, for the summary
+  /// Drains the ring, writes the summary and closes the file; call it after the last push, and no other
+  /// function afterwards. Returns failure() if any write failed, the last one included.
+  /// @param dropped, skipped  totals of the run, for the summary
   virtual Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
                                           const std::vector<std::string>& trouble) = 0;
 };
 
-/// All of a recording in memory. Errors: those of RecordingSource.
+/// Reads a whole recording into memory. Errors: those of RecordingSource.
 Result<Recording> read_recording(const std::filesystem::path& file, const Progress& progress = {});
 
-/// Of a device's tick the first output that is not the recorded one, bit for bit, in words; empty: they are
-/// the same. A column that is 0 throughout may be one that the recording does not have yet, and is not
-/// compared.
+/// Names the first output of a device's tick that differs bitwise from the recorded one; empty if all are
+/// equal. A recorded column that is 0 throughout may be missing in the file's format and is not compared.
 std::string first_different_output(const DeviceTick& recorded, const DeviceTick& again);
 
 }  // namespace palpate
