@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// the least that a script may ask for
+// minimum force of a press step
 constexpr double kLeastPress_N = 0.05;
 
 bool has_every_structure(const Model& model, const Script& script) {
@@ -18,7 +18,7 @@ bool has_every_structure(const Model& model, const Script& script) {
   });
 }
 
-// the felt structures with most voxels, largest first
+// structures with contact, by descending number of voxels
 std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> labels;
@@ -29,7 +29,7 @@ std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
   return labels;
 }
 
-// what every structure can give, by label: what is soft less, and of ramps what is thin
+// maximum force that every structure can render, by label: less for soft tissue, and for thin ramps
 std::vector<double> most_forces_N(const Model& model) {
   std::vector<double> most(model.level_of_label.begin(), model.level_of_label.end());
   if (model.ramp_width_mm > 0) {
@@ -60,7 +60,7 @@ std::string default_script_text(const Model& model) {
   text += "title = \"largest structures\"\n";
   const std::vector<double> most_N = most_forces_N(model);
   for (const LabelId label : largest_felt(model, 6)) {
-    // what cannot be touched is left out; what is soft is pressed as much as it can give
+    // structures that cannot be reached are omitted; soft ones are pressed with what they can render
     if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
     char press[32];
     std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N[label])));

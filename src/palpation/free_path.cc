@@ -9,10 +9,11 @@ namespace palpate {
 namespace {
 
 constexpr double kCell_mm = 1.2;
-constexpr int kLeastMargin = 4;   // cells of free space round the volume: the air about the patient
-constexpr std::uint8_t kFar = 8;  // clearance beyond this many cells is worth nothing more
+// width of the free margin around the volume in cells: the air around the patient
+constexpr int kLeastMargin = 4;
+constexpr std::uint8_t kFar = 8;  // clearance in cells beyond which the cost is constant
 
-// what a millimetre costs at this clearance
+// cost per millimetre at this clearance
 double price_of(std::uint8_t clearance) {
   return 1 + 6.0 / clearance;
 }
@@ -35,14 +36,14 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
     const double side_mm = voxels_per_cell_[axis] * grid.spacing_mm[axis];
     cell_mm_ = axis == 0 ? side_mm : std::min(cell_mm_, side_mm);
   }
-  // n steps away there are n - 1 whole cells between
+  // at n steps there are n - 1 whole cells in between
   needed_ = static_cast<std::uint8_t>(
       std::min<double>(kFar, 1 + std::ceil(std::min(reach_mm, kMostReach_mm) / cell_mm_)));
   margin_ = std::max(kLeastMargin, static_cast<int>(needed_));
   for (int axis = 0; axis < 3; ++axis)
     cells_[axis] = (grid.dims[axis] + voxels_per_cell_[axis] - 1) / voxels_per_cell_[axis] + 2 * margin_;
 
-  // a cell with any felt voxel in it is taken
+  // a cell with any voxel that has contact is occupied
   clearance_.assign(static_cast<std::size_t>(cells_[0]) * cells_[1] * cells_[2], kFar);
   std::vector<Cell> front;
   model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
@@ -57,7 +58,7 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
     }
   });
 
-  // clearance in steps, breadth first from the taken cells
+  // clearance in steps, by breadth-first search from the occupied cells
   for (std::uint8_t steps = 1; steps < kFar && !front.empty(); ++steps) {
     std::vector<Cell> next;
     for (const Cell& c : front)
@@ -69,7 +70,7 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
     front = std::move(next);
   }
 
-  // what the tool comes to from a corner, which is outside
+  // cells connected to a corner, which is outside
   from_outside_.assign(clearance_.size(), false);
   from_outside_[0] = true;
   for (front = {Cell{0, 0, 0}}; !front.empty();) {
@@ -124,8 +125,8 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
   const auto start = nearest_free(cell_at(from)), goal = nearest_free(cell_at(to));
   if (!start || !goal) return {};
 
-  // cheapest way first, with what is left at least (the straight way through open space) added, as in A*;
-  // ties by index, so that the way is the same on every run
+  // A*: ordered by cost so far plus a lower bound of the remaining cost (the straight line through open
+  // space); ties are broken by index, so that the path is reproducible
   const auto left_at_least = [&](const Cell& c) {
     return static_cast<float>((centre(*goal) - centre(c)).norm() * price_of(kFar));
   };

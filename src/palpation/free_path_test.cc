@@ -39,7 +39,7 @@ TEST(FreeSpace, GoesThroughTheHoleAndNotThroughTheWall) {
 }
 
 TEST(FreeSpace, GoesRoundTheVolumeWhenThereIsNoHole) {
-  // the air about the patient is free: round the wall's edge, outside the volume
+  // the air around the patient is free: around the wall's edge, outside the volume
   const Model model = wall_model(false);
   const auto path = FreeSpace(model).path(Point<Patient>(10, 30, 30), Point<Patient>(50, 30, 30));
   ASSERT_FALSE(path.empty());

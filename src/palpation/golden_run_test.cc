@@ -14,9 +14,9 @@
 #include "palpate/servo/servo.h"
 #include "sampling/test_targets.h"
 
-/// Runs whose hash is written down, so that nothing feels different by accident. From labels to wrench: what
-/// is prepared, contact, friction, the way through a layer, a burr and its cuts. Labels and the tip's way are
-/// whole numbers and sums of them; no hand and no device is in the loop.
+/// Runs with a pinned hash, which detect unintended changes of the rendering, from labels to wrench:
+/// preparation, contact, friction, penetration of a layer, a burr and its cuts. Labels and tip trajectory are
+/// integers and sums of integers; neither hand nor device is in the loop.
 
 namespace palpate {
 namespace {
@@ -24,7 +24,7 @@ namespace {
 constexpr LabelId kGoldenBone = 3, kGoldenSkin = 8;
 constexpr double kGoldenVoxel_mm = 0.5;
 
-// a ball of bone with 7 mm of radius in a skin of 1.5 mm, which goes through at 0.9 N
+// a ball of bone with a radius of 7 mm in a skin of 1.5 mm, which ruptures at 0.9 N
 ModelParts golden_parts() {
   GridGeometry grid;
   grid.dims = {49, 49, 49};
@@ -67,13 +67,13 @@ std::shared_ptr<const Model> golden_model(ModelParts parts, ForceMethod method) 
   return *std::move(ready);
 }
 
-// where the tip goes in a straight line, and in how many ticks
+// target of a straight motion and its number of ticks
 struct Leg {
   std::array<double, 3> to_mm;
   int ticks;
 };
 
-// from the air onto the skin, along it, through it onto the bone, along that and out again
+// from the air onto the skin, along it, through it onto the bone, along the bone and out again
 constexpr std::array<Leg, 6> kThroughTheSkin{{{{1, 2, 11}, 600},
                                               {{1, 2, 8}, 100},
                                               {{4, 2, 7}, 200},
@@ -87,7 +87,7 @@ struct GoldenRun {
   double taken_mm3 = 0;
 };
 
-// the tip is led at 1 kHz; what a burr sweeps is gone every 20 ms
+// the tip is driven at 1 kHz; swept volume is removed every 20 ms
 GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std::span<const Leg> legs) {
   constexpr double kTick_s = 1e-3;
   constexpr std::uint64_t kCutEvery = 20;
@@ -121,7 +121,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
   return run;
 }
 
-// so that a failure says what to do
+// failure message with instructions
 std::string golden_help(const GoldenRun& run) {
   char text[400];
   std::snprintf(text, sizeof text,

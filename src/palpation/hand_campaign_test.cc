@@ -1,6 +1,6 @@
-// Generated patients, each with something odd, palpated by the script that suits each: every step holds or
-// fails by name, and the tip is never deeper than its force explains. PALPATE_TEST_PATIENTS=all takes all of
-// them and prints the table of docs/guide/script.md; otherwise two coarse ones stand for them.
+// Generated patients, each with an anomaly, palpated by the default script of each: every step holds or fails
+// with its name, and the tip is never deeper than its force explains. PALPATE_TEST_PATIENTS=all runs all of
+// them and prints the table of docs/guide/script.md; by default two coarse ones represent them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -37,9 +37,9 @@ const std::vector<std::string>& patients() {
 }
 
 struct Block {
-  int line = 0;  // of its approach
+  int line = 0;  // line of its approach
   std::string structure;
-  std::vector<int> lines;  // of all its steps
+  std::vector<int> lines;  // lines of all its steps
   double force_N = 0, hold_s = 0;
 };
 
@@ -55,8 +55,8 @@ std::vector<Block> blocks_of(const Script& script) {
   return blocks;
 }
 
-// how much deeper than force over stiffness plus a millimetre the tip ever was, by the tick's own depth and
-// by the surfaces themselves; negative: never
+// maximum excess of the tip's depth over force divided by stiffness plus a millimetre, by the tick's depth
+// and by the surfaces; negative: none
 double most_beyond_mm(const Recording& recording, const Model& model, double force_N) {
   double most = -1e9;
   for (const TickRecord& t : recording.ticks) {
@@ -69,7 +69,7 @@ double most_beyond_mm(const Recording& recording, const Model& model, double for
       most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
     for (const FeltSurface& s : model.surfaces) {
       if (s.surface == nullptr) continue;
-      // an outer surface gives what the structure gives that is touched
+      // an outer surface renders the stiffness of the structure in contact
       const double stiffness = s.owners != nullptr && d.label != 0
                                    ? model.tissue_of(d.label)->stiffness_N_per_mm
                                    : s.stiffness_N_per_mm;
@@ -98,7 +98,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
 
-  // each approach with what follows it
+  // each approach with its following steps
   std::size_t held = 0;
   double most_asked_N = 0;
   std::string failed;

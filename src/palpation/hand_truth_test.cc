@@ -1,5 +1,5 @@
-// The simulated hand in worlds that do not do what a script expects: whatever it meets, every step either
-// does what it asks or fails by name, and the tip is never deeper than its force explains.
+// The simulated hand in scenes that do not match the script: whatever happens, every step succeeds or fails
+// with its name, and the tip is never deeper than its force explains.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::HasSubstr;
 
-// what is felt at a place of a volume of 48 mm about the origin; labels 1 ... 4 are a, b, c and d
+// label at a point of a volume of 48 mm about the origin; labels 1 ... 4 are a, b, c and d
 using Shape = std::function<LabelId(const Eigen::Vector3d&)>;
 
 struct MadeScene {
@@ -98,7 +98,7 @@ class HandTruth : public ::testing::Test {
     EXPECT_EQ(result_.touches.size(), touches);
   }
 
-  /// @param force_N  the most that is asked for; 0: nothing is touched
+  /// @param force_N  largest requested force; 0: no contact
   void expect_never_deeper(double force_N, double stiffness_N_per_mm) const {
     for (const TickRecord& t : recording_.ticks) {
       const DeviceTick& d = t.device[0];
@@ -131,7 +131,7 @@ TEST_F(HandTruth, WhatIsEnclosedFailsByNameAndTheRunGoesOn) {
 }
 
 TEST_F(HandTruth, ThroughAShellThereIsNoWayAndNoneIsMade) {
-  // a ball in a sealed hollow: the straight way would plough through the shell
+  // a ball inside a closed shell: the straight path would penetrate the shell
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     const double r = p.norm();
     return r < 5 ? LabelId{2} : r > 14 && r < 17 ? LabelId{1} : LabelId{0};
@@ -172,7 +172,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
   }});
   run(scene, touch("approach = \"a\"\nfrom = \"posterior\"\nclearance = 30") +
                  touch("approach = \"a\"\nfrom = \"anterior\""));
-  // between ball and wall there is room to begin in
+  // there is room between ball and wall
   EXPECT_EQ(result_.failed_steps, 0u) << result_.trouble.back();
   EXPECT_GT(result_.touches[0].point.y(), 3);
   EXPECT_LT(result_.touches[1].point.y(), -3);
@@ -188,7 +188,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
 }
 
 TEST_F(HandTruth, PointsLandmarksAndWhatIsNearestAreTouchedWhereTheyAre) {
-  // a ball, and another one on its left
+  // a ball, and another one to its left
   const Eigen::Vector3d other(17, 0, 0);
   const LoadedScene scene = scene_of({[&](const Eigen::Vector3d& p) {
     return p.norm() < 10 ? LabelId{1} : (p - other).norm() < 4 ? LabelId{2} : LabelId{0};
@@ -253,7 +253,7 @@ TEST_F(HandTruth, ASlideOntoAnotherStructureFailsAndSaysWhich) {
   EXPECT_THAT(result_.trouble, Each(AllOf(HasSubstr("slide of 30.0 mm on a failed: it touched b instead"),
                                           HasSubstr("lines 10, 12 are skipped"))));
   expect_never_deeper(1, 1.2);
-  // as far as the structure goes it does
+  // succeeds on the extent of the structure
   run(scene, touch("approach = [-12, 0, 0]", 1,
                    "[[step]]\nslide = 6\ndirection = \"left\"\nspeed = 200\n[[step]]\nhold = 0.5\n"));
   EXPECT_EQ(result_.failed_steps, 0u) << result_.trouble.back();
@@ -261,7 +261,7 @@ TEST_F(HandTruth, ASlideOntoAnotherStructureFailsAndSaysWhich) {
 }
 
 TEST_F(HandTruth, AHoldThatSlipsOffFails) {
-  // the object turns on under the tip: a narrow bar goes away from below it
+  // the object keeps rotating: a narrow bar moves away under the tip
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     return p.y() > -4 && p.y() < 4 && std::abs(p.z()) < 5 && std::abs(p.x()) < 20 ? LabelId{1} : LabelId{0};
   }});
@@ -279,7 +279,7 @@ TEST_F(HandTruth, AHoldThatTrembleBreaksIsNoHold) {
 }
 
 TEST_F(HandTruth, AnObjectThatTurnsDoesNotHitTheHand) {
-  // a long bar would sweep where the hand rests
+  // a long bar that sweeps through the hand's rest position
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     return std::abs(p.y()) < 4 && std::abs(p.z()) < 23 && std::abs(p.x()) < 4 ? LabelId{1} : LabelId{0};
   }});
@@ -320,11 +320,11 @@ TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
   world.stiffness_N_per_mm = way.stiffness_N_per_mm;
   world.tool_radius_mm = way.tool_radius_mm;
   run(scene_of(world), std::string("hand = \"") + way.hand + "\"\n" + touch_named("a", way.press_N));
-  // what is felt at the most that a hand holds may tremble by more than a fifth
+  // at the largest stiffness that a hand holds stably, force may vary by more than a fifth
   if (way.stiffness_N_per_mm < 5) expect_all_held();
   EXPECT_EQ(result_.failed_steps == 0, result_.holds[0].held_s >= 0.5 - 1e-9);
   expect_never_deeper(way.press_N, way.stiffness_N_per_mm);
-  // before the press a touch is all there is
+  // before the press there is only contact
   EXPECT_NEAR(result_.touches[0].point.eigen().norm(), 14, 0.7);
 }
 
@@ -343,12 +343,12 @@ TEST_P(HandTruthBy, EveryMethodHoldsOrFailsByName) {
   const LoadedScene scene = scene_of({ball(14)});
   run(scene, touch_named("a"), options);
   EXPECT_NE(result_.failed_steps == 0, result_.holds[0].held_s < 0.5 - 1e-9);
-  // what jumps from voxel to voxel is not held within a fifth
+  // a force that jumps between voxels is not held within a fifth
   const bool even = GetParam() != ForceMethod::kStoredNormals;
   EXPECT_EQ(result_.failed_steps, even ? 0u : 1u);
   expect_never_deeper(1, 1.2);
 
-  // felt by another one from the middle of a contact on
+  // the method changes in the middle of a contact
   for (const ForceMethod other : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
     run(scene,
         touch_named("a", 1,

@@ -12,7 +12,7 @@ LabelMap map_of(const Model& model) {
   LabelMap map;
   map.layers.push_back(model.labels->dense());
   map.segments = model.segments;
-  // flattened: a voxel says which segment it is
+  // flattened: a voxel's value is its segment
   for (Segment& segment : map.segments) {
     segment.layer = 0;
     segment.value = segment.id;
@@ -20,8 +20,8 @@ LabelMap map_of(const Model& model) {
   return map;
 }
 
-// The layers without what is gone: at a voxel that a burr has taken, all segments that are felt. Structures
-// by threshold, which no layer has, get one of their own.
+// Removes the cut voxels from all layers, from every segment with contact. Structures by threshold, which are
+// in no layer, get a layer of their own.
 LabelMap with_layers(const LabelMap& layers, const Model& model, LabelMap left) {
   LabelMap whole = layers;
   const std::vector<LabelId> before = model.labels->dense().voxels();
@@ -54,7 +54,7 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
   if (auto same = check_recorded_model(head.header, model); !same) return same.error();
   RemovedVolume removed(model);
   auto carving = std::make_shared<const Carving>(model);
-  // of a version that no tick is known to have felt nothing is cut yet
+  // cuts of a version that no recorded tick used are not applied
   std::vector<Cut> waiting;
   std::uint64_t ticks = 0;
   const auto read = recording.read(

@@ -38,8 +38,8 @@ std::string text_of(const std::array<double, n>& values) {
   return text;
 }
 
-// what differs between a recorded tick and the same tick run again: outputs first, because they say
-// more than a hash; nothing when they are the same
+// difference between a recorded tick and its replay; outputs first, because they are more informative than a
+// hash; empty if they are equal
 std::string first_difference(const TickRecord& recorded, const TickRecord& again) {
   for (int d = 0; d < recorded.devices; ++d) {
     const std::string difference = first_different_output(recorded.device[d], again.device[d]);
@@ -99,7 +99,7 @@ Parameters parameters_of(const TickRecord& recorded) {
   return parameters;
 }
 
-// those that were felt
+// methods used in the recording
 Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   std::vector<ForceMethod> methods;
   for (const RecordingHead::FeltMethod& felt : head.methods) {
@@ -113,7 +113,7 @@ Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   return methods;
 }
 
-/// Runs tick after tick and stops at the first that differs.
+/// Replays tick after tick and stops at the first difference.
 class Replayer {
  public:
   Replayer(std::shared_ptr<const Model> model, const Progress& progress)
@@ -143,9 +143,9 @@ class Replayer {
   ReplayResult& result() { return result_; }
 
  private:
-  // between two ticks there are a few; of format 3, which has none at their time, kMaxChanges in all
+  // normally a few between two ticks; in format 3, whose changes have no tick, kMaxChanges in total
   static constexpr std::size_t kMostUnfelt = 100'000;
-  // a solution takes some frames of a busy machine, at up to 10 kHz
+  // a solution takes a few frames on a busy machine, at up to 10 kHz
   static constexpr std::size_t kMostInputs = 20'000;
   Result<void> advance_to(const TickRecord& recorded);
   Result<void> solve_until(const TickRecord& recorded);
@@ -157,14 +157,14 @@ class Replayer {
     ModelChange change;
     std::vector<Cut> cuts;
   };
-  std::deque<Change> changes_;  // that no tick has felt yet
-  std::vector<Cut> cuts_;       // whose version is still to come
+  std::deque<Change> changes_;  // not applied to a tick yet
+  std::vector<Cut> cuts_;       // cuts whose version is still to come
   struct Solution {
     std::uint32_t number;
     std::uint64_t input_tick, hash;
   };
-  std::deque<Solution> solutions_;  // that no tick has felt yet
-  // ticks that one may still be solved from, each with the model that it felt
+  std::deque<Solution> solutions_;  // not applied to a tick yet
+  // ticks from which a solution may still be computed, each with its model
   struct Input {
     TickRecord tick;
     std::shared_ptr<const Model> model;
@@ -175,11 +175,11 @@ class Replayer {
   ReplayResult result_;
 };
 
-// the version that a tick felt, by the changes that lead to it
+// advances the model to the version of a tick, by the recorded changes
 Result<void> Replayer::advance_to(const TickRecord& recorded) {
   while (model_.felt->version < recorded.model_version && !changes_.empty()) {
     const ModelChange& change = changes_.front().change;
-    // a session has its surfaces from the start, felt or not
+    // a session has surfaces from its start, whether the proxy is used or not
     if (change.is_of_law() && has_other_surfaces(*model_.felt, law_of(change)) &&
         !model_.felt->has(ForceMethod::kProxy)) {
       constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
@@ -199,7 +199,7 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
                "", "only runs whose changes of the model were recorded can be replayed"};
 }
 
-// Tissue that yields as a tick felt it, solved anew from the ticks that it was solved from.
+// Solves the tissue's deformation of a tick again, from the ticks that it was originally solved from.
 Result<void> Replayer::solve_until(const TickRecord& recorded) {
   const auto missing = [&](const std::string& how) {
     return Error{ErrorKind::kBadInput,
@@ -227,14 +227,14 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
 }
 
 void Replayer::run_again(const TickRecord& recorded) {
-  // every input of the tick as it was
+  // every input of the tick as recorded
   if (differs()) return;
   Parameters parameters = parameters_of(recorded);
   parameters.yields = yields_.frame();
   std::array<DeviceState, kMaxDevices> devices;
   for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
 
-  // what the recorder never got cannot be felt again
+  // ticks that the recorder lost cannot be replayed
   if (recorded.tick != state_.tick) {
     result_.first_difference = state_.tick;
     result_.difference = recorded.tick < state_.tick
@@ -285,7 +285,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
 
   const auto methods = methods_of(head);
   if (!methods) return methods.error();
-  // a session that does not feel by the proxy has its surfaces all the same, and solves tissue under them
+  // a session that does not use the proxy has surfaces nevertheless, and solves tissue between them
   if (is_elastic(prepared->tissue_law)) {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto with_surfaces = ready_for(prepared, kProxyAlone, progress);
@@ -298,7 +298,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
 
   Replayer replayer(*ready, progress);
   ReplayResult& result = replayer.result();
-  // the rest of what differs need not be read
+  // reading stops at the first difference
   const Error enough{ErrorKind::kInterrupted, "", "", ""};
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
@@ -315,7 +315,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
   }
   if (!read) return read.error();
   progress.report("replaying", 1);
-  // a complete recording also carries the hash of the whole run
+  // a complete recording also contains the hash of the run
   result.identical =
       !head.summary || (head.summary->run_hash == result.run_hash && head.summary->dropped == 0);
   if (!result.identical) {

@@ -63,7 +63,7 @@ TEST_F(ReplayTest, WhatWasFeltBySeveralMethodsAgreesToo) {
       felt.push_back(method);
   EXPECT_THAT(felt, ::testing::ElementsAre(ForceMethod::kSpline, ForceMethod::kSmoothSphere,
                                            ForceMethod::kStoredNormals));
-  // the loaded model is prepared for none of them
+  // the loaded model is not prepared for any of them
   const auto result = replay(*recording, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;
@@ -85,7 +85,7 @@ TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
   const std::string here = feel_text();
   EXPECT_EQ(recording_.header.feel, here);
   recording_.header.feel.replace(here.find("output.ramp_in_s 0.5"), 20, "output.ramp_in_s 0.4");
-  // as it feels the same, they made no difference
+  // equal outputs, so the different figures had no effect
   const auto same = replay(recording_, loaded_.model);
   ASSERT_TRUE(same.ok());
   EXPECT_TRUE(same->identical);

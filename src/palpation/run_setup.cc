@@ -30,7 +30,7 @@ Error at_line(Error error, const Script& script, int line) {
   return error;
 }
 
-// what the script changes to, and what it begins with
+// the initial method and those that the script selects
 std::vector<ForceMethod> methods_of(const RunSetup& setup) {
   std::vector<ForceMethod> methods{setup.parameters.method};
   for (const ScriptStep& step : setup.script.steps)
@@ -38,15 +38,15 @@ std::vector<ForceMethod> methods_of(const RunSetup& setup) {
   return methods;
 }
 
-/// Presses that the limit or the tissue cannot give.
-/// @param softer  what is left of the stiffest tissue's stiffness
+/// Press steps that the limit or the tissue does not permit.
+/// @param softer  ratio of the rendered to the nominal stiffness of the stiffest tissue
 std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
   std::vector<std::string> trouble;
   ForceMethod method = setup.parameters.method;
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
     if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
     const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
-    // the proxy gives more the deeper the tip goes
+    // the proxy's force grows with depth without bound
     const double most_N = method == ForceMethod::kProxy ? setup.limit_N
                                                         : setup.model->force_field(method).full_force_N() *
                                                               setup.workspace.force_gain * softer;
@@ -60,7 +60,7 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
   return trouble;
 }
 
-// what the direct methods read knows nothing of what is cut away
+// fields of direct methods are not updated when material is removed
 Result<void> check_burr(const Model& model, const RunSetup& setup) {
   if (!model.cuts()) return {};
   for (const ForceMethod method : methods_of(setup))
@@ -85,7 +85,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   if (options.seed) setup.script.seed = *options.seed;
   if (options.rate_hz) setup.script.rate_hz = *options.rate_hz;
 
-  // the least of device, user and scene limit
+  // minimum of device, user and scene limit
   const double user_N = options.max_force_N ? std::min(*options.max_force_N, device->peak_force_N)
                                             : std::min(device->continuous_force_N, kDefaultUserLimit_N);
   setup.limit_N = std::min(user_N, loaded.model->scene_max_force_N);

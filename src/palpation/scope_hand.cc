@@ -30,7 +30,7 @@ void ScopeHand::advance(const TickRecord& felt, double dt_s) {
   const double step_mm = step_->speed_mm_s * dt_s;
   eye_ = way.norm() <= step_mm ? wanted : eye_ + way.normalized() * step_mm;
 
-  // in the place itself there is nowhere to look
+  // at the target itself the viewing direction is undefined
   const Vector<World> look = at - eye_;
   const Vector<World> superior = X * Vector<Patient>(0, 0, 1);
   const Rotation<World, World> held(state_.R_WorldTool);

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-// shortest digits that read back as the same number, always a float in TOML
+// fewest digits that parse to the same number, always a TOML float
 std::string shortest_number(double value) {
   char text[40];
   for (int digits = 1; digits <= 17; ++digits) {

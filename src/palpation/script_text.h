@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-/// A script as TOML that parses to the same steps: what a recording keeps. Comments of a user's file are
-/// not in it.
+/// Script as TOML that parses to the same steps, as stored in a recording. Comments of the user's file are
+/// not preserved.
 std::string script_text(const Script& script);
 
 }  // namespace palpate

@@ -17,39 +17,40 @@
 namespace palpate {
 namespace {
 
-// voluntary control of force is slow: speed of the hand per newton of error, and its most; what is soft is
-// pressed faster, so that the error shrinks at this rate
+// voluntary force control is slow: hand speed per newton of error, and maximum speed; soft tissue is pressed
+// faster, so that the error decays at kForceRate
 constexpr double kForceGain_mm_s_N = 15, kForceRate_per_s = 5;
 constexpr double kMostPressing_mm_s = 12;
-// what a person feels is low-passed
+// time constant of the low-pass filter on the perceived force
 constexpr double kFeeling_s = 0.03;
 constexpr double kNormalFeeling_s = 0.15;
-// a press that has not settled by then is given up, and a hold that has not been whole so much later
+// a press that has not settled by then has failed, and so has a hold that is not complete that much later
 constexpr double kPatience_s = 6, kHoldPatience_s = 3;
 constexpr double kSettledWithin = 0.1;
-// Force of a touch without a press, and approach speed. Before a gentle press the touch has at most this
-// fraction of the press's force.
+// Force of a contact without a press, and approach speed. Before a gentle press the contact force is at most
+// this fraction of the press's force.
 constexpr double kTouch_N = 0.1, kTouchOfPress = 0.5, kTouching_mm_s = 8;
-// a touch is one after this time, an encounter on the way after that; a contact is lost after this time
+// durations after which contact counts as a touch, an encounter on the way as such, and a contact as lost
 constexpr double kTouched_s = 0.01, kOther_s = 0.03, kEncounter_s = 0.25, kLost_s = 0.1;
-// a tip so much deeper than the force explains is given up: a hand that stops then stays within a millimetre
-// or, in soft tissue, within this fraction of that depth: low-passed force overshoots there
+// excess of the depth over what the force explains at which the hand gives up: a hand that then stops stays
+// within a millimetre or, in soft tissue, within this fraction of the explained depth, since the low-pass
+// filtered force overshoots there
 constexpr double kMostOver_mm = 0.7, kMostOvershoot = 0.4, kOver_s = 0.004;
-// the tip may be so much farther from where the hand would be than force and friction explain
+// tolerated distance between the tip and the intended position beyond what force and friction explain
 constexpr double kLeash_mm = 2.5, kPushedAway_mm = 4, kStuck_s = 1;
-// what is met at the careful speed is not entered farther than this; fast is for where there is room
+// an unexpected surface is penetrated at most this far at the careful speed; higher speeds need room
 constexpr double kCarefulDip_mm = 0.3, kLeastCareful_mm_s = 3, kRoom_mm = 2.4;
-// where the surface is not met so far behind where it was expected, it is not there
+// distance behind the expected surface after which the surface counts as missing
 constexpr double kBehind_mm = 3;
 constexpr std::size_t kMostTries = 4;
-// leaving: so far that the ramp has ended, what counts as free, and how long the tip may lag behind
+// retreat: distance beyond the ramp, force that counts as free, and maximum lag of the tip
 constexpr double kWayOutInSigmas = 4, kWayOut_mm = 1, kFree_N = 0.02, kFollow_s = 1;
 constexpr double kLettingGo_s = 5;
 constexpr double kWithdrawing_mm_s = 60, kLetGo_mm = 0.3;
 constexpr double kSteppingBack_mm_s = 100, kStepBack_mm = 5;
-// corners of the way that a slide has gone
+// spacing of the corners recorded during a slide
 constexpr double kTrail_mm = 1;
-// less of a direction than this lies in the surface: there is nowhere to slide
+// threshold of a direction's tangential component below which sliding is impossible
 constexpr double kLeastAlong = 0.1;
 
 std::string text_of(const char* format, ...) __attribute__((format(printf, 1, 2)));
@@ -66,7 +67,7 @@ std::string place_text(const Point<Patient>& p) {
   return text_of("%.1f, %.1f, %.1f mm", p.x(), p.y(), p.z());
 }
 
-// a name, or "#95"
+// structure by name, or by label as "#95"
 Result<LabelId> find_structure(const Model& model, const std::string& name, const std::string& where) {
   const auto is_named = [&](const Segment& segment) {
     return segment.name == name && model.is_felt(segment.id);
@@ -94,7 +95,7 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
                "felt structures are: " + known};
 }
 
-// centres of voxels on a structure's border, thinned out
+// a subsample of the voxel centres on a structure's border
 std::vector<Point<Patient>> some_of_border(const Model& model, LabelId structure) {
   constexpr std::size_t kMost = 2000;
   const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
@@ -124,7 +125,8 @@ Point<World> tip_of(const TickRecord& felt) {
   return point<World>(felt.device[0].tip_world_mm);
 }
 
-// Once something is cut tissue that did not move cannot begin to; when that is, a script does not know.
+// After a cut the surfaces of tissue can no longer be changed, and a script cannot know when the first cut
+// happens.
 Result<void> check_law(const Model& model, TissueLaw law, const std::string& where) {
   if (model.cuts() && has_other_surfaces(model, law))
     return Error{
@@ -145,7 +147,7 @@ double low_pass(double old, double now, double dt_s, double time_s) {
   return old + (now - old) * std::min(1.0, dt_s / time_s);
 }
 
-// the limit in that tick; a tick that a fault spoilt has none
+// clamped to the force limit of that tick; a tick with a fault has none
 double limited(double force_N, const TickRecord& felt) {
   const double limit_N = felt.device[0].limit_N;
   return limit_N > 0 ? std::min(force_N, limit_N) : force_N;
@@ -181,7 +183,7 @@ Result<ScriptedHand> ScriptedHand::create(const Model& model, const Script& scri
   return hand;
 }
 
-/// @param before  the structure of the approach before
+/// @param before  structure of the preceding approach
 Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action, int line, LabelId before,
                                                         const std::string& where) {
   PlannedStep step{action, line, before, {}};
@@ -282,16 +284,16 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt
   if (step_ == steps_.size()) return std::nullopt;
   feel(felt, dt_s);
   time_s_ += dt_s;
-  // one step a tick: the next one begins in the next tick
+  // at most one step per tick: the next one begins in the next tick
   const PlannedStep& step = steps_[step_];
   bool done = false;
   if (withdrawing_) {
-    // what has failed is not gone on with
+    // the motor is switched off after a failure
     if (!elsewhere_ && std::exchange(cutting_, false)) commands.motor = false;
     withdrawing_ = !withdraw(kWithdrawing_mm_s, felt, dt_s);
     done = !withdrawing_ && !elsewhere_;
   } else if (needs_contact(step.action) && !touching_) {
-    done = true;  // what it needs has failed, which said that it is skipped
+    done = true;  // the contact that it needs has failed, which was reported together with the skipped steps
   } else {
     done = run_step(step, felt, dt_s, commands);
   }
@@ -309,7 +311,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& felt, double dt
   return intention_ + tremor();
 }
 
-// where the patient lies now, as it was felt in the last tick
+// pose of the patient in the last tick
 Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& felt) const {
   return turned_object(model_->X_WorldPatient, quaternion(felt.rotation_felt_wxyz));
 }
@@ -321,7 +323,7 @@ void ScriptedHand::feel(const TickRecord& felt, double dt_s) {
   felt_normal_ = felt_normal_ + (now - felt_normal_) * std::min(1.0, dt_s / kNormalFeeling_s);
 }
 
-// one tick of a step; true when the step is done
+// runs one tick of a step; true when the step is done
 bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& felt, double dt_s,
                             HandCommands& commands) {
   struct Visitor {
@@ -355,7 +357,7 @@ bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& felt, dou
   return false;
 }
 
-// force that ends this approach, lower where a gentle press follows
+// force that ends this approach; lower if a gentle press follows
 double ScriptedHand::touch_of_approach() const {
   for (std::size_t n = step_ + 1; n < steps_.size(); ++n) {
     if (std::holds_alternative<ApproachStep>(steps_[n].action)) break;
@@ -365,17 +367,17 @@ double ScriptedHand::touch_of_approach() const {
   return kTouch_N;
 }
 
-// the way to the next place; true when there is none and the step has failed
+// plans the path to the next place; true if there is none and the step has failed
 bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
   touch_N_ = touch_of_approach();
   if (touching_) {
-    // a script that begins again without having left
+    // the script restarts without having left the contact
     touching_ = false;
     elsewhere_ = withdrawing_ = true;
     begin_withdrawal(felt);
     return false;
   }
-  // planned in the patient as it lies now, walked as it lies then
+  // planned in the patient frame at its current pose, followed at its pose at that time
   const Transform<World, Patient> X = X_WorldPatient(felt);
   const auto& places = step.places.places;
   if (places.empty()) refusal_ = step.places.why_none;
@@ -400,7 +402,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& felt) {
 
 void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const LabelId met = felt.device[0].label;
-  // its surface may stand out a little
+  // the surface may protrude beyond the expected place
   if (met == step.structure && way_.size() == 1) {
     way_in_.resize(way_in_.size() - way_.size());
     way_in_.push_back(X_WorldPatient(felt).inverse() * intention_);
@@ -420,7 +422,7 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
   walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
 }
 
-// slowly on until something is felt
+// advances slowly until contact
 bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const Transform<World, Patient> X = X_WorldPatient(felt);
@@ -464,7 +466,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
   return false;
 }
 
-// back, then the next place
+// retreats, then tries the next place
 void ScriptedHand::try_elsewhere(const TickRecord& felt, const std::string& why) {
   refusal_ = why;
   ++place_;
@@ -519,7 +521,7 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double
   const Vector<World> along = direction - inward_ * inward_.dot(direction);
   if (along.norm() < kLeastAlong) return fail(step, felt, "its direction points out of the surface");
 
-  // as far as the contact gets, not the hand
+  // measured by the contact point, not by the hand
   const Point<Patient> here = point<Patient>(felt.device[0].proxy_patient_mm);
   if (step_time_s_ > 0) slid_mm_ += (X * (here - contact_)).dot(along.normalized());
   contact_ = here;
@@ -544,7 +546,7 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, doubl
     sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
     keep_contact(felt, dt_s);
   } else if (!turning_) {
-    // what turns must not hit a hand that does not expect it
+    // step back, so that the rotating object does not hit the hand
     if (step_time_s_ == 0 && !begin_step_back(felt))
       return fail(step, felt, "there is no free way to step back");
     if (!walk(kSteppingBack_mm_s, felt, dt_s))
@@ -571,8 +573,8 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
   return true;
 }
 
-// It waits until the law is felt, for which surfaces may have to be made, and then until tissue that is
-// stiffer by it has pushed the hand out as far as it presses.
+// Waits until the law takes effect, which may require new surfaces, and then until the stiffer tissue has
+// pushed the hand out to the depth of its pressing force.
 bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
@@ -593,7 +595,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
   return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
 }
 
-// the other hand looks at it, while this one stays
+// the second hand moves while this one rests
 bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 20;
@@ -614,7 +616,7 @@ bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, 
   return true;
 }
 
-// The last of the stroke is carved before it is asked for.
+// Waits for the last cuts of the stroke before the request.
 bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
                                  HandCommands& commands) {
   constexpr double kCarved_s = 0.2, kLongest_s = 2;
@@ -638,9 +640,9 @@ bool ScriptedHand::leave(const PlannedStep& step, const TickRecord& felt, double
   return true;
 }
 
-// ---- what goes wrong
+// ---- failures
 
-// N/mm of the patient, as it is felt
+// stiffness of a structure in the patient frame as rendered; N/mm
 double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
   const Tissue& tissue = *model_->tissue_of(structure);
@@ -655,28 +657,29 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
   return own * gains.left_of_all(all);
 }
 
-// of a half space at the force that is wanted
+// secant stiffness of an elastic half-space at the target force
 double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
   const YieldingTissue half_space{0, {}, contact_modulus_N_per_mm2(constants)};
   const double force_N = std::max(wanted_N_, touch_N_);
   const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
-  // by Hertz the depth grows with the force to the two thirds
+  // Hertz contact: depth grows with force to the power 2/3
   return force_N / std::pow(force_N / unit.force_N, 2.0 / 3);
 }
 
-// A tip that is deeper than the force explains that it is to give, or, on its way, than a touch does.
+// Detects a tip that is deeper than the target force explains, or, during an approach, than the touch force
+// does.
 std::optional<std::string> ScriptedHand::overreach(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const double force_N = limited(std::max(wanted_N_, touch_N_), felt);
   const LabelId met = device.label != 0 ? device.label : steps_[step_].structure;
-  // the proxy's own spring tells, whatever has been edited since; of a blend it does not
+  // the proxy reports its spring directly, whatever has been edited since; not valid during a blend
   const bool told = felt_by_proxy(felt) && (device.flags & kFlagBlend) == 0 && device.depth_mm > 0 &&
                     device.unclamped_force_N > 0;
   const double stiffness =
       told ? device.unclamped_force_N / device.depth_mm : stiffness_N_per_mm(met, felt) * device.force_gain;
   const double explained_mm = force_N / stiffness;
   const double over_mm = std::max(kMostOver_mm, kMostOvershoot * explained_mm);
-  // a place so deep that no surface is found counts, where something is touched
+  // too deep for a surface to be found: counts as too deep if in contact
   const bool over =
       std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + over_mm;
   over_s_ = over ? over_s_ + dt_s : 0;
@@ -693,24 +696,24 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
   if ((device.flags & kFlagRuptured) != 0) return "the tool went through a surface";
   if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : touched_instead(felt);
 
-  // where force and friction do not explain how far the tip is from where the hand would be
+  // the tip is farther from the intended position than force and friction explain
   const double lag_mm = (tip_of(felt) - intention_).norm();
   const double force_mm = 1.5e3 * std::max(wanted_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
   if (lag_mm > force_mm + leash_mm(felt) + kPushedAway_mm)
     return text_of("the tip was pushed %.0f mm from where the hand would be", lag_mm);
-  // who feels the contact go stops pushing
+  // a person who perceives the loss of contact stops pushing
   if (device.label == 0 && lag_mm > leash_mm(felt)) intention_ = tip_of(felt);
   return std::nullopt;
 }
 
-// where the mean force of a step is not what was pressed
+// description if the mean force of a step deviates from the pressed force
 std::optional<std::string> ScriptedHand::kept_badly(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
   if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
   return text_of("%.2f N in the mean, asked for %.2f N", mean_N, asked_N_);
 }
 
-// says why, and goes back the way it came; what follows is skipped
+// reports the reason, and retreats along the path; the following steps are skipped
 bool ScriptedHand::fail(const PlannedStep& step, const TickRecord& felt, const std::string& why) {
   const bool contact = touching_;
   trouble_.push_back(named(step) + " failed: " + why + (contact ? skipped() : ""));
@@ -749,7 +752,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
   return "script line " + std::to_string(step.line) + ": " + std::visit(Visitor{structure}, step.action);
 }
 
-// which steps after this one need the contact that has failed
+// lines of the following steps that need the failed contact
 std::string ScriptedHand::skipped() const {
   std::string lines;
   int count = 0;
@@ -767,14 +770,14 @@ std::string ScriptedHand::touched_instead(const TickRecord& felt) const {
          place_text(point<Patient>(felt.device[0].proxy_patient_mm));
 }
 
-// ---- how it moves
+// ---- motion
 
-// how far the tip lags behind a hand that meets nothing
+// lag of the tip behind a hand in free motion
 double ScriptedHand::leash_mm(const TickRecord& felt) const {
   return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * felt.device[0].scale + kLeash_mm;
 }
 
-// so slow that what is met is not entered far before the hand stops
+// speed at which an unexpected surface is penetrated by at most kCarefulDip before the hand stops
 double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
   const double wall_N_per_m = 1e3 * FeltStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
@@ -783,7 +786,7 @@ double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) con
                   kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
 }
 
-// along the corners of the way, not ahead of the tip; true when its end is reached
+// moves along the remaining path, not ahead of the tip; true at its end
 bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) {
   if ((tip_of(felt) - intention_).norm() > leash_mm(felt)) {
     stuck_s_ += dt_s;
@@ -812,7 +815,7 @@ bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) 
   return true;
 }
 
-// moves the intention along the pressing direction until the wanted force is felt
+// moves the intended position along the pressing direction until the target force is perceived
 void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const double hand = 1e-3 * hand_.stiffness_N_per_m;
@@ -823,14 +826,14 @@ void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
   intention_ += inward_ * (std::clamp(gain * error_N, -kMostPressing_mm_s, kMostPressing_mm_s) * dt_s);
 }
 
-// presses against the surface that it feels, and yields with it where the object turns
+// presses along the perceived normal, and follows the surface if the object rotates
 void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
   if (felt_normal_.norm() > 0.5) inward_ = -felt_normal_.normalized();
   const Point<Patient> at = point<Patient>(felt.device[0].proxy_patient_mm);
   if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(felt) * at - *lay_ * at);
   keep_force(felt, dt_s);
 
-  // the way back from where it has got to
+  // extend the return path by the current position
   const auto& n = felt.device[0].normal_patient;
   const Point<Patient> corner = at + Vector<Patient>(n[0], n[1], n[2]) * (model_->sigma_mm + tool_reach_mm_);
   if (felt.device[0].label == steps_[step_].structure && (corner - way_in_.back()).norm() > kTrail_mm)
@@ -839,7 +842,7 @@ void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
 
 void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
   leaving_from_ = tip_of(felt);
-  // a corner that the hand has reached and the tip, held back by what it met, has not is no way back
+  // drop corners that the intended position reached but the tip, held back by contact, did not
   const Point<Patient> tip = X_WorldPatient(felt).inverse() * leaving_from_;
   while (way_in_.size() > 1) {
     const Vector<Patient> last = way_in_.back() - way_in_[way_in_.size() - 2];
@@ -850,8 +853,8 @@ void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
   wanted_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
 }
 
-// First off what is touched, then back the way it came, as the patient lies now; true when nothing more is
-// felt, or when that does not come.
+// Releases the contact first, then retreats along the path at the patient's current pose. True when there is
+// no more force, or if that does not happen in time.
 bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const Point<World> here = tip_of(felt);
@@ -867,7 +870,7 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt
     at_its_end = walk(speed_mm_s, felt, dt_s);
   }
 
-  // it is left when the ramp has ended and nothing is felt
+  // done outside the ramp's range and without force
   const bool ramp_ended = (here - leaving_from_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
   const bool free = free_space_.reachable(X_WorldPatient(felt).inverse() * here);
   if (ramp_ended && free && felt_N_ < kFree_N) return true;
@@ -875,7 +878,8 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt
   return left_s_ > kFollow_s || stuck_s_ > kStuck_s || pressed_s_ > kLettingGo_s;
 }
 
-// so far off that nothing of the object gets to the hand, however it turns; false where no way leads there
+// plans a path to a distance at which the object cannot reach the hand in any rotation; false if there is
+// none
 bool ScriptedHand::begin_step_back(const TickRecord& felt) {
   way_.clear();
   const Vector<World> from_middle = tip_of(felt) - Point<World>();

@@ -72,7 +72,7 @@ TEST(Simulate, LeavesIntoFreeSpaceWithAnyGrip) {
 }
 
 TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
-  // the shell alone gives at most half of the bone's force: asked for more, the hand must not go through
+  // the shell renders at most half of the bone's force: if more is requested, the hand must not penetrate it
   LoadedScene loaded = loaded_ball();
   SimulationOptions options;
   options.max_force_N = 8;
@@ -136,7 +136,7 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
     return 0;
   };
   ASSERT_GT(ticks_until_asked(), 0);
-  // somebody changes a tissue, and something else is cut
+  // another edit of a tissue, and another cut
   commands.stroke_led_to.reset();
   for (; felt.model_version < 7; ++felt.model_version) (void)hand->next(felt, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0);
@@ -146,7 +146,7 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   felt.model_version = 8;
   (void)hand->next(felt, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0.5);
-  // one that there is not
+  // a stroke that does not exist
   ASSERT_GT(ticks_until_asked(), 0);
   commands.stroke_led_to = 0;
   felt.model_version = 9;
@@ -155,8 +155,9 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   EXPECT_NE(hand->trouble()[0].find("there is none"), std::string::npos) << hand->trouble()[0];
 }
 
-// The hand leads by a millimetre or two: where it turns back is behind the tip, not a corner of its way that
-// only the hand has reached. It stayed pressed against what it had met, for as long as 25 s.
+// Regression: the hand leads the tip by a millimetre or two, so its return path has to start behind the tip,
+// not at a corner that only the hand reached; otherwise it stayed pressed against the obstacle for up to 25
+// s.
 TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
   const LoadedScene loaded = loaded_ball();
   const Script script =
@@ -181,7 +182,7 @@ TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
       tip = intention;
     }
 
-    // a wall that nobody planned for
+    // an obstacle that planning did not know of
     const Point<World> wall = tip;
     const Vector<World> forward = (tip - hand->start()).normalized();
     const Vector<Patient> normal = loaded.model->X_WorldPatient.inverse() * -forward;

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-// a press with its hold, moves included, never takes this long; longer is a script that does not end
+// bound on the duration of a press with its hold and motion; a longer script does not end
 constexpr double kMostSeconds = 3600;
 
 }  // namespace
@@ -23,7 +23,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   if (auto felt = check_felt(loaded); !felt) return felt.error();
   auto setup = set_up_run(loaded, script, options, progress);
   if (!setup) return setup.error();
-  const Model& model = *setup->model;  // as it is at the beginning
+  const Model& model = *setup->model;  // model at the beginning of the run
 
   progress.report("finding surfaces", 0);
   auto hand = ScriptedHand::create(model, setup->script);
@@ -82,7 +82,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   } while (!stopped && run.act());
 
   if (auto written = write_block(); !written) return written.error();
-  // without its summary the recording counts as cut short, which it is
+  // an interrupted recording has no summary and counts as incomplete
   if (stopped) return Progress::interrupted();
   result.trouble.insert(result.trouble.end(), run.hand().trouble().begin(), run.hand().trouble().end());
   result.failed_steps = run.hand().trouble().size();

@@ -1,4 +1,4 @@
-// A ball of each tissue preset, palpated by the default hand at the scene that is proposed for it.
+// A ball of each tissue preset, palpated by the default hand in the scene recommended for it.
 #include <gtest/gtest.h>
 
 #include <string>

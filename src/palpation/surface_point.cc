@@ -8,24 +8,25 @@
 namespace palpate {
 namespace {
 
-// where ramps have the direction of the surface around, and how deep they should go on rising
+// depth at which ramps have the direction of the surrounding surface, and depth to which they should keep
+// rising
 constexpr double kInside_mm = 0.5, kPress_mm = 1.2;
-// in front of the surface, and how far from there a structure may lie
+// distance in front of the surface, and maximum distance from there to the structure
 constexpr double kInFront_mm = 1, kWayIn_mm = 2.5;
-// the field counts as free below this fraction of full scale
+// fraction of full scale below which the field counts as free
 constexpr double kFree = 0.02;
-// a fingertip's worth of surface that should be even
+// radius of the patch that should be flat: about a fingertip
 constexpr double kPatch_mm = 1.5;
 constexpr int kRim = 8;
-// scans end in the middle of bones: the cut face is none of their surfaces
+// scans end in the middle of bones: the cut face is not an anatomical surface
 constexpr double kCutMargin_mm = 4, kNearBorder_mm = 2;
 
 Vector<Patient> outward_normal(const Model& model, const Point<Patient>& x) {
   return -sample_central_differences(*model.field, x).gradient.normalized();
 }
 
-// the part of the grid, in voxels, where a structure's faces are its own surface and not the cut of the scan:
-// sides of the volume that the structure comes close to are kept off
+// the part of the grid, in voxels, where a structure's faces are anatomical and not the end of the scan:
+// excludes margins at sides of the volume that the structure comes close to
 struct Uncut {
   std::array<double, 3> low, high;
   bool contains(int i, int j, int k) const {
@@ -51,7 +52,7 @@ Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
   });
   Uncut part;
   for (int axis = 0; axis < 3; ++axis) {
-    // scans are often padded by an empty slice or two
+    // scans are often padded by one or two empty slices
     const double near = kNearBorder_mm / grid.spacing_mm[axis];
     const double margin = std::min(kCutMargin_mm / grid.spacing_mm[axis], 0.25 * (last[axis] - first[axis]));
     part.low[axis] = first[axis] <= near ? first[axis] + margin : first[axis];
@@ -60,14 +61,14 @@ Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
   return part;
 }
 
-// the value of the field at a structure's surface: half its level, and of ramps that half a voxel below
+// value of the field at a structure's surface: half its level, or the value of a ramp half a voxel inside
 double surface_value(const Model& model, LabelId structure) {
   const double level = model.level_of_label[structure];
   if (model.ramp_width_mm == 0) return 0.5 * level;
   return level * 0.5 * model.labels->geometry().min_spacing_mm() / model.ramp_width_mm;
 }
 
-// moves along the normal to where the field has a value
+// moves along the gradient to where the field has the given value (Newton iteration)
 std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x, double value) {
   for (int step = 0; step < 12; ++step) {
     const FieldSample sample = sample_central_differences(*model.field, x);
@@ -80,7 +81,7 @@ std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x,
   return std::nullopt;
 }
 
-// the free way along the normal: down the ramp into free space, then until something rises again
+// free distance along the normal: down the ramp into free space, until the field rises again
 double clearance_along(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
                        double most_mm) {
   constexpr double kStep_mm = 0.25;
@@ -93,7 +94,7 @@ double clearance_along(const Model& model, const Point<Patient>& surface, const 
   return most_mm;
 }
 
-// unit vectors along the surface, evenly round the normal
+// unit vectors in the tangent plane, uniformly around the normal
 std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
   const Vector<Patient> helper = std::abs(n.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
   const Vector<Patient> u = n.cross(helper).normalized(), v = n.cross(u);
@@ -105,22 +106,22 @@ std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
   return directions;
 }
 
-// the largest outward curvature of the patch around, 1/mm: pressing on a steep hill slips off
+// maximum outward curvature of the surrounding patch, 1/mm: a tool slips off strongly curved surfaces
 double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
-  // ramps have no direction outside
+  // ramps have no gradient outside
   const bool ramps = model.ramp_width_mm > 0;
   const Point<Patient> middle = ramps ? surface - n * kInside_mm : surface;
   double largest = 0;
   for (const Vector<Patient>& t : rim_directions(n)) {
     const Vector<Patient> normal = outward_normal(model, middle + t * kPatch_mm);
-    // where the rim hangs in free space the hill is steep
+    // a rim point in free space indicates strong curvature
     const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
     largest = std::max(largest, tilt / kPatch_mm);
   }
   return largest;
 }
 
-// the first felt label on the way inward
+// first label with contact along the inward direction
 LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<Patient>& inward) {
   const Bricks<LabelId>& labels = *model.labels;
   const double step_mm = 0.5 * labels.geometry().min_spacing_mm();
@@ -133,8 +134,8 @@ LabelId first_felt(const Model& model, const Point<Patient>& from, const Vector<
   return 0;
 }
 
-// the part of what its stiffness promises that a ramp gives to a press: less where tissue is thin, and where
-// the normal at the surface is none of what lies below
+// ratio of a ramp's actual to its nominal force at pressing depth: lower in thin tissue, and where the normal
+// changes with depth
 double give(const Model& model, const SurfacePoint& candidate, LabelId structure) {
   if (model.ramp_width_mm == 0) return 1;
   const FieldSample below =
@@ -144,11 +145,11 @@ double give(const Model& model, const SurfacePoint& candidate, LabelId structure
   return std::min(1.0, below.value / promised) * agreement;
 }
 
-// the part of the patch, its middle and rim, where the way inward meets the structure itself
+// share of the patch (centre and rim) whose inward ray meets the structure itself first
 double own_share(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
                  LabelId structure) {
   const auto is_own = [&](const Vector<Patient>& along_surface) {
-    // ramps are felt inside alone: the labels tell
+    // ramps exist inside only: use the labels
     if (model.ramp_width_mm > 0)
       return first_felt(model, surface + along_surface + n * kInFront_mm, -n) == structure ? 1 : 0;
     const Point<Patient> x = surface + along_surface + n * (0.5 * model.sigma_mm);
@@ -195,16 +196,16 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     candidate.normal = outward_normal(model, *surface);
     if (model.ramp_width_mm > 0) {
       const Vector<Patient> below = outward_normal(model, *surface - candidate.normal * kInside_mm);
-      // of what is thin the far side's slope is no normal of this one
+      // in a thin structure the gradient may belong to the opposite side
       if (below.dot(candidate.normal) > 0) candidate.normal = below;
     }
     candidate.clearance_mm = clearance_along(model, *surface, candidate.normal, clearance_mm);
 
-    // reach, evenness and belonging, each between 0 and 1; belonging counts most
+    // reach, flatness and ownership, each between 0 and 1; ownership has the largest weight
     const double reach = candidate.clearance_mm / clearance_mm;
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_share(model, *surface, candidate.normal, structure);
-    // what gives a ramp nothing to press, as a thin wall, keeps the proxy out all the same
+    // a thin wall gives a ramp no force, but still stops the proxy
     const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
     const double score = own * own * own * evenness * (0.15 + reach) * firmness;
     if (score > 0) candidates.push_back({candidate, score});

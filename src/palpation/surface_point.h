@@ -9,14 +9,15 @@ namespace palpate {
 
 struct SurfaceCandidate {
   SurfacePoint surface;
-  double score = 0;  ///< above 0: how well it suits a press
+  double score = 0;  ///< Suitability for a press; positive
 };
 
-/// Centres of a structure's voxels with free space beside them, without those where the scan cuts it off.
+/// Voxel centres of a structure that border free space, excluding faces at which the scan ends.
 std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure);
 
-/// Places on the surface of a structure that suit a press, best first: even, its own, free in front.
-/// @param border  where to look: border_voxels() or some of them
+/// Surface points of a structure that suit a press, best first: flat, belonging to the structure, with free
+/// space in front.
+/// @param border  candidates: border_voxels() or a subset
 std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId structure,
                                                  std::span<const Point<Patient>> border, double clearance_mm);
 

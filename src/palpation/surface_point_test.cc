@@ -29,7 +29,8 @@ TEST(SurfacePoint, CartilageIsFoundAndTheBoneItCoversIsNot) {
 }
 
 TEST(SurfacePoint, ACutAtTheVolumesBorderIsNoSurface) {
-  // a column through the whole volume: its ends are cuts, its side is not; a flat disc in the middle has both
+  // a column through the whole volume: its ends are cut faces, its side is a surface; a flat disc in the
+  // middle has both
   for (const bool column : {true, false}) {
     Model model = testing::ball_model({1, 1, 1});
     const GridGeometry& grid = model.labels->geometry();

@@ -11,13 +11,13 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kMostPlaces = 8;
-// so far apart that another place is another try
+// minimum distance between two places to be tried
 constexpr double kApart_mm = 4, kApartByWish_mm = 2;
-// a place that is asked for may be so much farther off when it suits a press better
+// a requested place may be missed by this much in favour of one that suits a press better
 constexpr double kWorthOfSuiting_mm = 2;
-// how far from its normal a surface is come to
+// tilt of an approach against the normal, and minimum cosine for a requested direction
 constexpr double kTilt = 35 * std::numbers::pi / 180, kLeastFacing = 0.3;
-// where no straight stretch is as short as asked: so much longer it may be
+// if no straight segment of the requested length exists, it may be longer by this much
 constexpr double kLonger_mm = 10;
 constexpr int kTouchRim = 8;
 
@@ -40,7 +40,7 @@ LabelId felt_label_at(const Model& model, const Point<Patient>& x) {
   return model.is_felt(label) ? label : LabelId{0};
 }
 
-/// The straight way to a surface.
+/// Straight final segment of an approach.
 class Stretch {
  public:
   Stretch(const Model& model, const FreeSpace& free_space, LabelId structure, double clearance_mm)
@@ -50,7 +50,8 @@ class Stretch {
         clearance_mm_(clearance_mm),
         reach_mm_(tool_reach_mm(model.tool_of(0))) {}
 
-  // From where it begins at most as far off as asked and can be got to, or else as near as that can be.
+  // Longest free segment up to the requested length whose beginning is reachable, otherwise the shortest
+  // longer one.
   std::optional<TouchPlace> along(const SurfacePoint& surface, const Vector<Patient>& from) const {
     const double step_mm = 0.5 * model_.labels->geometry().min_spacing_mm();
     const double front_mm = model_.sigma_mm + reach_mm_;
@@ -67,7 +68,7 @@ class Stretch {
   }
 
  private:
-  // of anything but the structure itself, which is near at the end of the way
+  // free of everything but the structure itself, which is near at the end of the path
   bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kTouchRim>& rim,
                bool off) const {
     const auto fits = [&](const Point<Patient>& x) {
@@ -85,7 +86,7 @@ class Stretch {
   double clearance_mm_, reach_mm_;
 };
 
-// how far a place is from the one that is asked for, mm, but for a constant
+// distance from the requested place, mm, up to a constant
 double astray_mm(const TouchWish& wish, const Point<Patient>& p) {
   if (wish.landmark) return -wish.landmark->dot(p - Point<Patient>());
   double least = std::numeric_limits<double>::infinity();
@@ -93,7 +94,7 @@ double astray_mm(const TouchWish& wish, const Point<Patient>& p) {
   return std::sqrt(least);
 }
 
-// what lies round a structure with no free space beside it
+// neighbours of a structure that borders no free space
 std::string cover_of(const Model& model, LabelId structure) {
   std::vector<std::size_t> faces(65536, 0);
   std::size_t own = 0;
@@ -132,7 +133,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
     return found;
   }
 
-  // what is near to where it is asked for
+  // voxels near the requested place
   const bool anywhere = !wish.landmark && wish.near.empty();
   if (!anywhere) {
     std::vector<std::pair<double, Point<Patient>>> astray;
@@ -159,7 +160,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
                      [](const auto& a, const auto& b) { return a.score > b.score; });
   }
 
-  // those with a free way: along the normal where that is free for any, else askew
+  // places with a free segment: along the normal if any is free, otherwise tilted
   const Stretch stretch(model, free_space, structure, wish.clearance_mm);
   const double apart_mm = anywhere ? kApart_mm : kApartByWish_mm;
   const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {

@@ -10,7 +10,7 @@ namespace palpate {
 
 namespace {
 
-// as soon after its sweep as a thread of its own does it, and no sooner
+// period at which a session's cutter thread would remove the swept volume
 constexpr double kCutEvery_s = 0.02;
 
 }  // namespace
@@ -34,7 +34,7 @@ const TickRecord& VirtualRun::tick() {
   sensed_[0] = mapping_.to_world(device_.read(), 0);
   if (scope_) sensed_[1] = scope_->state();
   const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
-  // of the model that the tick before felt, as a replay solves it
+  // solved with the model of the previous tick, as in a replay
   const bool yields = before != nullptr && is_elastic(felt_->tissue_law) && felt_->has(ForceMethod::kProxy);
   if (yields ? yields_.advance(*felt_, before) : yields_.rest()) {
     parameters_.yields = yields_.frame();
@@ -48,7 +48,7 @@ const TickRecord& VirtualRun::tick() {
   return record_;
 }
 
-// what the burr has swept is gone from this tick on, and then a stroke that the script undoes is there again
+// removes the swept volume from this tick on, then carries out a stroke request of the script
 void VirtualRun::cut() {
   if (state_.time_s - cut_s_ < kCutEvery_s) return;
   cut_s_ = state_.time_s;
@@ -83,7 +83,7 @@ void VirtualRun::change_stroke(StrokeAction action) {
   event.change = change;
 }
 
-// one that the hand has asked for has been tried when the script was read, but for its surfaces
+// the law was checked when the script was read; only building its surfaces can fail
 void VirtualRun::change_law(TissueLaw law) {
   law_led_to_ = model_->version;
   if (law == model_->tissue_law) return;

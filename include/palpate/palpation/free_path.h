@@ -7,21 +7,21 @@
 
 namespace palpate {
 
-/// Ways for a tool through the space that no felt structure fills, on a grid of about a millimetre.
+/// Path planning for a tool through the space free of structures with contact, on a grid of about 1 mm: A*
+/// (Hart, Nilsson & Raphael 1968) with a cost that penalises proximity to structures.
 class FreeSpace {
  public:
-  /// @param reach_mm  how far the tool stands out from its tip; more than kMostReach_mm counts as that
+  /// @param reach_mm  radius of the tool about its tip; clamped to kMostReach_mm
   explicit FreeSpace(const Model& model, double reach_mm = 0);
   static constexpr double kMostReach_mm = 8;
 
-  /// Corner points of a way from `from` to `to`, both included, which keeps off structures where it
-  /// can: A* (Hart, Nilsson & Raphael 1968) with a price for closeness. Empty when none exists. Ends that lie
-  /// in a structure's own cell start at the nearest free one.
+  /// Corner points of a path from `from` to `to`, both included, which stays away from structures where it
+  /// can. Empty if there is none. An end inside an occupied cell is replaced by the nearest free one.
   std::vector<Point<Patient>> path(const Point<Patient>& from, const Point<Patient>& to) const;
 
-  /// Whether the tool can come to this place from the air about the patient.
+  /// Whether the tool can reach this point from the air around the patient.
   bool reachable(const Point<Patient>& p) const { return from_outside_[index(cell_at(p))]; }
-  /// At least so far from every felt structure, mm; 0 where one may be.
+  /// Lower bound of the distance to every structure with contact, mm; 0 in an occupied cell.
   double clearance_mm(const Point<Patient>& p) const;
 
  private:
@@ -38,12 +38,12 @@ class FreeSpace {
   std::optional<Cell> nearest_free(const Cell& c) const;
 
   std::array<int, 3> voxels_per_cell_{1, 1, 1};
-  Cell cells_{0, 0, 0};                  ///< with a free margin round the volume
-  int margin_ = 0;                       ///< of free cells on every side of the volume
-  std::uint8_t needed_ = 1;              ///< clearance at which the tool touches nothing
-  double cell_mm_ = 1;                   ///< the narrowest side of a cell
-  std::vector<std::uint8_t> clearance_;  ///< steps to the nearest felt cell, 0 in one, at most kFar
-  std::vector<bool> from_outside_;       ///< can be reached from the margin
+  Cell cells_{0, 0, 0};                  ///< Includes a free margin around the volume
+  int margin_ = 0;                       ///< Width of the free margin on every side of the volume; cells
+  std::uint8_t needed_ = 1;              ///< Clearance at which the tool is in contact with nothing; steps
+  double cell_mm_ = 1;                   ///< Shortest side of a cell
+  std::vector<std::uint8_t> clearance_;  ///< Steps to the nearest occupied cell, 0 in one, at most kFar
+  std::vector<bool> from_outside_;       ///< Whether the margin is connected to the cell
   Transform<Patient, Voxel> X_PatientVoxel_;
   Transform<Voxel, Patient> X_VoxelPatient_;
 };

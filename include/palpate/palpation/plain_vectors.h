@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <array>
 
-/// Numbers of a tick or a request as what is reckoned with.
+/// Conversions from the plain arrays of ticks and requests.
 namespace palpate {
 
 inline Eigen::Quaterniond quaternion(const std::array<double, 4>& wxyz) {

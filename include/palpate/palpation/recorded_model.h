@@ -7,10 +7,10 @@
 
 namespace palpate {
 
-/// Whether a recording was made with this model. Error kBadInput where it was not.
+/// Checks that a recording was made with this model. Error kBadInput if it was not.
 Result<void> check_recorded_model(const RecordingHeader& recording, const Model& model);
 
-/// The model as a recording's session had it: its soft tissue in cells as coarse (Model::tissue_coarsened).
+/// The model with the recording's soft-tissue cell size (Model::tissue_coarsened).
 std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
                                                 const RecordingHeader& recording);
 

@@ -8,44 +8,45 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo.h"
 
-/// What a run with the simulated hand needs, on whichever clock.
+/// Set-up of runs with the simulated hand or with led tips, on either clock.
 namespace palpate {
 
-/// A script with the device and hand that it names, the model ready for every method that it takes, and the
-/// parameters of the first tick.
+/// Script with its device and hand, the model prepared for every method that it uses, and the parameters of
+/// the first tick.
 struct RunSetup {
   std::shared_ptr<const Model> model;
-  Script script;  ///< with the seed and rate of the options
+  Script script;  ///< Includes the seed and rate of the options
   PlantDevice device;
   PlantHand hand;
   WorkspaceSettings workspace;
   Parameters parameters;
-  /// Least of device, user and scene limit, N.
+  /// Minimum of device, user and scene limit; N.
   double limit_N = 0;
-  /// Known before the first tick, a sentence each: stiffness that no hand holds, presses that the limit or
-  /// the tissue cannot give.
+  /// Problems known before the first tick, a sentence each: stiffness that no hand can hold stably, presses
+  /// beyond what the limit or the tissue permits.
   std::vector<std::string> trouble;
   RecordedTask task = {};
 };
 
-/// Errors: an unknown device or hand, with the script's line; those of with_methods.
+/// Errors: unknown device or hand, with the script's line; those of with_methods.
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, const SimulationOptions& options,
                             const Progress& progress);
 
-/// What a run needs whose tips persons lead, by a pointer or a device: the model, the parameters but those of
-/// the devices, the rate of a loop that has its own clock. Neither stiffness nor heat limits the force yet.
+/// Set-up of a run whose tips are led by persons, by pointer or device: model, parameters other than the
+/// devices', rate of a loop with its own clock. Limits by stiffness and heat are not applied yet.
 Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
                                 const Progress& progress);
 
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 
-/// A structure that is to be held, and the forces with which a script presses it; none: it is only touched.
+/// Structure to be held, with the forces that a script requests there; none: contact only.
 struct HoldAsked {
   LabelId structure = 0;
   std::vector<double> forces_N = {};
 };
 
-/// Longest unbroken hold (HoldFigure::held_s), mean and peak of one structure, from every tick in order.
+/// Longest uninterrupted hold (HoldFigure::held_s), mean and peak force on one structure, accumulated from
+/// every tick in order.
 class HoldMeter {
  public:
   HoldMeter(const Model& model, const HoldAsked& asked);
@@ -54,8 +55,8 @@ class HoldMeter {
 
  private:
   HoldFigure figure_;
-  std::vector<double> forces_N_;    // that are asked for; none: any
-  std::vector<double> unbroken_s_;  // of each
+  std::vector<double> forces_N_;    // requested forces; none: any force
+  std::vector<double> unbroken_s_;  // duration of the current hold at each of them
   double sum_N_ = 0;
   std::uint64_t ticks_ = 0;
 };

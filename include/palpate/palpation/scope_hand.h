@@ -9,18 +9,19 @@
 
 namespace palpate {
 
-/// The hand that holds the scope of a scripted run, in the second device: its camera goes and turns evenly to
-/// where a script's step wants it, straight through whatever is there, and goes on with what it looks at. It
-/// feels nothing and does not tremble.
+/// Hand that holds the scope of a scripted run, in the second device: the camera translates and rotates at
+/// constant speed to the pose that a script's step requests, without collision avoidance, and follows its
+/// target. It has no force feedback and no tremor.
 class ScopeHand {
  public:
-  /// It rests before the patient, above where the first hand begins. @param model  outlives it
+  /// Initially rests in front of the patient, above the start of the first hand.
+  /// @param model  outlives the hand
   ScopeHand(const Model& model, const Point<World>& start);
 
   void look(const ScopeStep& step) { step_ = step; }
-  /// The camera is within half a millimetre of where the step wants it, and within two degrees.
+  /// Whether the camera is within half a millimetre and two degrees of the requested pose.
   bool is_there() const { return is_there_; }
-  /// @param felt  the last tick, in which the patient and the first device are
+  /// @param felt  last tick, with the pose of the patient and of the first device
   void advance(const TickRecord& felt, double dt_s);
   const DeviceState& state() const { return state_; }
 

@@ -15,64 +15,68 @@
 
 namespace palpate {
 
-/// What the person commands besides moving the hand.
+/// Commands of the simulated person other than hand motion.
 struct HandCommands {
-  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();  ///< as it was commanded last
-  std::optional<ForceMethod> method;                                    ///< to be felt from now on
-  std::optional<bool> motor;                                            ///< on or off from now on
-  std::optional<TissueLaw> law;                                         ///< of soft tissue, from now on
+  /// Last commanded rotation of the object
+  Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
+  std::optional<ForceMethod> method;  ///< Method to be used from now on
+  std::optional<bool> motor;          ///< Motor switch from now on
+  std::optional<TissueLaw> law;       ///< Law of soft tissue from now on
   std::optional<StrokeAction> stroke;
-  /// Told to it: the model's version to which what it asked of a stroke last has led; 0: there was no such
-  /// stroke. Empty: that is not known yet.
+  /// Input: model version produced by the last stroke request; 0: there was no such stroke. Empty: not known
+  /// yet.
   std::optional<std::uint32_t> stroke_led_to = {};
-  /// Likewise of the law that it asked for last; 0: it cannot be.
+  /// Input: the same for the last law request; 0: the law is not possible.
   std::optional<std::uint32_t> law_led_to = {};
-  /// What the second hand's scope is to look at from now on; and, told to it, whether it does.
+  /// Target of the second hand's scope from now on. scope_is_there is an input: whether the scope has reached
+  /// it.
   std::optional<ScopeStep> scope = {};
   bool scope_is_there = false;
 };
 
-/// The person: follows a palpation script by moving where the hand intends the tip to be, feeling what
-/// a person feels (the force sent and where the tip is), with a person's slowness and tremor.
+/// Simulated person who follows a palpation script by moving the intended tip position, given what a person
+/// perceives (the commanded force and the tip's position), with a person's reaction time and tremor.
 ///
-/// It goes where nothing felt is in the way, and never on into tissue. What it meets on the way, another
-/// structure than asked, a force that it does not get, a tip deeper than the force explains: it gives up and
-/// goes back the way it came. An approach is then tried at other places; when these are used up, and after
-/// any other step, the step has failed, and what follows is skipped until the next approach.
+/// Motion is planned through free space and never continues into tissue. On an unexpected event (contact with
+/// another structure than requested, a force that is not reached, a tip deeper than the force explains) the
+/// hand retreats along its path. An approach is then tried at other places; when these are exhausted, and
+/// after a failure of any other step, the step has failed and the following steps are skipped until the next
+/// approach.
 class ScriptedHand {
  public:
-  /// Finds places for every approach of the script. Error with the script's line for a device or hand that
-  /// there is not, and for a structure that is absent, ambiguous or not felt. What cannot be reached is no
-  /// error but a step that will fail.
+  /// Finds places for every approach of the script. Error with the script's line for an unknown device or
+  /// hand, and for a structure that is absent, ambiguous or without contact. An unreachable place is not an
+  /// error; its step will fail.
   static Result<ScriptedHand> create(const Model& model, const Script& script);
 
-  /// Where the tip rests before the first step: in the air before the patient.
+  /// Rest position of the tip before the first step: in the air in front of the patient.
   Point<World> start() const { return start_; }
-  /// The next intention after a tick, `dt_s` later; nullopt when the script is done. May change the commands.
+  /// Next intended position after a tick, `dt_s` later; empty when the script is done. May change the
+  /// commands.
   std::optional<Point<World>> next(const TickRecord& felt, double dt_s, HandCommands& commands);
-  /// Runs the script once more from its first step, from where the hand and the object are now.
+  /// Restarts the script at its first step, from the current position of hand and object.
   void begin_again() { step_ = 0; }
-  /// 0 ... 1, by steps.
+  /// Progress in steps, 0 ... 1.
   double progress() const { return static_cast<double>(step_) / static_cast<double>(steps_.size()); }
-  /// Steps that failed, a sentence each with the script's line.
+  /// Failed steps, one sentence each with the script's line.
   const std::vector<std::string>& trouble() const { return trouble_; }
-  /// Where the approaches touched, as far as they have.
+  /// Contact points of the approaches so far.
   const std::vector<TouchFigure>& touches() const { return touches_; }
-  /// What the script asks for, by structure, in the order of the approaches.
+  /// Requested holds by structure, in the order of the approaches.
   std::vector<HoldAsked> asked() const;
 
  private:
   struct PlannedStep {
     ScriptStep action;
     int line = 0;
-    LabelId structure = 0;  // of the last approach
-    TouchPlaces places;     // of an approach
+    LabelId structure = 0;  // structure of the last approach
+    TouchPlaces places;     // candidates of an approach
   };
   enum class Approach : std::uint8_t { kPlan, kWalk, kTouch };
   ScriptedHand(const Model& model, const Script& script, const PlantDevice& device, const PlantHand& hand);
   Result<PlannedStep> planned(const ScriptStep& action, int line, LabelId before, const std::string& where);
 
-  // ---- steps: one tick, true when done
+  // ---- steps: each call is one tick and returns true when the step is done
   bool run_step(const PlannedStep& step, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool approach(const PlannedStep& step, const TickRecord& felt, double dt_s);
   double touch_of_approach() const;
@@ -90,7 +94,7 @@ class ScriptedHand {
   bool change_method(const MethodStep& change, const TickRecord& felt, double dt_s, HandCommands& commands);
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
 
-  // ---- what goes wrong
+  // ---- failures
   std::optional<std::string> overreach(const TickRecord& felt, double dt_s);
   std::optional<std::string> lost(const PlannedStep& step, const TickRecord& felt, double dt_s);
   std::optional<std::string> kept_badly(double time_s) const;
@@ -100,7 +104,7 @@ class ScriptedHand {
   std::string skipped() const;
   std::string touched_instead(const TickRecord& felt) const;
 
-  // ---- how it moves
+  // ---- motion
   void feel(const TickRecord& felt, double dt_s);
   bool walk(double speed_mm_s, const TickRecord& felt, double dt_s);
   void keep_force(const TickRecord& felt, double dt_s);
@@ -118,47 +122,49 @@ class ScriptedHand {
   const Model* model_;
   PlantDevice device_;
   PlantHand hand_;
-  TissueLaw law_;  // the scene's, then the script's
+  TissueLaw law_;  // initially the scene's, then the script's
   FreeSpace free_space_;
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;
-  bool cutting_ = false;  ///< the motor runs: what is touched gives way, whatever it is pressed with
+  bool cutting_ = false;  ///< Whether the motor runs: tissue is removed at any pressing force
   std::vector<std::string> trouble_;
   std::vector<TouchFigure> touches_;
   Point<World> start_;
 
-  // where it is
+  // state of the script
   std::size_t step_ = 0;
-  double step_time_s_ = 0, time_s_ = 0;  // in the step; 0 in its first tick
+  // time since the step began, 0 in its first tick; time since the script began
+  double step_time_s_ = 0, time_s_ = 0;
   Point<World> intention_;
-  bool touching_ = false;               // an approach has touched and nothing has failed since
-  bool withdrawing_ = false;            // after a failure
-  std::vector<Point<Patient>> way_;     // corners still to walk, last one first
-  std::vector<Point<Patient>> way_in_;  // corners of the last approach and of slides since, in order
-  // of an approach
+  bool touching_ = false;               // an approach has made contact and nothing has failed since
+  bool withdrawing_ = false;            // retreating after a failure
+  std::vector<Point<Patient>> way_;     // remaining corners of the path, the last one first
+  std::vector<Point<Patient>> way_in_;  // corners of the last approach and of subsequent slides, in order
+  // state of an approach
   Approach phase_ = Approach::kPlan;
   std::size_t place_ = 0;
-  std::string refusal_;     // why the last place was given up
-  bool elsewhere_ = false;  // after withdrawing it is tried at the next place
+  std::string refusal_;     // reason for abandoning the last place
+  bool elsewhere_ = false;  // whether the next place is tried after retreating
   double phase_time_s_ = 0, met_s_ = 0;
-  // of a contact
-  Vector<World> inward_;  // the direction of pressing
-  double asked_N_ = 0;    // by the last press; 0: only a touch
+  // state of a contact
+  Vector<World> inward_;  // pressing direction
+  double asked_N_ = 0;    // force of the last press; 0: contact only
   double wanted_N_ = 0;
-  double touch_N_ = 0;  ///< that ends the approach (touch_of_approach)
+  double touch_N_ = 0;  ///< Force that ends the approach (touch_of_approach)
   double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
   double settled_s_ = 0, longest_s_ = 0, slid_mm_ = 0, sum_Ns_ = 0;
-  Point<Patient> contact_;  // of a slide, in the tick before
+  Point<Patient> contact_;  // contact point of a slide in the previous tick
   Point<World> leaving_from_;
-  double left_s_ = 0, pressed_s_ = 0;  // since the way out was walked; while it let go of what it pressed
+  // time since the end of the way out was reached; duration of releasing the contact
+  double left_s_ = 0, pressed_s_ = 0;
   bool turning_ = false;
   double turned_s_ = 0;
   Eigen::Quaterniond rotation_start_ = Eigen::Quaterniond::Identity();
-  std::optional<Transform<World, Patient>> lay_;  // where the patient lay in the tick before
-  double felt_N_ = 0;                             // low-passed, as a person feels it
-  Vector<World> felt_normal_;                     // likewise
+  std::optional<Transform<World, Patient>> lay_;  // pose of the patient in the previous tick
+  double felt_N_ = 0;                             // perceived force, low-pass filtered
+  Vector<World> felt_normal_;                     // perceived normal, low-pass filtered
 
-  // tremor: three sinusoids between 8 and 12 Hz a axis
+  // tremor: three sinusoids between 8 and 12 Hz per axis
   struct Wave {
     double amplitude_mm, omega, phase;
   };

@@ -9,37 +9,39 @@
 
 namespace palpate {
 
-/// Where on a structure an approach is to touch.
+/// Requested contact point of an approach.
 struct TouchWish {
-  std::optional<Vector<Patient>> landmark;  ///< farthest this way, unit
-  std::vector<Point<Patient>> near;         ///< nearest to one of these; empty: anywhere
-  std::optional<Vector<Patient>> from;      ///< whence the hand comes, unit; empty: whence it can
-  double clearance_mm = 15;  ///< length of the last straight stretch, at most where that is free
+  std::optional<Vector<Patient>> landmark;  ///< Unit direction whose extreme point is requested
+  std::vector<Point<Patient>> near;  ///< Points, the nearest to any of which is requested; empty: anywhere
+  /// Unit vector towards the approaching hand; empty: chosen by reachability
+  std::optional<Vector<Patient>> from;
+  double clearance_mm = 15;  ///< Length of the final straight segment, limited by the free space
 };
-/// What is asked for counts as met this far from it.
+/// Tolerance between the requested and the chosen place.
 inline constexpr double kAstray_mm = 5;
 
-/// A place with a free way to it: from the air about the patient to `before`, then straight.
+/// Contact point with a collision-free path: from the air around the patient to `before`, then straight.
 struct TouchPlace {
   SurfacePoint surface;
-  Vector<Patient> from;     ///< unit; the straight stretch comes from there
-  Point<Patient> before;    ///< where it begins
-  Point<Patient> in_front;  ///< where it ends: the tool is just free of the surface
+  Vector<Patient> from;     ///< Unit vector along the straight segment, away from the surface
+  Point<Patient> before;    ///< Beginning of the straight segment
+  Point<Patient> in_front;  ///< End of the straight segment: the tool just clears the surface
 };
 
 struct TouchPlaces {
-  std::vector<TouchPlace> places;  ///< best first, some millimetres apart
-  std::string why_none;            ///< where there are none: in words
+  std::vector<TouchPlace> places;  ///< Best first, some millimetres apart
+  std::string why_none;            ///< Reason if there are none
 };
 
-/// How far the tool stands out from its tip, mm.
+/// Radius of the tool about its tip, mm.
 double tool_reach_mm(const Tool& tool);
 
-/// @param structure  is felt
+/// Contact points for an approach, best first.
+/// @param structure  a structure with contact
 TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, LabelId structure,
                               const TouchWish& wish);
 
-/// The felt structure whose voxels are nearest to a point, at most kAstray_mm away; 0: none.
+/// Structure with contact whose voxels are nearest to a point, within kAstray_mm; 0: none.
 LabelId felt_structure_near(const Model& model, const Point<Patient>& point);
 
 }  // namespace palpate

@@ -14,29 +14,29 @@
 
 namespace palpate {
 
-/// A scripted hand with a simulated device, and a scope in another hand where the script has one, on the
-/// virtual clock: sense, tick, feel, act.
+/// Scripted hand with a simulated device, and a second hand with a scope if the script uses one, on the
+/// virtual clock: sense, tick, perceive, act.
 class VirtualRun {
  public:
-  /// @param progress  of what takes seconds between two ticks; without it that is not interrupted
+  /// @param progress  allows interruption of operations that take seconds between two ticks; optional
   VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup, ScriptedHand hand,
              Progress progress = {});
 
-  /// Senses where the device is and ticks.
+  /// Reads the devices and ticks.
   const TickRecord& tick();
-  /// The hand feels the last tick and acts; false: its script is done and nothing moved.
+  /// Passes the last tick to the hand, which acts; false: the script is done and nothing moved.
   bool act();
 
-  // ---- of the last tick
+  // ---- state of the last tick
   const DeviceState& sensed() const { return sensed_[0]; }
   const Wrench& sent() const { return sent_[0]; }
-  /// Where the hand wanted to be after it.
+  /// Intended position of the hand after the tick.
   const Point<World>& intended() const { return intended_; }
   double time_s() const { return state_.time_s; }
-  /// As it is felt now.
+  /// Current model version.
   const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
-  /// What the script asked for since it was asked last, with the tick that feels it first.
+  /// Commands of the script since the last call, each with the first tick to which it applies.
   std::vector<RecordingEvent> take_told() { return std::exchange(told_, {}); }
 
  private:
@@ -45,7 +45,7 @@ class VirtualRun {
   void change_stroke(StrokeAction action);
   void change_law(TissueLaw law);
 
-  std::shared_ptr<const Model> model_, felt_;  // that the next tick feels; that the last one felt
+  std::shared_ptr<const Model> model_, felt_;  // model of the next tick; model of the last tick
   const double dt_s_;
   ScriptedHand hand_;
   SimulatedDevice device_;
@@ -53,13 +53,13 @@ class VirtualRun {
   Parameters parameters_;
   SessionState state_;
   std::optional<ScopeHand> scope_;
-  std::array<DeviceState, 2> sensed_;  // the scope's last
+  std::array<DeviceState, 2> sensed_;  // the scope's is the last
   std::array<Wrench, 2> sent_;
   Point<World> intended_;
   TickRecord record_;
-  double cut_s_ = 0;                                         // when the model was cut last
-  std::optional<StrokeAction> stroke_;                       // that the script wants
-  std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // HandCommands
+  double cut_s_ = 0;                                         // time of the last cut
+  std::optional<StrokeAction> stroke_;                       // pending stroke request of the script
+  std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
   YieldsOnVirtualClock yields_;
