@@ -11,7 +11,7 @@
 namespace palpate {
 
 ChildProcess::ChildProcess(pid_t id) : id_(id), file_(static_cast<int>(::syscall(SYS_pidfd_open, id, 0))) {
-  // it has ended, and whoever ignores SIGCHLD has left nothing of it
+  // the child has ended and was already reaped, because this process ignores SIGCHLD
   if (file_ < 0 && errno == ESRCH) id_ = -1;
 }
 

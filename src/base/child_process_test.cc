@@ -19,7 +19,7 @@ namespace {
 pid_t fork_to(void (*work)()) {
   const pid_t id = ::fork();
   if (id == 0) {
-    // where a test fails nothing stays behind
+    // a test that fails leaves no process behind
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     work();
     ::_exit(0);
@@ -56,7 +56,7 @@ TEST(ChildProcess, EndsWithItsObject) {
   EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
 }
 
-// its number may be another's by then, and no signal goes there
+// the process id may be reused by then: no signal must be sent to it
 TEST(ChildProcess, ThatHasEndedIsLeftAloneWhereNobodyHeedsItsEnd) {
   for (const bool ignored : {false, true}) {
     testing::Child child([&] {

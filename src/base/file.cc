@@ -38,9 +38,9 @@ std::filesystem::path folder_of(const std::filesystem::path& file) {
   return parent.empty() ? std::filesystem::path(".") : parent;
 }
 
-// Where a link leads, through further links, also when nothing is there; other names as they are.
+// target of a chain of symbolic links, whether or not it exists; other paths are returned unchanged
 std::filesystem::path end_of_links(std::filesystem::path file) {
-  constexpr int kMostLinks = 40;  // as the kernel follows
+  constexpr int kMostLinks = 40;  // as in the kernel
   std::error_code failed;
   for (int links = 0; links < kMostLinks; ++links) {
     if (!std::filesystem::is_symlink(std::filesystem::symlink_status(file, failed))) break;
@@ -51,7 +51,7 @@ std::filesystem::path end_of_links(std::filesystem::path file) {
   return file;
 }
 
-// Which part of the way to a file is missing, or is no folder.
+// completes the error with the first part of the path that is missing or is not a folder
 void tell_what_is_missing(Error& error, const std::filesystem::path& file, int error_number) {
   std::error_code ignored;
   const auto folder = folder_of(file);
@@ -70,7 +70,7 @@ void tell_what_is_missing(Error& error, const std::filesystem::path& file, int e
   }
 }
 
-// The end of a name that writers choose the format by: ".nii.gz", ".seg.nrrd", ".h5". Short, so that the
+// Extension by which writers choose the format: ".nii.gz", ".seg.nrrd", ".h5". Limited in length, so that the
 // temporary's name fits wherever the target's does.
 std::string ending_of(const std::string& name) {
   constexpr std::size_t kLongest = 12;
@@ -81,9 +81,9 @@ std::string ending_of(const std::string& name) {
   return name.substr(two ? before : last);
 }
 
-// ---- who writes what -----------------------------------------------------------------------------
+// ---- claims on output files ----------------------------------------------------------------------
 
-// how the hidden files begin that stand beside a target while it is written
+// common prefix of the names of a target's temporaries and lock file
 std::string hidden_prefix(const std::filesystem::path& target) {
   const std::string name = target.filename().string();
   std::uint64_t hash = kHashSeed;
@@ -100,7 +100,7 @@ bool is_there_still(int descriptor, const std::string& file) {
          opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
-// the prefix of a hidden file's name, as hidden_prefix() makes them; empty: another program named it
+// prefix of a hidden file's name, in the form of hidden_prefix(); empty: named by another program
 std::string prefix_of_hidden(std::string_view name) {
   constexpr std::string_view kBegin = ".palpate-";
   constexpr std::size_t kLength = kBegin.size() + 16;
@@ -110,7 +110,7 @@ std::string prefix_of_hidden(std::string_view name) {
   return rest == ".lock" || rest.starts_with('-') ? std::string(name.substr(0, kLength)) : "";
 }
 
-// the temporaries in a folder, by their prefix; a prefix whose lock alone is there has none
+// temporaries of a folder, by prefix; a prefix with only a lock file has an empty list
 std::map<std::string, std::vector<std::filesystem::path>> temporaries_in(
     const std::filesystem::path& folder) {
   std::map<std::string, std::vector<std::filesystem::path>> found;
@@ -125,7 +125,8 @@ std::map<std::string, std::vector<std::filesystem::path>> temporaries_in(
   return found;
 }
 
-// only files of this account: a link, or another account's file under such a name, is not a temporary of ours
+// removes only regular files of this account: a link, or another account's file of such a name, is not a
+// temporary of palpate
 void remove_temporaries(const std::vector<std::filesystem::path>& files) {
   for (const auto& file : files) {
     struct stat status {};
@@ -144,11 +145,13 @@ Error written_by_another(const std::filesystem::path& target, int descriptor) {
           target.string(), "wait until that has ended, or name another file"};
 }
 
-/// The files that this process claims. A process loses its lock on a file when it closes the file, however
-/// often it has it open: each lock is opened once and counted.
+/// Registry of the output files that this process claims. A POSIX lock is released when the process closes
+/// any descriptor of the file, so each lock file is opened once and its claims are counted.
 class Claims {
  public:
-  /// @param target  at the end of links. Returns the name of the lock.
+  /// Claims a file; returns the path of its lock file.
+  /// @param target  path with symbolic links resolved
+  /// @param named  path as the user named it, for errors
   Result<std::string> take(const std::filesystem::path& target, const std::filesystem::path& named) {
     const std::lock_guard guard(mutex_);
     std::error_code failed;
@@ -170,7 +173,7 @@ class Claims {
     return lock;
   }
 
-  /// Does not wait for whoever is here.
+  /// Removes all unfinished output of this process. Returns without effect if another thread holds the mutex.
   void abandon() {
     const std::unique_lock guard(mutex_, std::try_to_lock);
     if (!guard) return;
@@ -196,7 +199,7 @@ class Claims {
   void give_back(const std::string& lock) {
     const std::lock_guard guard(mutex_);
     const auto held = held_.find(lock);
-    // a copy of the process that made the claim has none
+    // a forked copy of the process that made the claim has none
     if (held == held_.end() || held->second.process != ::getpid() || --held->second.count > 0) return;
     ::unlink(lock.c_str());
     ::close(held->second.descriptor);
@@ -210,12 +213,12 @@ class Claims {
     int count;
   };
 
-  // Removes what a process left behind that died while it wrote another file of the folder: nobody holds that
-  // file's lock then. `files` were there before the lock is looked at, and whoever takes the lock meanwhile
-  // begins temporaries with names of their own: none of a process that lives is among them.
+  // Removes temporaries left by a process that died while writing another file of the folder: that file's
+  // lock is then free. `files` were listed before the lock is tested, and a process that takes the lock
+  // meanwhile creates temporaries with new names, so none of them belongs to a running process.
   void sweep(const std::string& lock, const std::vector<std::filesystem::path>& files) {
     struct stat status {};
-    // without its lock file nobody may write a temporary, except on a disk that knows no locks
+    // Without its lock file no process may write a temporary, except on a file system without locks.
     if (::lstat(lock.c_str(), &status) != 0 || !S_ISREG(status.st_mode) || is_held(status)) return;
     const int descriptor = ::open(lock.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY);
     if (descriptor < 0) return;
@@ -228,7 +231,7 @@ class Claims {
     ::close(descriptor);
   }
 
-  // closing another descriptor of a file that is locked here would give its lock back
+  // closing another descriptor of a file locked by this process would release its lock
   bool is_held(const struct stat& lock) const {
     return std::ranges::any_of(held_, [&](const auto& entry) {
       struct stat status {};
@@ -238,8 +241,8 @@ class Claims {
   }
 
   static Result<int> lock_file(const std::string& lock, const std::filesystem::path& named) {
-    // who had it removes it when he has done, perhaps between our opening and our locking it; another run
-    // that sweeps the folder holds it for a moment
+    // The owner removes the lock file when it has finished, perhaps between the open and the lock below;
+    // another run that sweeps the folder holds the lock briefly.
     constexpr int kTries = 5;
     for (int tries = 0;;) {
       const int descriptor =
@@ -264,13 +267,13 @@ class Claims {
   std::set<std::filesystem::path> unfinished_;
 };
 
-// never destroyed: claims may be given back at any time
+// never destroyed: claims may be released at any time, including during static destruction
 Claims& claims() {
   static Claims* const all = new Claims;
   return *all;
 }
 
-// ---- what is no file -----------------------------------------------------------------------------
+// ---- paths that are not regular files ------------------------------------------------------------
 
 bool is_special(mode_t mode) {
   return !S_ISREG(mode) && !S_ISDIR(mode);
@@ -289,7 +292,7 @@ Error cannot_be_read(const std::filesystem::path& file, int error_number) {
           ""};
 }
 
-// read_some(bytes so far, room for more) until the room is full or the file ends
+// calls read_some(bytes read, rest of the buffer) until the buffer is full or the file ends
 template <class ReadSome>
 Result<std::size_t> read_by(const std::filesystem::path& file, std::span<std::byte> bytes,
                             const ReadSome& read_some) {
@@ -343,13 +346,13 @@ Error output_error(const std::filesystem::path& file, int error_number) {
 }
 
 Result<InputFile> InputFile::open(const std::filesystem::path& file) {
-  // neither a pipe without a writer nor a line without a carrier makes this wait, and no terminal becomes
-  // ours
+  // O_NONBLOCK: no wait for a pipe's writer or a line's carrier. O_NOCTTY: no terminal becomes the
+  // controlling terminal.
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (descriptor < 0) {
     const int failure = errno;
     struct stat status {};
-    // sockets, and devices that are not there, do not even open
+    // opening a socket, or a device that is absent, fails
     if (::stat(file.c_str(), &status) == 0 && is_special(status.st_mode))
       return not_a_file(file, status.st_mode);
     const bool missing = failure == ENOENT;
@@ -420,7 +423,7 @@ Result<std::string> read_file(const std::filesystem::path& file, std::size_t max
 
 Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   if (target.empty()) return Error{ErrorKind::kOutput, "an output has an empty name", "", "name a file"};
-  // a link stays, and what it leads to is written
+  // a link is preserved: its target is written
   const auto file = end_of_links(target);
   std::error_code failed;
   const auto status = std::filesystem::status(file, failed);
@@ -436,7 +439,7 @@ Result<PendingFile> PendingFile::create(const std::filesystem::path& target) {
   std::string pattern = (folder_of(file) / (hidden_prefix(file) + "-XXXXXX" + ending)).string();
   const int fd = ::mkostemps(pattern.data(), static_cast<int>(ending.size()), O_CLOEXEC);
   if (fd < 0) return output_error(target, errno);
-  // the usual permissions of a new file instead of mkstemp's private ones
+  // the default permissions of a new file instead of mkstemp's private ones
   const mode_t mask = ::umask(0);
   ::umask(mask);
   ::fchmod(fd, 0666 & ~mask);
@@ -484,7 +487,7 @@ Result<void> write_file(const std::filesystem::path& file, std::string_view byte
 bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   std::error_code failed;
   if (std::filesystem::equivalent(a, b, failed)) return true;
-  // a file that is not there yet is known by the place where it would be
+  // a file that does not exist yet is identified by its canonical path
   const auto place = [&](const std::filesystem::path& file) {
     return std::filesystem::weakly_canonical(std::filesystem::absolute(end_of_links(file), failed), failed);
   };
@@ -499,7 +502,7 @@ Result<OutputClaim> OutputClaim::take(const std::filesystem::path& file) {
 }
 
 void abandon_outputs() noexcept try { claims().abandon(); } catch (const std::exception&) {
-  // no memory: the next run sweeps
+  // out of memory: the next run removes the temporaries
 }
 
 UnfinishedFolder::UnfinishedFolder(std::filesystem::path folder) : folder_(std::move(folder)) {

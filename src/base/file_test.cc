@@ -57,7 +57,7 @@ TEST_F(FileTest, UncommittedFileLeavesNothing) {
 }
 
 TEST_F(FileTest, AFullDiskIsAnOutputErrorThatKeepsTheOldFile) {
-  // the limit on file sizes stands in for a full disk
+  // the file size limit stands in for a full disk
   ASSERT_TRUE(write_file(folder_ / "a", "old").ok());
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;
@@ -88,7 +88,7 @@ TEST_F(FileTest, WhoEndsAtOnceLeavesNothingUnfinished) {
   abandon_outputs();
   EXPECT_EQ(folder_.count(), 1u);
   EXPECT_EQ(*read_file(folder_ / "whole"), "x");
-  // what is finished stays
+  // finished output stays
   unfinished.reset();
   fs::create_directories(folder);
   abandon_outputs();
@@ -115,7 +115,7 @@ TEST_F(FileTest, WhatStandsInTheWayIsNamed) {
     EXPECT_EQ(write_file(folder_ / below, "x").error().where, (folder_ / "a").string());
   const Error error = output_error(folder_ / "a", ENOTDIR);
   EXPECT_NE(error.message().find("/a: is a file and not a folder"), std::string::npos) << error.message();
-  // a folder that is there and still takes nothing is not called missing
+  // a folder that exists but is not writable is not reported as missing
   EXPECT_NE(write_file("/proc/x.h5", "x").error().what.find("takes no files"), std::string::npos);
 }
 
@@ -130,7 +130,7 @@ TEST_F(FileTest, ALinkStaysAndItsTargetIsWritten) {
   EXPECT_EQ(*read_file(folder_ / "target"), "new");
   EXPECT_EQ(*read_file(folder_ / "not-yet"), "made");
 
-  // a ring of links is an error and no endless walk
+  // a cycle of links is an error and no endless loop
   fs::create_symlink("ring-b", folder_ / "ring-a");
   fs::create_symlink("ring-a", folder_ / "ring-b");
   EXPECT_EQ(write_file(folder_ / "ring-a", "x").error().kind, ErrorKind::kOutput);
@@ -142,7 +142,7 @@ TEST_F(FileTest, NamesAsLongAsTheSystemTakesAreWritten) {
     EXPECT_TRUE(write_file(folder_ / name, "x").ok()) << ending;
   }
   EXPECT_TRUE(write_file(folder_ / ("a." + std::string(253, 'e')), "x").ok());
-  // one more is refused before work begins
+  // one more is rejected before work begins
   const auto checked = claim_output(folder_ / std::string(256, 'n'));
   ASSERT_FALSE(checked.ok());
   EXPECT_NE(checked.error().what.find("too long"), std::string::npos);
@@ -198,7 +198,7 @@ TEST_F(FileTest, WhatOneProcessWritesNoOtherDoes) {
   fs::create_directory(folder_ / "sub");
   auto claim = claim_output(folder_ / "a.h5");
   ASSERT_TRUE(claim.ok());
-  // the process itself goes on, and the claim stands when the file does
+  // the process itself continues, and the claim remains after the file is written
   ASSERT_TRUE(write_file(folder_ / "a.h5", "mine").ok());
   testing::Child other([&] {
     for (const char* name : {"a.h5", "link.h5", "sub/../a.h5"})
@@ -255,7 +255,7 @@ TEST_F(FileTest, NothingOfARunThatLivesIsSwept) {
   ASSERT_TRUE(own.ok());
   ASSERT_TRUE(write_file(folder_ / "x", "x").ok());
   EXPECT_EQ(folder_.count(), 5u) << "two temporaries, two locks and x";
-  // and the lock on its own file is this process's still
+  // and this process still holds the lock on its own file
   testing::Child refused([&] {
     if (write_file(folder_ / "own.h5", "theirs").ok()) ::_exit(1);
   });
@@ -266,7 +266,7 @@ TEST_F(FileTest, NothingOfARunThatLivesIsSwept) {
   EXPECT_TRUE(fs::exists(folder_ / "beside.h5"));
 }
 
-// each run sweeps the folder in which the others write
+// each run sweeps the folder into which the others write
 TEST_F(FileTest, RunsThatSweepOneFolderDisturbNoneOfTheOthers) {
   constexpr int kRuns = 3, kFiles = 60;
   std::vector<std::unique_ptr<testing::Child>> runs;
@@ -285,7 +285,7 @@ TEST_F(FileTest, WhatOthersNamedIsNotSwept) {
   for (const std::string name :
        {".palpate-notes", ".palpate-0123456789abcdeg-abcdef", ".palpate-0123456789abcdef", "palpate-x"})
     test::write_text(folder_ / name, "another program's");
-  // the lock of a process that is gone, and links under a temporary's and under a lock's name
+  // lock file of a dead process, and links under the names of a temporary and of a lock file
   test::write_text(folder_ / (prefix + ".lock"), "");
   test::write_text(folder_ / (prefix + "-abcdef.h5"), "left behind");
   fs::create_symlink("elsewhere", folder_ / (prefix + "-linked"));
@@ -316,7 +316,7 @@ TEST_F(FileTest, WhatOnlyLooksLikeAFileIsRefusedAtOnce) {
   fs::create_symlink("pipe", folder_ / "link");
   refused_as(folder_ / "pipe", "a pipe");
   refused_as(folder_ / "link", "a pipe");
-  // with a writer there would be bytes, and no end
+  // with a writer there would be bytes, and no end of file
   const int writer = ::open((folder_ / "pipe").c_str(), O_RDWR | O_CLOEXEC);
   EXPECT_EQ(::write(writer, "x", 1), 1);
   refused_as(folder_ / "pipe", "a pipe");
@@ -337,7 +337,7 @@ TEST_F(FileTest, AnOpenFileStaysWhatItWas) {
   ASSERT_TRUE(write_file(folder_ / "a", "0123456789").ok());
   auto opened = InputFile::open(folder_ / "a");
   ASSERT_TRUE(opened.ok());
-  // another takes its name
+  // another file takes its name
   ASSERT_TRUE(write_file(folder_ / "a", "other").ok());
   EXPECT_EQ(opened->size(), 10u);
   std::array<char, 4> bytes{};

@@ -13,11 +13,11 @@
 namespace palpate {
 namespace {
 
-// Neighbouring indices often share most of their input, so a worker takes a few at a time; not so many that
-// the last worker keeps the others waiting.
+// Maximum number of indices that a worker takes at once. Neighbouring indices often share most of their
+// input, but large chunks would leave the other workers idle at the end.
 constexpr int kMostNeighbours = 8;
 
-/// What the workers share: which index is next, and whether there is to be one.
+/// State shared by the workers: the next index, and whether to stop.
 class IndexQueue {
  public:
   IndexQueue(int count, int workers, const std::function<bool(int, int)>& work)
@@ -34,13 +34,13 @@ class IndexQueue {
         }
       }
     } catch (...) {
-      // of several the first is told
+      // the first exception is rethrown
       if (!failed_.exchange(true, std::memory_order_relaxed)) failure_ = std::current_exception();
       stopped_.store(true, std::memory_order_relaxed);
     }
   }
 
-  // ---- when all have ended
+  // ---- after all workers have ended
   bool stopped() const { return stopped_.load(std::memory_order_relaxed); }
   void rethrow() const {
     if (failure_ != nullptr) std::rethrow_exception(failure_);
@@ -77,7 +77,7 @@ bool for_each_index(int count, int workers, const std::function<bool(int worker,
         others.emplace_back([&queue, worker] { queue.work_off(worker); });
     } catch (const std::system_error&) {
     } catch (const std::bad_alloc&) {
-      // those that there are do it all
+      // the threads that could be created do all the work
     }
     queue.work_off(0);
   }

@@ -18,7 +18,7 @@ TEST(ForEachIndex, TakesEachOnceForAnyNumberOfWorkers) {
   for (const int workers : {1, 2, 3, 64}) {
     for (const int count : {0, 1, 2, 7, 1000}) {
       std::vector<std::atomic<int>> taken(static_cast<std::size_t>(count));
-      // each worker's own: no lock
+      // one list for each worker: no lock
       std::vector<std::vector<std::thread::id>> threads(static_cast<std::size_t>(workers));
       EXPECT_TRUE(for_each_index(count, workers, [&](int worker, int index) {
         taken[static_cast<std::size_t>(index)] += 1;
@@ -45,7 +45,7 @@ TEST(ForEachIndex, BeginsNoFurtherOnceItIsStopped) {
   for (const int workers : {1, 4}) {
     std::atomic<int> begun{0};
     EXPECT_FALSE(for_each_index(1'000'000, workers, [&](int, int) { return ++begun < 10; }));
-    // each of the others may have been about to begin one
+    // every other worker may already have been about to start one
     EXPECT_LE(begun, 10 + workers - 1);
   }
 }
@@ -84,15 +84,14 @@ TEST(ForEachIndex, AsManyWorkersAsThereAreProcessorsToRunOn) {
 }
 
 #ifdef __SANITIZE_THREAD__
-// ThreadSanitizer knows where a loop begins and ends, and still tells of what two of its calls do to the same
-// memory.
+// ThreadSanitizer knows where a loop begins and ends, and still reports a race between two calls of work.
 TEST(ForEachIndexDeathTest, ThreadSanitizerSeesARaceOfTwoCalls) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const auto race = [] {
     std::atomic<int> there{0};
     volatile int shared = 0;
     for_each_index(2, 2, [&](int, int index) {
-      // both are on their way, and neither is told what the other has done
+      // both calls are running, and neither synchronises with the other
       there.fetch_add(1, std::memory_order_relaxed);
       while (there.load(std::memory_order_relaxed) < 2) std::this_thread::yield();
       shared = index;

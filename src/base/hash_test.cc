@@ -18,7 +18,7 @@ std::uint64_t hash_of(const std::string& bytes) {
 }
 
 TEST(Hash, IsGolden) {
-  // pinned: recordings of older versions must keep their meaning
+  // pinned: recordings of older versions must remain valid
   EXPECT_EQ(hash_of("palpate"), 4386694648486293637ull);
   EXPECT_EQ(hash_of("the tip touches the femur"), 13214131960942926874ull);
 }
@@ -49,7 +49,7 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
   };
   std::set<std::uint64_t> seen;
   std::vector<std::uint64_t> words;
-  // as many zeros as one likes, and each bit of the most
+  // any number of zeros, and each single bit of the longest sequence
   for (std::size_t n = 0; n <= kWords; ++n) {
     EXPECT_TRUE(seen.insert(hash_of_words(words)).second) << n;
     if (n < kWords) words.push_back(0);
@@ -60,7 +60,7 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
       EXPECT_TRUE(seen.insert(hash_of_words(words)).second) << bit;
       word ^= std::uint64_t{1} << bit;
     }
-  // any two that are exchanged, those of one chain included
+  // any two words exchanged, including two of one chain
   for (std::size_t n = 0; n < kWords; ++n) words[n] = n + 1;
   seen.insert(hash_of_words(words));
   for (std::size_t a = 0; a < kWords; ++a)
@@ -84,7 +84,7 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
   std::set<std::uint64_t> seen;
   for (std::size_t size = 0; size <= kBytes; ++size)
     EXPECT_TRUE(seen.insert(hash_of_bytes(size)).second) << size;
-  // each byte, and the first word exchanged with any other
+  // each byte changed, and the first word exchanged with any other
   for (unsigned char& byte : bytes) {
     byte ^= 1;
     EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second);
@@ -95,7 +95,7 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
     EXPECT_TRUE(seen.insert(hash_of_bytes(kBytes)).second) << n;
     std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
   }
-  // the same words one by one, the last one filled up with zeros, wherever they begin among others
+  // the same words one by one, the last one padded with zeros, at any position in the buffer
   for (const std::size_t size : {kBytes, kBytes - 3, kBytes - 7}) {
     std::vector<std::uint64_t> words((size + 7) / 8);
     std::memcpy(words.data(), bytes.data(), size);

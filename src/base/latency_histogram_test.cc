@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kBucket = 1.0 / 64;
 
-// lateness as it is met: most of it small, a tail over many octaves
+// typical distribution of lateness: most of it small, a tail over many octaves
 std::vector<std::int64_t> random_samples(std::uint64_t seed, std::size_t count) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> octave(0, 33.9);
@@ -82,7 +82,7 @@ TEST(LatencyHistogram, BucketsAreNarrowAtEveryBorder) {
   for (int bits = 0; bits <= 34; ++bits)
     for (const std::int64_t step : {-1, 0, 1}) {
       const std::int64_t ns = (std::int64_t{1} << bits) + step;
-      // the larger sample lifts the cap that the maximum puts on a bucket
+      // the larger sample raises the cap that the maximum imposes on a bucket
       LatencyHistogram histogram;
       histogram.add(ns);
       histogram.add(std::int64_t{1} << 40);

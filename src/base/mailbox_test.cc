@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-// copied by functions of its own, as Eigen's types are; all words follow from the number
+// copied by non-trivial functions, as Eigen's types are; all words are derived from the number
 template <std::size_t words>
 struct Letter {
   explicit Letter(std::uint64_t n = 0) { word.fill(n); }
@@ -63,7 +63,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
   });
   std::uint64_t last = 0, faults = 0;
   for (;;) {
-    // asked before the take: what was posted before `done` is then surely seen by it
+    // read before the take: everything posted before `done` is then certainly seen by it
     const bool finished = done;
     Letter<16> letter;
     if (mailbox.take(letter)) {
@@ -81,7 +81,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
 }
 
 TEST(Mailbox, AWriterThatDiesHalfWayHoldsTheReaderUpByNothing) {
-  // so large that the writer is nearly always caught in the middle of a post
+  // so large that the writer is nearly always interrupted within a post
   using Large = Letter<32 * 1024>;
   struct Scene {
     Mailbox<Large> mailbox;

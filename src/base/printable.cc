@@ -8,12 +8,12 @@ namespace palpate {
 namespace {
 
 struct Character {
-  std::size_t bytes = 0;  // 0: the text ends within it
-  bool whole = false;     // false: one byte that is no UTF-8
+  std::size_t bytes = 0;  // 0: the text ends within the character
+  bool whole = false;     // false: one byte that is not valid UTF-8
   char32_t code = 0;
 };
 
-// the first character of a text that is not empty
+// first character of a non-empty text
 Character first_character(std::string_view text) {
   const auto byte = [&](std::size_t n) { return static_cast<unsigned char>(text[n]); };
   if (byte(0) < 0x80) return {1, true, byte(0)};
@@ -25,7 +25,7 @@ Character first_character(std::string_view text) {
     if ((byte(n) & 0xC0) != 0x80) return {1, false, byte(0)};
     code = code << 6 | (byte(n) & 0x3Fu);
   }
-  // too long a spelling, half of a pair, or beyond the last
+  // overlong encoding, half of a surrogate pair, or beyond U+10FFFF
   constexpr std::array<char32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
   if (code < kLeast[length] || (code >= 0xD800 && code < 0xE000) || code > 0x10FFFF)
     return {1, false, byte(0)};
@@ -60,7 +60,7 @@ void append_spelled_out(std::string& text, char32_t code) {
   append_hex(text, "\\u", 0xDC00 + (code & 0x3FF), 4);
 }
 
-// shows what it can, and returns what is left: less than a character
+// appends the printable form of `text` and returns the rest: an incomplete character
 std::string_view append_printable(std::string& shown, std::string_view text, bool line_ends) {
   while (!text.empty()) {
     const Character first = first_character(text);

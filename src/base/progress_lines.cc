@@ -7,7 +7,7 @@ namespace palpate {
 
 std::optional<std::string> ProgressLines::line(std::string_view stage, double fraction, Time now) {
   constexpr auto kNewStage = std::chrono::seconds(2), kSameStage = std::chrono::seconds(10);
-  // the end of a stage is told by the next one's beginning
+  // the start of the next stage implies the end of this one
   if (fraction >= 1 || now - last_ < (stage == stage_ ? kSameStage : kNewStage)) return std::nullopt;
   stage_ = stage;
   last_ = now;

@@ -36,7 +36,7 @@ std::optional<std::uint64_t> number_of_file(const std::filesystem::path& file) {
   return text ? number_in(*text) : std::nullopt;
 }
 
-// of a line "name:   123 kB"
+// value of a line "name:   123 kB"; bytes
 std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::string_view name) {
   const auto text = read_file(file, kMostProcBytes);
   if (!text) return std::nullopt;
@@ -46,7 +46,8 @@ std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::
   return kib ? std::optional(*kib << 10) : std::nullopt;
 }
 
-// what the process's control group and those above it leave; all of them, of version 2 and 1, without a limit
+// memory that the process's control group and its ancestors leave, of cgroup versions 2 and 1; the maximum
+// without a limit
 std::uint64_t left_by_groups() {
   std::uint64_t left = std::numeric_limits<std::uint64_t>::max();
   const auto see = [&](const std::filesystem::path& folder, const char* most, const char* used) {
@@ -101,7 +102,8 @@ const ReadingLimits& reading_limits() {
 Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
   const std::uint64_t most = most_memory(), now = taken();
   if (more_bytes <= most - std::min(most, now)) return {};
-  // so that what is asked for is enough: of one program's runs one has some MiB more in memory than another
+  // Margin so that the suggested limit suffices: resident memory differs by some MiB between runs of one
+  // program.
   constexpr std::uint64_t kRunsDiffer = 16 << 20;
   const std::uint64_t mebibytes = ((now + more_bytes + kRunsDiffer) >> 20) + 1;
   return Error{ErrorKind::kBadInput,

@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// leaves the process's limits as they were
+// restores the process's limits
 class ReadingTest : public ::testing::Test {
  protected:
   ~ReadingTest() override { set_reading_limits({}); }
@@ -37,7 +37,7 @@ TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
   const Error error = allow_memory(8 * kGiB, "scan.nrrd").error();
   EXPECT_EQ(error.where, "scan.nrrd");
   EXPECT_NE(error.what.find("of memory, 4.0 GiB are allowed"), std::string::npos) << error.what;
-  // the cure that it names is one
+  // the remedy that it names works
   const auto at = error.remedy.find("--memory ") + 9;
   set_reading_limits(
       {.most_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});

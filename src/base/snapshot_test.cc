@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-// bytes that all follow from the number, so that a torn copy shows
+// bytes that are all derived from the number, so that a torn copy is detected
 template <std::size_t words>
 struct Block {
   Block() = default;
@@ -76,7 +76,7 @@ TEST(Snapshot, IsNeverTornAndNeverOlder) {
         ++failures;
         block = snapshot.load();
       }
-      // a value is at least as new as the version seen before it
+      // a value is at least as new as the version read before it
       if (!block.whole() || block.number() < last || block.number() < version) ++faults;
       if (block.number() != last) ++changes;
       last = block.number();
@@ -97,7 +97,7 @@ TEST(Snapshot, IsNeverTornAndNeverOlder) {
   RecordProperty("failed_tries", std::to_string(failures));
 }
 
-// so large that a process is nearly always caught in the middle of copying it
+// so large that a process is nearly always stopped within a copy
 using Large = Block<32 * 1024>;
 struct LargeScene {
   Snapshot<Large> snapshot;
@@ -131,7 +131,7 @@ TEST(Snapshot, AReaderThatStandsStillOrDiesHalfWayHoldsNobodyUp) {
     }
   };
 
-  // stopped half-way: the copy that it goes on with afterwards is of two ages, and must be thrown away
+  // stopped half-way: the copy that it continues afterwards mixes two versions and must be discarded
   ASSERT_TRUE(reader.stop_when([&] { return scene->in_the_middle(); }));
   expect_the_writer_goes_on();
   const std::uint64_t ended = scene->ended;

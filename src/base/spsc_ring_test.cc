@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-// words that all follow from the first, so that a torn or stale copy shows
+// words that are all derived from the first, so that a torn or stale copy is detected
 struct Item {
   Item() = default;
   explicit Item(std::uint64_t number) {
@@ -42,7 +42,7 @@ TEST(SpscRing, DoesWhatABoundedDequeDoes) {
     std::deque<std::uint64_t> oracle;
     std::vector<Item> out(2 * capacity + 1);
     for (std::uint64_t n = 0; n < 20000; ++n) {
-      // more pushes than pops, but pops of up to twice the capacity: both ends are met often
+      // more pushes than pops, but pops of up to twice the capacity: the ring is often full and often empty
       if (random() % 4 != 0) {
         const bool fits = oracle.size() < capacity;
         ASSERT_EQ(ring.push(Item(n)), fits);
@@ -75,7 +75,7 @@ TEST(SpscRing, CopiesNoMoreOfAnItemThanItIsTold) {
 
 TEST(SpscRing, HasItsPagesBeforeTheyAreNeeded) {
   struct Page {
-    std::array<char, 4096> bytes;  // nothing of its own that would touch the memory
+    std::array<char, 4096> bytes;  // no initialisation that would touch the memory
   };
   const auto faults = [] {
     rusage usage{};
@@ -87,12 +87,12 @@ TEST(SpscRing, HasItsPagesBeforeTheyAreNeeded) {
   const auto before = faults();
   while (ring.push(page)) {
   }
-  // 4096 without, and at least 8 where the system maps 2 MiB at a time
+  // 4096 without pre-touched pages, and at least 8 where the system maps 2 MiB at a time
   EXPECT_LE(faults() - before, 4);
 }
 
-// the whole of a run between two threads, of so many items or some time: what was accepted comes out once,
-// whole and in order
+// A run between two threads, of a number of items or a duration: every accepted item arrives once, intact and
+// in order.
 void run_two_threads(std::size_t capacity, std::uint64_t items, bool retry) {
   SpscRing<Item> ring(capacity);
   std::atomic<bool> done = false;
@@ -113,7 +113,7 @@ void run_two_threads(std::size_t capacity, std::uint64_t items, bool retry) {
   std::uint64_t received = 0, next = 0, out_of_order = 0, torn = 0, too_large = 0;
   std::vector<Item> out(capacity / 2 + 3);
   for (bool last = false; !last;) {
-    // asked before the pop: what was pushed before `done` is then surely seen by it
+    // read before the pop: everything pushed before `done` is then certainly seen by it
     last = done && ring.size() <= out.size();
     too_large += ring.size() > ring.capacity() ? 1 : 0;
     const std::size_t count = ring.pop(out);

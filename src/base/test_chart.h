@@ -10,10 +10,10 @@
 
 namespace palpate::test {
 
-/// A picture of lines over a common axis, as SVG: tests draw what docs show.
+/// SVG line chart over a common horizontal axis: tests draw the figures of the documentation.
 class Chart {
  public:
-  /// @param first, last  of the axis across; the one that goes up begins at 0
+  /// @param first, last  range of the horizontal axis; the vertical one begins at 0
   Chart(const std::string& title, const std::string& across, const std::string& up, double first, double last,
         double most)
       : first_(first), last_(last), most_(most) {

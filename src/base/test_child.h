@@ -13,11 +13,11 @@
 
 #include "palpate/base/check.h"
 
-/// Child processes for tests of what happens when somebody stops or dies half-way.
+/// Child processes for tests of what happens when a process is stopped or dies half-way.
 namespace palpate::testing {
 
-/// Runs a function in a child process, which is killed at the latest with this object. Make it while the test
-/// has no other threads.
+/// Runs a function in a child process, which is killed at the latest with this object. Create it while the
+/// test has no other threads.
 class Child {
  public:
   template <class Work>
@@ -28,7 +28,7 @@ class Child {
     if (id_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       work();
-      // not _exit: under a sanitizer that looks for leaks first
+      // not _exit: under a sanitizer that would check for leaks first
       ::syscall(SYS_exit_group, 0);
     }
   }
@@ -37,13 +37,14 @@ class Child {
   Child& operator=(const Child&) = delete;
 
   pid_t id() const { return id_; }
-  /// Returns when the child stands still, in whatever it was doing.
+  /// Stops the child (SIGSTOP) at an arbitrary point; returns once it has stopped.
   void stop() const {
     ::kill(id_, SIGSTOP);
     ::waitpid(id_, nullptr, WUNTRACED);
   }
   void go_on() const { ::kill(id_, SIGCONT); }
-  /// Stops it again and again until `condition` holds while it stands still; false: never in 5 s.
+  /// Stops it repeatedly until `condition` holds while it is stopped; false if that does not happen within 5
+  /// s.
   template <class Condition>
   [[nodiscard]] bool stop_when(Condition&& condition) const {
     for (int n = 0; n < 5000; ++n) {
@@ -54,13 +55,13 @@ class Child {
     }
     return false;
   }
-  /// Returns when the child is gone, in whatever it was doing.
+  /// Kills the child at an arbitrary point; returns once it has ended.
   void kill() {
     if (id_ <= 0) return;
     ::kill(id_, SIGKILL);
     ::waitpid(std::exchange(id_, 0), nullptr, 0);
   }
-  /// Waits for its end; whether the work came to its own.
+  /// Waits for the child to end; true if its work completed.
   bool finished() {
     int status = 0;
     ::waitpid(std::exchange(id_, 0), &status, 0);
@@ -71,7 +72,7 @@ class Child {
   pid_t id_ = 0;
 };
 
-/// One object in memory that children share with this process.
+/// Object in memory shared with child processes.
 template <class T>
 class Shared {
  public:

@@ -11,7 +11,7 @@
 
 namespace palpate::test {
 
-/// A file of the shared data, looked for in the folders of PALPATE_DATA.
+/// Path of a shared data file, searched for in the folders of PALPATE_DATA.
 inline std::optional<std::filesystem::path> shared_file(const std::string& name) {
   const char* folders = std::getenv("PALPATE_DATA");
   std::string rest = folders != nullptr ? folders : "";
@@ -31,7 +31,8 @@ inline bool in_ci() {
 
 }  // namespace palpate::test
 
-/// Declares `variable` as the path of a shared file. Without it a test is skipped, in CI it fails.
+/// Declares `variable` as the path of a shared file. If the file is missing the test is skipped, and fails in
+/// CI.
 #define PALPATE_SHARED_FILE(variable, name)                                                        \
   const auto variable##_found = ::palpate::test::shared_file(name);                                \
   if (!variable##_found && ::palpate::test::in_ci()) FAIL() << "PALPATE_DATA holds no " << (name); \

@@ -10,7 +10,7 @@
 
 namespace palpate::test {
 
-/// A folder of its own for one test, gone afterwards. In memory where that is possible: some tests write
+/// Temporary folder for one test, removed by the destructor. In memory where possible: some tests write
 /// thousands of files.
 class TemporaryFolder {
  public:
@@ -30,7 +30,7 @@ class TemporaryFolder {
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  /// Entries in the folder itself.
+  /// Number of entries of the folder itself.
   std::size_t count() const {
     return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path_), {}));
   }
@@ -39,14 +39,14 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// Writes a file and the folders it needs.
+/// Writes a file, creating its folders.
 inline std::filesystem::path write_text(const std::filesystem::path& file, const std::string& text) {
   std::filesystem::create_directories(file.parent_path());
   std::ofstream(file, std::ios::binary) << text;
   return file;
 }
 
-/// Writes a file that its owner alone may read.
+/// Writes a file that only its owner may read.
 inline std::filesystem::path write_private(const std::filesystem::path& file, const std::string& text) {
   std::filesystem::create_directories(file.parent_path());
   std::ofstream out(file, std::ios::binary);

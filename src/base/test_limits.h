@@ -12,10 +12,11 @@
 #include <cerrno>
 #include <cstddef>
 
-/// What a process of the tests' own takes from itself for good: for a Child, never for the tests.
+/// Restrictions that a process imposes on itself irrevocably: for a Child, never for the test process.
 namespace palpate::test {
 
-/// From now on this process dies of the system call with this number. False: this kernel has no seccomp.
+/// From now on this process is killed by the system call with this number. False if the kernel has no
+/// seccomp.
 inline bool die_of(unsigned number) {
   std::array code{sock_filter BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
                   sock_filter BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, number, 0, 1),
@@ -26,8 +27,8 @@ inline bool die_of(unsigned number) {
          ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-/// From now on no further process is to be had; root, to whom no such limit applies, becomes nobody. False:
-/// it still is.
+/// From now on this process can create no further process; root, which is exempt from the limit, first
+/// becomes nobody. False if a process can still be created.
 inline bool forbid_processes() {
   constexpr unsigned kNobody = 65534;
   const rlimit none{0, 0};

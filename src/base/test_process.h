@@ -7,13 +7,13 @@
 #include <csignal>
 #include <functional>
 
-/// Processes of the tests' own.
+/// Processes that tests create.
 namespace palpate::test {
 
-/// Kills a child process wherever it is but in the middle of a write: there Linux would stop at the border
-/// between two pages (docs/reference/recording.md, limits). Returns when it is gone.
+/// Kills a child process at an arbitrary point except within a write, which Linux would cut at a page
+/// boundary (docs/reference/recording.md, limits). Returns once it has ended.
 inline void kill_between_writes(pid_t child) {
-  // to stand still it first comes to the end of its system call
+  // it stops only after completing its system call
   int status = 0;
   ::kill(child, SIGSTOP);
   ::waitpid(child, &status, WUNTRACED);
@@ -22,8 +22,7 @@ inline void kill_between_writes(pid_t child) {
   ::waitpid(child, nullptr, 0);
 }
 
-/// The most memory, MiB, that a copy of this process had while it did `work`; a negative number where that
-/// was not done.
+/// Peak memory of a copy of this process while it executes `work`; MiB. Negative if `work` failed.
 inline double peak_memory_of(const std::function<bool()>& work) {
   const pid_t child = ::fork();
   if (child == 0) ::_exit(work() ? 0 : 1);

@@ -9,7 +9,8 @@
 
 namespace palpate::test {
 
-/// While this lives, the thread that made it and those that it starts may use one processor alone.
+/// While this object lives, the thread that created it and the threads that it starts are restricted to one
+/// processor.
 class OneProcessor {
  public:
   OneProcessor() {
@@ -27,7 +28,8 @@ class OneProcessor {
   cpu_set_t before_;
 };
 
-/// While this lives, no thread is to be had in this process: each would need more stack than there is memory.
+/// While this object lives, this process can create no thread: each would need more stack than there is
+/// memory.
 class NoThreads {
  public:
   NoThreads() {

@@ -6,8 +6,8 @@
 
 namespace palpate::test {
 
-/// The seed of a randomised test, which prints it: the same in every run, so that what failed once fails
-/// again, unless PALPATE_TEST_SEED is another number, or "any" for one that nobody knows before.
+/// Seed of a randomised test, which prints it. The same in every run, so that a failure is reproducible,
+/// unless PALPATE_TEST_SEED is another number, or "any" for a random one.
 inline unsigned test_seed() {
   constexpr unsigned kSeed = 20'261'121;
   const char* asked = std::getenv("PALPATE_TEST_SEED");

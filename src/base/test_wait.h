@@ -5,11 +5,11 @@
 
 namespace palpate::testing {
 
-/// How long a test waits for what must come: a fast machine never does, and one that works on much else may
+/// Time limit for an event that a test expects: never reached on a fast machine, while a loaded machine may
 /// take a thousand times as long.
 inline constexpr std::chrono::minutes kTestPatience{5};
 
-/// Whether a condition comes true while anybody would wait for it; asked every millisecond.
+/// True once a condition holds, false after kTestPatience; tested every millisecond.
 template <class Condition>
 bool soon(Condition&& condition) {
   const auto until = std::chrono::steady_clock::now() + kTestPatience;

@@ -4,8 +4,9 @@
 
 namespace palpate {
 
-/// What two threads write is kept this far apart, so that neither takes the other's line away. A constant of
-/// ours: std::hardware_destructive_interference_size may differ between two files that are linked together.
+/// Separation of data written by two threads, so that they do not share a cache line (false sharing); bytes.
+/// A constant of palpate's own, because std::hardware_destructive_interference_size may differ between two
+/// object files that are linked together.
 inline constexpr std::size_t kCacheLine_bytes = 64;
 
 }  // namespace palpate

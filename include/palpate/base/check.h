@@ -12,6 +12,7 @@ namespace palpate::internal {
 
 }  // namespace palpate::internal
 
-/// A condition that only a bug can break. Not for input: that gets a Result.
+/// Aborts with condition, file and line when `condition` is false. For invariants that only a bug can break;
+/// invalid input is reported by a Result.
 #define PALPATE_CHECK(condition) \
   ((condition) ? void() : ::palpate::internal::check_failed(#condition, __FILE__, __LINE__))

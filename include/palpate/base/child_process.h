@@ -4,21 +4,21 @@
 
 namespace palpate {
 
-/// A process that this one has begun, held by a file of its own and not by its number: that may be another
-/// process's as soon as it has ended, where the program that palpate is part of ignores SIGCHLD or waits for
-/// whatever ends. Only a kernel that gives no such file (before Linux 5.3, some containers) leaves the
-/// number.
+/// A child process, owned through a pidfd instead of its process id. The id may be reused as soon as the
+/// child has ended if the host program ignores SIGCHLD or waits for any child; a pidfd always refers to the
+/// same process. Where the kernel provides no pidfd (before Linux 5.3, some containers) the id is used.
 class ChildProcess {
  public:
-  ChildProcess() = default;  ///< none
-  explicit ChildProcess(pid_t id);
+  ChildProcess() = default;         ///< No process.
+  explicit ChildProcess(pid_t id);  ///< The child's process id.
   ~ChildProcess() { end(); }
   ChildProcess(ChildProcess&& other) noexcept;
   ChildProcess& operator=(ChildProcess&& other) noexcept;
 
-  /// Readable when it has ended; -1: there is none.
+  /// Pidfd of the child, readable (poll) once it has ended; -1 without one.
   int file() const { return file_; }
-  /// Kills it, where it has not ended, and returns when nothing of it is left. More than once does nothing.
+  /// Kills the child with SIGKILL if it is still running, and waits until it has been reaped. Further calls
+  /// have no effect.
   void end();
 
  private:

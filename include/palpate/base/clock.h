@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-/// Nanoseconds of CLOCK_MONOTONIC: never set back, comparable between the threads and processes of one
-/// machine, meaningless beyond it. Read in user space through the vDSO: no system call.
+/// Time of CLOCK_MONOTONIC, in nanoseconds: never set back, comparable between threads and processes of one
+/// machine only. Read in user space through the vDSO, without a system call.
 inline std::int64_t monotonic_ns() noexcept {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);

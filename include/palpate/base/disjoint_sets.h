@@ -7,11 +7,12 @@
 
 namespace palpate {
 
-/// Disjoint sets of numbered members; the root of a set is its first member. Union by array with path
-/// compression (Wu, Otoo, Suzuki, Two strategies to speed up connected component labeling algorithms, 2005).
+/// Disjoint sets of numbered elements; the root of a set is its smallest element. Array-based union-find with
+/// path compression (Wu, Otoo, Suzuki, Two strategies to speed up connected component labeling algorithms,
+/// 2005).
 class DisjointSets {
  public:
-  /// A set of its own; members are numbered from 0.
+  /// Adds a set with one new element and returns the element; elements are numbered from 0.
   std::uint32_t add() {
     parent_.push_back(static_cast<std::uint32_t>(parent_.size()));
     return parent_.back();

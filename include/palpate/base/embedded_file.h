@@ -5,14 +5,14 @@
 
 namespace palpate {
 
-/// A file of the source tree that is compiled in (cmake/embed.cmake).
+/// File of the source tree that is embedded in the binary (cmake/embed.cmake).
 struct EmbeddedFile {
-  std::string_view name;  ///< without its folder
+  std::string_view name;  ///< File name without its folder.
   std::string_view text;
-  std::string_view sha256;  ///< lower-case hexadecimal
+  std::string_view sha256;  ///< SHA-256 of `text`, lower-case hexadecimal.
 };
 
-/// The file of that name, or nullptr.
+/// Finds a file by its exact name; nullptr if there is none.
 inline const EmbeddedFile* find_file(const std::vector<EmbeddedFile>& files, std::string_view name) {
   for (const EmbeddedFile& file : files)
     if (file.name == name) return &file;

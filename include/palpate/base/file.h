@@ -13,26 +13,30 @@
 
 namespace palpate {
 
-/// An ordinary file that is open for reading: the one way in which this program opens one. What only looks
-/// like a file is an error at once, where reading it, or opening it already, would wait for somebody else.
+/// Regular file opened for reading; all of palpate opens its input files through this class. A pipe, device,
+/// socket or folder is reported as an error at once instead of blocking in open or read.
 class InputFile {
  public:
-  /// Errors: missing, a folder, a pipe, a device, a socket, unreadable.
+  /// Opens a regular file. Errors: kBadInput if it is missing, unreadable, a folder, a pipe, a device or a
+  /// socket.
   static Result<InputFile> open(const std::filesystem::path& file);
   InputFile(InputFile&& other) noexcept;
   InputFile& operator=(InputFile&& other) noexcept;
   ~InputFile();
 
-  /// Stays this object's own, at the front of the file until something reads.
+  /// File descriptor, owned by this object; its offset is at the start of the file until something reads.
   int descriptor() const { return descriptor_; }
-  /// Bytes, when it was opened.
+  /// File size when it was opened; bytes.
   std::uint64_t size() const { return size_; }
-  /// A name by which a library that takes names opens this very file, whatever has become of its own; as long
-  /// as this object and its process live.
+  /// Path under which a library that expects a file name opens this very file, even if it has been renamed or
+  /// replaced since; valid in this process while this object lives.
   std::filesystem::path name_for_libraries() const;
-  /// The next bytes; fewer than asked for only at the end. Errors: of the disk.
+  /// Reads the next bytes.
+  /// @param bytes  buffer to fill
+  /// Returns the number of bytes read, fewer than `bytes.size()` only at the end of the file. Errors:
+  /// kBadInput if the read fails.
   Result<std::size_t> read(std::span<std::byte> bytes);
-  /// The bytes from an offset on; otherwise as read().
+  /// Reads from `offset` (bytes) on, without moving the file offset; otherwise as read().
   Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> bytes) const;
 
  private:
@@ -43,28 +47,29 @@ class InputFile {
   std::filesystem::path file_;
 };
 
-/// The whole file. Errors: those of InputFile::open, larger than `max_bytes`.
+/// Contents of a file. Errors: those of InputFile::open; kBadInput if it is larger than `max_bytes`.
 Result<std::string> read_file(const std::filesystem::path& file,
                               std::size_t max_bytes = std::size_t{1} << 30);
 
-/// Whether a power cut may leave a file that is not whole; a process that dies never does.
+/// Durability of a committed file. kToDisk: complete even after a power cut. kNot: a power cut may leave it
+/// incomplete; the death of the process never does.
 enum class Flush { kToDisk, kNot };
 
-/// A file that appears whole under its name or not at all: write to path(), then commit(). Until then,
-/// and after any failure, only a hidden temporary in the same folder exists, removed by the destructor. It
-/// claims the target (palpate/base/output.h) while it lives.
+/// Output file that appears complete under its name or not at all: write to path(), then commit(). Until
+/// then, and after any failure, only a hidden temporary file in the same folder exists, which the destructor
+/// removes. Claims the target (palpate/base/output.h) while it lives.
 class PendingFile {
  public:
-  /// Checks that the target's folder exists and takes files, so that long work fails before it starts.
-  /// The temporary keeps the target's ending (".nii.gz"), because writers choose the format by it. Where the
-  /// target is a link, the file that it leads to is written.
+  /// Creates the temporary file, so that a missing or read-only folder is reported before long work starts.
+  /// The temporary has the target's extension (".nii.gz"), because writers choose the format by it. If the
+  /// target is a symbolic link, the file that it refers to is written.
   static Result<PendingFile> create(const std::filesystem::path& target);
   PendingFile(PendingFile&& other) noexcept;
   PendingFile& operator=(PendingFile&&) = delete;
   ~PendingFile();
 
   const std::filesystem::path& path() const { return temporary_; }
-  /// Flushes to disk, unless that is not asked for, and renames over the target.
+  /// Renames the temporary over the target, after flushing it to disk if requested.
   Result<void> commit(Flush flush = Flush::kToDisk);
 
  private:
@@ -74,13 +79,13 @@ class PendingFile {
   std::filesystem::path target_, temporary_;
 };
 
-/// Writes bytes whole or not at all.
+/// Writes a file through a PendingFile: complete or not at all.
 Result<void> write_file(const std::filesystem::path& file, std::string_view bytes);
 
-/// The error for an errno met while writing `file`, with what to do about it.
+/// Error (kOutput) for an errno that occurred while writing `file`, with a remedy.
 Error output_error(const std::filesystem::path& file, int error_number);
 
-/// A folder that abandon_outputs() removes with everything in it, as long as this lives.
+/// Folder that abandon_outputs() removes with its contents while this object lives.
 class UnfinishedFolder {
  public:
   explicit UnfinishedFolder(std::filesystem::path folder);

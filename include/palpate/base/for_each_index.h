@@ -4,22 +4,24 @@
 
 namespace palpate {
 
-/// Processors that the calling thread may run on (taskset and containers leave out some); at least 1.
+/// Number of processors on which the calling thread may run (taskset and containers may exclude some); at
+/// least 1.
 int processors();
 
-/// How many workers share `count` pieces of work: `threads`, or 0 for one a processor; never more than there
-/// are pieces, at least 1.
+/// Number of workers for `count` items: `threads`, or one per processor if `threads` is 0; at least 1 and at
+/// most `count`.
 int worker_count(int threads, int count);
 
-/// The loop on several threads; there is no other. Calls work(worker, index) once for each index 0 ...
-/// count-1 on up to `workers` threads, the caller's among them, a few neighbours at a time; worker, 0 ...
-/// workers-1, tells a call which scratch memory is its own. What is done for an index must not depend on what
-/// is done for another, so that the outcome does not depend on the number of workers. Where work returns
-/// false or throws, no further index is begun. Returns when every thread has ended: false where work did, and
-/// throws the first that it threw. A machine that grants fewer threads is slower, nothing else.
+/// Parallel loop, the only one in palpate. Calls work(worker, index) once for each index 0 ... count-1 on up
+/// to `workers` threads, including the calling thread; each thread takes a few neighbouring indices at a
+/// time. `worker`, 0 ... workers-1, selects scratch memory that no other thread uses. The result for one
+/// index must not depend on another index, so that the outcome is independent of the number of workers. After
+/// work has returned false or thrown, no further index is started. Returns once every thread has ended: false
+/// if any call returned false; rethrows the first exception. If the machine grants fewer threads than
+/// requested, the loop only takes longer.
 ///
-/// The threads are begun here and ended here, and the order in which indices are handed out orders nothing
-/// else: so ThreadSanitizer sees what two calls do to the same memory.
+/// Threads are created and joined within each call, and handing out indices establishes no other ordering, so
+/// ThreadSanitizer detects a race between two calls of work.
 bool for_each_index(int count, int workers, const std::function<bool(int worker, int index)>& work);
 
 }  // namespace palpate

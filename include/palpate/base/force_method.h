@@ -8,27 +8,27 @@
 #include <span>
 #include <string_view>
 
-/// The names of the ways from voxels to a force. docs/concepts/methods.md has their equations, force_field.h
-/// what they do.
+/// Names of the force methods. docs/concepts/methods.md gives their equations, force_field.h their behaviour.
 namespace palpate {
 
-/// The numbers stand in recordings.
+/// Method that computes the force from voxels. The values are stored in recordings.
 enum class ForceMethod : std::uint8_t {
   kTrilinear = 0,       ///< trilinear interpolation of the field + central differences, as published
-  kSpline = 1,          ///< cubic B-spline of the field, analytic gradient
-  kGaussianSphere = 2,  ///< Gaussian-weighted raw labels at run time, as published
-  kSmoothSphere = 3,    ///< raw labels through a compact smooth kernel, analytic gradient
-  kStoredNormals = 4,   ///< magnitude and normal of every voxel, as published
-  kProxy = 5,           ///< a proxy on every structure's own surface, which keeps the tool out
+  kSpline = 1,          ///< Trilinear interpolation of the field, gradient by central differences, as
+                        ///< published.
+  kGaussianSphere = 2,  ///< Gaussian-weighted raw labels, evaluated at run time, as published.
+  kSmoothSphere = 3,    ///< Raw labels through a compact smooth kernel, analytic gradient.
+  kStoredNormals = 4,   ///< Magnitude and normal stored with every voxel, as published.
+  kProxy = 5,           ///< God-object (proxy) constrained outside every structure's own surface.
 };
 
 struct ForceMethodInfo {
   ForceMethod method;
-  std::string_view name;   ///< in scenes, on the command line, in figures
-  std::string_view about;  ///< for people, a few words
+  std::string_view name;   ///< Identifier in scenes, on the command line and in figures.
+  std::string_view about;  ///< Short description for users.
 };
 
-/// All of them, in the order of their numbers.
+/// All force methods, in the order of their values.
 inline constexpr std::array kForceMethods{
     ForceMethodInfo{ForceMethod::kTrilinear, "trilinear", "trilinear interpolation, central differences"},
     ForceMethodInfo{ForceMethod::kSpline, "b-spline", "cubic B-spline, analytic gradient"},
@@ -39,7 +39,7 @@ inline constexpr std::array kForceMethods{
                     "magnitude and normal stored with every voxel"},
     ForceMethodInfo{ForceMethod::kProxy, "proxy", "a proxy held out by every structure's surface"},
 };
-/// Those that need no memory: the force follows from where the tip is.
+/// Stateless methods: the force depends on the tip position alone.
 inline constexpr std::span<const ForceMethodInfo, 5> kDirectMethods = std::span(kForceMethods).first<5>();
 
 constexpr std::size_t index_of(ForceMethod method) {
@@ -53,7 +53,7 @@ constexpr std::optional<ForceMethod> find_force_method(std::string_view name) {
                                   [&](const ForceMethodInfo& info) { return info.name == name; });
   return found == kForceMethods.end() ? std::nullopt : std::optional(found->method);
 }
-/// The one after it, in a circle.
+/// Next method, cyclically.
 constexpr ForceMethod next_of(ForceMethod method) {
   return kForceMethods[(index_of(method) + 1) % kForceMethods.size()].method;
 }

@@ -11,16 +11,16 @@
 
 namespace palpate {
 
-/// A 64-bit hash that is the same on every build and machine of one byte order; not for security.
-/// A rotation, a multiplication and a shift for every eight bytes, finished by the murmur3 avalanche.
-/// The shift matters: without it flips of two bits in neighbouring words cancel.
+/// 64-bit non-cryptographic hash, identical for every build and machine of the same byte order. Each eight
+/// bytes take a rotation, a multiplication and a shift; hash_finish() applies the murmur3 avalanche. Without
+/// the shift, flips of two bits in neighbouring words cancel.
 inline constexpr std::uint64_t kHashSeed = 0x9e3779b97f4a7c15ull;
 
 inline void hash_word(std::uint64_t& hash, std::uint64_t word) {
   hash = std::rotl(hash ^ word, 27) * 0x9fb21c651e98df25ull + 0x52dce729ull;
   hash ^= hash >> 32;
 }
-/// Hashes the bits of a double; -0.0 and 0.0 differ, every NaN is its own bits.
+/// Hashes the bits of a double: -0.0 and 0.0 differ, and so do NaNs with different payloads.
 inline void hash_double(std::uint64_t& hash, double value) {
   hash_word(hash, std::bit_cast<std::uint64_t>(value));
 }
@@ -43,18 +43,18 @@ inline std::uint64_t hash_finish(std::uint64_t hash) {
   hash ^= hash >> 33;
   return hash;
 }
-/// Of words one after the other, for a tick that has some hundreds of them. A step of hash_word() waits for
-/// the one before: here words are gathered first, and then multiplied in pairs into four chains, on which a
-/// processor works at once. Two words are folded into a chain as in wyhash (Wang Yi, 2019): the halves of a
-/// product of 128 bits, one over the other.
+/// Hash of a sequence of words, for a tick that hashes some hundreds of them. Each step of hash_word()
+/// depends on the previous one; here words are buffered and then multiplied in pairs into four independent
+/// chains, which a processor executes in parallel. Two words are folded into a chain as in wyhash (Wang Yi,
+/// 2019): the high half of a 128-bit product XOR its low half.
 class HashOfWords {
  public:
-  // what is gathered is written before it is read
+  // gathered_ is not initialised: every word is written before it is read.
   HashOfWords() {
-    // no two begin alike
+    // a different seed for each chain
     for (std::size_t n = 0; n < kChains; ++n) chain_[n] = kHashSeed * (2 * n + 1);
   }
-  /// Words, and doubles by their bits; those of one call cost less than as many calls.
+  /// Appends words, and doubles by their bits. One call with several words costs less than one call for each.
   template <class... Words>
   void add(Words... words) {
     static_assert(sizeof...(words) <= kGathered - kAtOnce);
@@ -63,7 +63,7 @@ class HashOfWords {
     ((*next++ = word_of(words)), ...);
     held_ += sizeof...(words);
   }
-  /// As words of eight bytes each, and how many bytes there are.
+  /// Appends the size, then the bytes as words of eight bytes, the last one padded with zeros.
   void add_bytes(const void* data, std::size_t size) {
     add(size);
     const auto* bytes = static_cast<const unsigned char*>(data);
@@ -78,11 +78,11 @@ class HashOfWords {
       size -= taken;
     }
   }
-  /// Of all that was added; nothing is added afterwards.
+  /// Hash of everything added; nothing may be added afterwards.
   std::uint64_t value() {
     const std::uint64_t count = count_ + held_;
     fold();
-    // what is left, and zeros
+    // the remaining words, padded with zeros
     while (held_ > 0 && held_ < kAtOnce) gathered_[held_++] = 0;
     fold();
     std::uint64_t hash = kHashSeed;
@@ -106,7 +106,7 @@ class HashOfWords {
   static std::uint64_t word_of(Word word) {
     return static_cast<std::uint64_t>(word);
   }
-  // what was gathered, so many words at once; fewer are left
+  // mixes the buffered words into the chains, kAtOnce at a time; fewer than kAtOnce remain
   void fold() {
     if (held_ < kAtOnce) return;
     std::array<std::uint64_t, kChains> chain = chain_;

@@ -10,26 +10,26 @@
 
 namespace palpate {
 
-/// How late, or how long, in a fixed 15 kB whatever the number of samples: buckets of equal width within
-/// every octave, 64 to an octave, from 1 ns to 17 s (the scheme of HdrHistogram).
+/// Histogram of latencies or durations, 15 kB whatever the number of samples: every octave has 64 buckets of
+/// equal width, from 1 ns to 17 s (the scheme of HdrHistogram).
 ///
-///      ns        0 1 2 ... 127 | 128 130 ... 254 | 256 260 ... 508 | ... | 8.6e9 ... 17.2e9 and all above
+///      ns        0 1 2 ... 127 | 128 130 ... 254 | 256 260 ... 508 | ... | 8.6e9 ... 17.2e9 and above
 ///      width           1       |        2        |        4        |     |
 ///
-/// One thread adds; others may read meanwhile, and see each bucket as it was at some moment of the reading.
+/// Single writer. Other threads may read concurrently; each bucket is then read at a slightly different time.
 class LatencyHistogram {
  public:
-  /// Percentiles are nearest-rank: the largest value of the bucket that holds the sample of that rank, but no
-  /// more than the largest sample. So they are never too small, and too large by 1.6 % at most (exact below
-  /// 128 ns; max_us where the rank falls above 17 s, into the last bucket). All 0 where n is 0.
+  /// Statistics of all samples; all 0 if n is 0. Percentiles are nearest-rank: the largest value of the
+  /// bucket that holds the sample of that rank, limited to the largest sample. They are never too small and
+  /// at most 1.6 % too large (exact below 128 ns; max_us if the rank falls into the last bucket, above 17 s).
   struct Summary {
     std::uint64_t n = 0;
     double p50_us = 0, p99_us = 0, p999_us = 0;
-    double max_us = 0;   ///< exact
-    double mean_us = 0;  ///< exact
+    double max_us = 0;   ///< Largest sample, exact.
+    double mean_us = 0;  ///< Mean of all samples, exact.
   };
 
-  /// The one writer only; wait-free. A negative `ns` counts as 0.
+  /// Adds a sample. Writer only; wait-free. A negative `ns` counts as 0.
   void add(std::int64_t ns) noexcept {
     const std::uint64_t value = ns > 0 ? static_cast<std::uint64_t>(ns) : 0;
     bump(buckets_[bucket_of(value)], 1);
@@ -39,21 +39,21 @@ class LatencyHistogram {
 
   Summary summary() const;
 
-  /// The percentile 100 q, 0 <= q <= 1, as described at Summary.
+  /// Quantile q, 0 <= q <= 1, in microseconds, as described at Summary.
   double quantile_us(double q) const { return quantile_us(q, count()); }
 
-  /// The part of all samples, 0 ... 1, that is surely at most `ns`: a bucket which `ns` cuts does not count.
-  /// 0 where there are no samples.
+  /// Fraction of all samples, 0 ... 1, that are certainly at most `ns`: a bucket that contains larger values
+  /// too does not count. 0 without samples.
   double fraction_at_most(std::int64_t ns) const;
 
-  /// Forgets all samples. By the writer, or while nobody adds.
+  /// Removes all samples. Only by the writer, or while nothing is added.
   void clear() noexcept;
 
-  /// Adds the samples of `other`, as if each had been added here. By the writer, or while nobody adds.
+  /// Adds all samples of `other`. Only by the writer, or while nothing is added.
   void merge(const LatencyHistogram& other) noexcept;
 
  private:
-  // 2 * 64 exact values, then 64 buckets for each of the octaves up to 2^34 ns
+  // 2 * 64 exact values, then 64 buckets for each octave up to 2^34 ns
   static constexpr int kOctaveBits = 6, kLargestBits = 34;
   static constexpr std::size_t kBuckets = std::size_t{kLargestBits - kOctaveBits + 1} << kOctaveBits;
   static constexpr double kUs_per_ns = 1e-3;
@@ -64,7 +64,7 @@ class LatencyHistogram {
     return std::min<std::size_t>((std::size_t(shift) << kOctaveBits) + std::size_t(value >> shift),
                                  kBuckets - 1);
   }
-  // the largest value that falls into a bucket
+  // largest value of a bucket
   static std::uint64_t top_of(std::size_t bucket) {
     const std::uint64_t octave = bucket >> kOctaveBits;
     const std::uint64_t shift = octave > 0 ? octave - 1 : 0;
@@ -72,7 +72,7 @@ class LatencyHistogram {
   }
 
   static std::uint64_t get(const Counter& counter) { return counter.load(std::memory_order_relaxed); }
-  // there is one writer, so this needs no atomic addition
+  // single writer: no atomic addition needed
   static void bump(Counter& counter, std::uint64_t by) {
     counter.store(get(counter) + by, std::memory_order_relaxed);
   }

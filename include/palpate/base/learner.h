@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-/// Whether a text can be a learner's pseudonym: 1 to 64 bytes of UTF-8 on a line, nothing in it that commands
-/// a terminal. Error kBadInput.
+/// Checks a learner's pseudonym: 1 to 64 bytes of UTF-8 on one line, without terminal control characters.
+/// Errors: kBadInput otherwise.
 Result<void> check_learner(const std::string& learner);
 
 }  // namespace palpate

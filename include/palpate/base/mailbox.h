@@ -9,21 +9,21 @@
 
 namespace palpate {
 
-/// The latest value from one thread to one other, where neither may ever wait: parameters come into the servo
-/// through one. A Snapshot will not do there: its reader tries again while the writer is in the middle, and
+/// Latest value passed from one thread to one other, wait-free on both sides (triple buffer): parameters
+/// reach the servo through one. A Snapshot does not suit: its reader retries while the writer is storing, and
 /// the servo would spin on a writer that it has itself pre-empted.
 ///
-/// Three slots, and every one has one owner at any time:
+/// Each of the three slots has exactly one owner at any time:
 ///
 ///      writer: back_        middle_ (index, fresh?)        front_ :reader
 ///        [ 2 ]   ─── post: swap ──►  [ 1 ]  ◄── take: swap ───  [ 0 ]
 ///
-/// - post() fills the back slot and swaps it for the middle one, marking it fresh; take() swaps the front
-///   slot for the middle one when that is fresh. A post that was not taken is overwritten by the next.
-/// - The swap is one atomic exchange of a byte: it hands one slot over and takes the other.
+/// - post() fills the back slot and swaps it with the middle one, marking it fresh; take() swaps the front
+///   slot with the middle one if that is fresh. A value that was not taken is overwritten by the next post.
+/// - The swap is one atomic exchange of a byte, which transfers ownership of both slots.
 template <class T>
 class Mailbox {
-  // what owns memory could free or allocate it in the reader
+  // a type that owns memory could free or allocate it in the reader
   static_assert(std::is_copy_assignable_v<T> && std::is_trivially_destructible_v<T>);
 
  public:
@@ -31,14 +31,14 @@ class Mailbox {
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
 
-  /// The one writer only. Wait-free.
+  /// Publishes a value. Writer only; wait-free.
   void post(const T& value) noexcept {
     slots_[back_].value = value;
     back_ = middle_.exchange(back_ | kFresh, std::memory_order_acq_rel) & kIndex;
   }
 
-  /// The one reader only. True, and the latest value, when something was posted since the last take that gave
-  /// something; otherwise false and `value` unchanged. Wait-free.
+  /// Reads the latest value if one was posted since the last successful take: returns true and sets `value`.
+  /// Otherwise returns false and leaves `value` unchanged. Reader only; wait-free.
   bool take(T& value) noexcept {
     if ((middle_.load(std::memory_order_relaxed) & kFresh) == 0) return false;
     front_ = middle_.exchange(front_, std::memory_order_acq_rel) & kIndex;

@@ -9,18 +9,20 @@
 
 namespace palpate {
 
-/// Whether two names mean one file: spelled differently, through links, and also where no file is yet.
+/// True if two paths refer to the same file: under different spellings, through links, and also if the file
+/// does not exist yet.
 bool same_file(const std::filesystem::path& a, const std::filesystem::path& b);
 
-/// That this process, and no other, writes a file now; until the object is gone. Within the process claims of
-/// one file do not exclude each other. Others see it by a hidden file beside the target, locked as long as
-/// the process lives, so that what a killed one left behind claims nothing. On a disk that knows no locks
-/// nothing is excluded.
+/// Exclusive claim of this process on an output file, released by the destructor. Claims of one file within
+/// the process do not exclude each other. Other processes recognise the claim by a hidden file in the same
+/// folder that is locked while the process lives, so a lock file left by a killed process claims nothing. A
+/// file system without locks excludes nothing.
 class OutputClaim {
  public:
-  /// Removes the temporaries of this account's killed processes that wrote this file or another one of its
-  /// folder; those of a process that lives stay. On a disk that knows no locks, those of this file alone.
-  /// Errors: kOutput where the folder is missing or takes no files, and where another process has a claim.
+  /// Claims `file`. Removes temporaries that killed processes of this account left for this file and for
+  /// other files of its folder; those of running processes stay. On a file system without locks, only those
+  /// of this file are removed. Errors: kOutput if the folder is missing or not writable, or if another
+  /// process has claimed the file.
   static Result<OutputClaim> take(const std::filesystem::path& file);
   OutputClaim(OutputClaim&& other) noexcept : lock_(std::exchange(other.lock_, {})) {}
   OutputClaim& operator=(OutputClaim&& other) noexcept {
@@ -34,16 +36,16 @@ class OutputClaim {
   std::string lock_;
 };
 
-/// Removes what this process has begun to write and not finished: temporaries, locks, folders of work. For a
-/// program that ends at once, whatever its other threads are doing; what one of them holds just then stays,
-/// and the next run on that output sweeps it.
+/// Removes everything that this process has begun to write and not finished: temporaries, lock files,
+/// UnfinishedFolders. For a program that exits immediately, whatever its other threads are doing. If another
+/// thread holds the registry at that moment nothing is removed, and the next run on that output does it.
 void abandon_outputs() noexcept;
 
-/// Claims a file for a run that will write it: it could be written now, its folder exists and takes files, it
-/// is not a folder or a device itself, and no other process is writing it. Asked before long work, so that a
-/// wrong name costs nothing, and kept until the file is written.
-/// @param never  files that are read for it and that it must not replace
-/// Errors: kUsage when it is one of `never`, kOutput otherwise.
+/// Claims a file that a run will write, until the claim is destroyed. Checks that its folder exists and is
+/// writable, that the file is no folder or device, and that no other process is writing it. Call it before
+/// long work, so that a wrong name is reported at once.
+/// @param never  input files that the output must not replace
+/// Errors: kUsage if `file` is one of `never`, kOutput otherwise.
 Result<OutputClaim> claim_output(const std::filesystem::path& file,
                                  std::span<const std::filesystem::path> never = {});
 

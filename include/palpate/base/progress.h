@@ -9,16 +9,17 @@
 
 namespace palpate {
 
-/// How long work tells where it stands and learns that it should stop. Passed by const reference
-/// through everything that can take more than a moment; default-constructed it is silent and endless.
+/// Progress reports and cancellation of long work. Passed by const reference to everything that can take more
+/// than a moment; default-constructed it reports nothing and never cancels.
 class Progress {
  public:
-  /// show(stage, fraction): fraction in [0,1]; may be called from any thread, not concurrently
-  /// by one piece of work. stop: set to true (from a signal handler, say) to interrupt. heard: becomes true
-  /// when the work has seen that; may be nullptr.
+  /// Callback(stage, fraction): fraction in [0,1]; called from any thread, but never concurrently by one
+  /// piece of work.
   using Show = std::function<void(std::string_view stage, double fraction)>;
 
   Progress() = default;
+  /// @param stop   set to true (e.g. by a signal handler) to cancel; may be nullptr
+  /// @param heard  set to true once the work has noticed `stop`; may be nullptr
   Progress(Show show, const std::atomic<bool>* stop, std::atomic<bool>* heard = nullptr)
       : show_(std::move(show)), stop_(stop), heard_(heard) {}
 
@@ -31,7 +32,7 @@ class Progress {
     return true;
   }
 
-  /// The Error that interrupted work returns.
+  /// Error that cancelled work returns.
   static Error interrupted() { return {ErrorKind::kInterrupted, "interrupted", "", ""}; }
 
  private:
@@ -40,7 +41,8 @@ class Progress {
   std::atomic<bool>* heard_ = nullptr;
 };
 
-/// Where warnings for a person go (never from the servo tick). Default-constructed: nowhere.
+/// Receiver of warnings for the user (never called from the servo tick). Default-constructed: warnings are
+/// dropped.
 using Warn = std::function<void(const std::string& message)>;
 
 }  // namespace palpate

@@ -7,20 +7,20 @@
 
 namespace palpate {
 
-/// Where no bar can be drawn (a log, a pipe): which of many reports are worth a line of their own. A stage
-/// that begins gets one, unless the last is less than two seconds ago, and what takes long one each ten
-/// seconds; what is done within two seconds stays silent.
+/// Selects which progress reports are written as lines where no progress bar can be drawn (a log, a pipe). A
+/// new stage gets a line unless the previous line is less than two seconds old, a stage that continues gets
+/// one every ten seconds, and work that finishes within two seconds gets none.
 class ProgressLines {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
   explicit ProgressLines(Time begun) : last_(begun) {}
-  /// The line to write now, without its end: "smoothing 42 %"; or nothing.
+  /// Line to write now, without a line feed ("smoothing 42 %"), or nullopt.
   std::optional<std::string> line(std::string_view stage, double fraction, Time now);
 
  private:
-  std::string stage_;  // of the last line
-  Time last_;          // when it was written; at first the beginning
+  std::string stage_;  // stage of the last line
+  Time last_;          // time of the last line; initially the start of the work
 };
 
 }  // namespace palpate

@@ -6,32 +6,35 @@
 
 #include "palpate/base/result.h"
 
-/// What files of unknown origin may take of this machine, and where they may lead. One answer for the whole
-/// process, given before anything is read: memory belongs to the process, and so does trust.
+/// Limits on what input files of unknown origin may do: how much memory they may take, and where file names
+/// in them may lead. Process-wide, set before anything is read.
 namespace palpate {
 
 struct ReadingLimits {
-  /// The most memory that the process may have, bytes; 0: what it has when it first asks and half of what is
-  /// then available, to the machine and to its control group.
+  /// Maximum memory of the process; bytes. 0: resident memory at the first request plus half of the memory
+  /// then available to the machine and to its control group.
   std::uint64_t most_memory_bytes = 0;
-  /// Data files that a header or a scene names may stand outside its folder, through links or `..`.
+  /// Accept data files named by a header or a scene that lie outside its folder, through links or `..`.
   bool follow_links = false;
 };
 void set_reading_limits(const ReadingLimits& limits);
 const ReadingLimits& reading_limits();
 
-/// Asked before memory is taken. Counts what the process has already.
-/// @param what  is to be read or prepared; names the error
-/// Errors: kBadInput with what is needed, what is allowed and how to allow more.
+/// Checks that the process may take more memory. Call it before the allocation; memory already resident
+/// counts.
+/// @param more_bytes  memory to be allocated in addition
+/// @param what  subject of the error: what is to be read or prepared
+/// Errors: kBadInput with the memory needed, the memory allowed and how to allow more.
 Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what);
 
-/// Errors: kBadInput where a file that something in `folder` names does not stand in that folder or below it,
-/// once links are followed, and this is not allowed. A file that is missing is for those to find who read it.
+/// Checks that a file named by something in `folder` lies in that folder or below it after links are
+/// resolved. Errors: kBadInput if it does not, unless follow_links is set. A missing file passes: the reader
+/// reports it.
 Result<void> check_stays_in(const std::filesystem::path& folder, const std::filesystem::path& file);
 
-/// "5.1 GiB", "1.3 MiB"
+/// Human-readable size: "5.1 GiB", "1.3 MiB".
 std::string memory_text(std::uint64_t bytes);
-/// Bytes from "800M", "1.5GiB", "4G" (KiB, MiB, GiB and TiB are meant); 0 for anything else.
+/// Bytes from "800M", "1.5GiB" or "4G" (binary units KiB, MiB, GiB, TiB); 0 for anything else.
 std::uint64_t memory_bytes(const std::string& text);
 
 }  // namespace palpate

@@ -9,23 +9,25 @@
 
 namespace palpate {
 
-/// What kind of failure an Error is; an application turns it into its exit code.
+/// Category of an Error; an application maps it to its exit code.
 enum class ErrorKind {
-  kBadInput,     ///< a file or a setting that cannot be used as it is
-  kUsage,        ///< a command line that does not make sense
-  kOutput,       ///< a result that could not be written: full disk, missing or read-only folder
-  kUnavailable,  ///< something outside is missing: network, data set, device
-  kInterrupted,  ///< the user asked to stop
+  kBadInput,     ///< A file or a setting that cannot be used as it is.
+  kUsage,        ///< An invalid command line.
+  kOutput,       ///< A result could not be written: full disk, missing or read-only folder.
+  kUnavailable,  ///< Something external is missing: network, data set, device.
+  kInterrupted,  ///< The user cancelled.
 };
 
-/// One clear error for a person: what is wrong, where, and how to mend it.
+/// Error for the user: what is wrong, where, and how to correct it.
 struct Error {
   ErrorKind kind = ErrorKind::kBadInput;
-  std::string what;    ///< one sentence without a full stop, e.g. "the voxel data end after 52 of 113 slices"
-  std::string where;   ///< file, or file:line, or option; may be empty
-  std::string remedy;  ///< what the user can do about it; may be empty
+  std::string what;    ///< One sentence without a full stop, e.g. "the voxel data end after 52 of 113
+                       ///< slices".
+  std::string where;   ///< File, or file:line, or option; may be empty.
+  std::string remedy;  ///< What the user can do about it; may be empty.
 
-  /// "where: what\n  remedy", the form that every verb prints.
+  /// Text "where: what
+  ///   remedy", as every verb prints it.
   std::string message() const {
     std::string text = where.empty() ? what : where + ": " + what;
     if (!remedy.empty()) text += "\n  " + remedy;
@@ -33,7 +35,7 @@ struct Error {
   }
 };
 
-/// A value or an Error. Never empty. Reading the side that is not there is a bug and aborts by name.
+/// A value or an Error, never empty. Accessing the alternative that is not present is a bug and aborts.
 template <class T>
 class [[nodiscard]] Result {
  public:

@@ -12,24 +12,24 @@
 
 namespace palpate {
 
-/// The latest value of something that one thread writes and any number of others look at: viewers, publishers
-/// and soft tissue see the servo's last tick through one.
+/// Latest value of one writer, for any number of readers: viewers, publishers and soft tissue read the
+/// servo's last tick through one.
 ///
-/// The writer is the servo, so it may never wait: not for a reader that is slow, stopped in a debugger or
-/// killed half-way. Readers therefore leave no trace at all. They copy, and look afterwards whether the
-/// writer came by in the meantime (a sequence lock):
+/// The writer is the servo and must never wait, not even for a reader that is slow, stopped in a debugger or
+/// killed half-way. Readers therefore write nothing: they copy, and check afterwards whether a store
+/// overlapped the copy (a sequence lock):
 ///
 ///      sequence_   4         5  (odd: being written)        6
 ///      words_      old old | new old -> new new ->        | new new
-///      reader      even? copy ........................ same as before? if not, again
+///      reader      even? copy ........................ same as before? if not, retry
 ///
 /// - Only the writer writes. sequence_ is odd exactly while the words are being replaced.
-/// - The words are atomics: a reader may look at them while they change, and looking at plain memory would
-///   then be undefined, although what was seen is thrown away. Each is stored with release and loaded with
-///   acquire, so that a reader that saw one new word also sees the odd number before it and starts again.
+/// - The words are atomics: a reader may read them while they change, which for plain memory would be
+///   undefined behaviour even though the copy is discarded. Each word is stored with release and loaded with
+///   acquire, so that a reader that sees one new word also sees the odd sequence number and retries.
 ///   On x86-64 these are plain moves. (Boehm, "Can seqlocks get along with programming language memory
-///   models?", MSPC 2012, also shows relaxed words between fences; ThreadSanitizer does not know fences.)
-/// - No pointers and no locks: it may lie in memory shared between processes.
+///   models?", MSPC 2012, also shows relaxed words between fences; ThreadSanitizer does not support fences.)
+/// - No pointers and no locks: it can be placed in memory shared between processes.
 template <class T>
 class Snapshot {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -40,8 +40,8 @@ class Snapshot {
   Snapshot(const Snapshot&) = delete;
   Snapshot& operator=(const Snapshot&) = delete;
 
-  /// The one writer only. Wait-free, whatever readers do.
-  /// @param bytes  only so much of the value's beginning is stored; the rest stays as it was
+  /// Publishes a value. Writer only; wait-free, whatever readers do.
+  /// @param bytes  number of leading bytes of the value to store; the rest is unchanged
   void store(const T& value, std::size_t bytes = sizeof(T)) noexcept {
     const std::uint64_t sequence = sequence_.load(std::memory_order_relaxed);
     sequence_.store(sequence + 1, std::memory_order_relaxed);
@@ -49,8 +49,8 @@ class Snapshot {
     sequence_.store(sequence + 2, std::memory_order_release);
   }
 
-  /// The latest value. Tries until no store fell into the copy, giving way to other threads after a while;
-  /// so a reader must not have a higher real-time priority than the writer.
+  /// Latest value. Retries until no store overlaps the copy, yielding to other threads after a while; a
+  /// reader must not have a higher real-time priority than the writer.
   T load() const {
     T value;
     for (int tries = 1; !try_load(value); ++tries)
@@ -58,7 +58,7 @@ class Snapshot {
     return value;
   }
 
-  /// One try: false, and `value` unchanged, when a store fell into the copy.
+  /// One attempt: returns false and leaves `value` unchanged if a store overlapped the copy.
   bool try_load(T& value) const noexcept {
     const std::uint64_t before = sequence_.load(std::memory_order_acquire);
     if (before % 2 == 1) return false;
@@ -69,7 +69,7 @@ class Snapshot {
     return true;
   }
 
-  /// How many stores have been finished.
+  /// Number of completed stores.
   std::uint64_t version() const noexcept { return sequence_.load(std::memory_order_acquire) / 2; }
 
  private:
