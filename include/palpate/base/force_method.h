@@ -13,9 +13,8 @@ namespace palpate {
 
 /// Method that computes the force from voxels. The values are stored in recordings.
 enum class ForceMethod : std::uint8_t {
-  kTrilinear = 0,       ///< trilinear interpolation of the field + central differences, as published
-  kSpline = 1,          ///< Trilinear interpolation of the field, gradient by central differences, as
-                        ///< published.
+  kTrilinear = 0,       ///< Trilinear interpolation of the field, central differences, as published.
+  kSpline = 1,          ///< Cubic B-spline of the field, analytic gradient.
   kGaussianSphere = 2,  ///< Gaussian-weighted raw labels, evaluated at run time, as published.
   kSmoothSphere = 3,    ///< Raw labels through a compact smooth kernel, analytic gradient.
   kStoredNormals = 4,   ///< Magnitude and normal stored with every voxel, as published.
