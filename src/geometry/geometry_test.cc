@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// mixing frames must not compile: each of these expressions is asked of the compiler
+// mixing frames must not compile: requires-expressions test each operation
 template <class A, class B>
 concept Adds = requires(A a, B b) {
   a + b;
@@ -118,7 +118,7 @@ TEST_F(GeometryTest, SlerpTurnsEvenlyAlongTheShorterArc) {
 TEST_F(GeometryTest, TheSmallestTurnLeadsOneDirectionOntoAnother) {
   for (int n = 0; n < 1000; ++n) {
     const Eigen::Vector3d from = vector();
-    // any, nearly the same, nearly against, against
+    // arbitrary, nearly parallel, nearly opposite, opposite
     const Eigen::Vector3d onto = n % 4 == 0   ? Eigen::Vector3d(vector())
                                  : n % 4 == 1 ? Eigen::Vector3d(2 * from + 1e-7 * vector())
                                  : n % 4 == 2 ? Eigen::Vector3d(-from + 1e-4 * vector())
@@ -126,7 +126,7 @@ TEST_F(GeometryTest, TheSmallestTurnLeadsOneDirectionOntoAnother) {
     const Eigen::Quaterniond turn = smallest_turn(from, onto);
     EXPECT_NEAR(turn.norm(), 1, 1e-9);
     EXPECT_LT((turn * from.normalized() - onto.normalized()).norm(), 1e-6);
-    // about an axis across both, and by no more than the angle between them
+    // about an axis perpendicular to both, and by no more than the angle between them
     EXPECT_NEAR(turn.vec().dot(from.normalized()), 0, 1e-9);
     EXPECT_GE(turn.w(), 0);
   }

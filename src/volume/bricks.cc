@@ -20,12 +20,12 @@ std::uint64_t hash_at(std::uint64_t hash, std::size_t number) {
   return hash_finish(hash);
 }
 
-/// First voxel that a brick stores, along an axis.
+/// Index along an axis of the first voxel that a brick stores.
 int first_stored(int brick) {
   return brick * L::kCells - L::kBorder - L::kBefore;
 }
 
-/// Part of a row, or of any other axis: low ... high - 1.
+/// Half-open interval of voxel or brick indices along an axis: low ... high - 1.
 struct Stretch {
   int low, high;
   int size() const { return std::max(0, high - low); }
@@ -35,7 +35,7 @@ Stretch common(const Stretch& a, const Stretch& b) {
   return {std::max(a.low, b.low), std::min(a.high, b.high)};
 }
 
-/// Where a brick stores voxels that another grid of voxels has, too; in voxels.
+/// Intersection of the voxels that a brick stores with the box low ... high - 1.
 std::array<Stretch, 3> stored_of(const std::array<int, 3>& brick, const std::array<int, 3>& low,
                                  const std::array<int, 3>& high) {
   std::array<Stretch, 3> part;
@@ -46,8 +46,9 @@ std::array<Stretch, 3> stored_of(const std::array<int, 3>& brick, const std::arr
   return part;
 }
 
-/// Copies what a brick stores of a box of voxels into it.
-/// @param from  the box's voxels, i fastest; low is its first voxel
+/// Copies the intersection of a box of voxels with a brick into the brick.
+/// @param from    the box's voxels, i fastest, beginning at `low`
+/// @param stored  the brick's voxels
 template <class T>
 void put_into(const std::array<int, 3>& brick, const std::array<int, 3>& low, const std::array<int, 3>& high,
               const T* from, T* stored) {
@@ -64,7 +65,7 @@ void put_into(const std::array<int, 3>& brick, const std::array<int, 3>& low, co
   }
 }
 
-/// The bricks that store voxels of a stretch.
+/// Bricks that store at least one voxel of the interval.
 Stretch bricks_at(const Stretch& voxels, int count) {
   const int first = voxels.low + L::kBorder - L::kAfter - L::kCells + 1;
   const int last = voxels.high - 1 + L::kBorder + L::kBefore;
@@ -118,7 +119,7 @@ Bricks<T>::Bricks(const GridGeometry& grid, T outside, Unfilled) : geometry_(gri
   table_.resize(bricks);
 }
 
-/// What fills the places of bricks, in the order of their numbers.
+/// Builder that sets all bricks of a volume, in ascending order of their indices.
 template <class T>
 class Bricks<T>::Filling {
  public:
@@ -134,7 +135,7 @@ class Bricks<T>::Filling {
     pages_[number_ / kPage][number_ % kPage] = std::move(kept);
     ++number_;
   }
-  /// A layer of bricks, of what a box of voxels has of them.
+  /// Appends a layer of bricks from the box low ... high - 1 of voxels; `outside` beyond the box.
   void put_layer(int c, const std::array<int, 3>& low, const std::array<int, 3>& high, const T* voxels) {
     for (int b = 0; b < bricks_.counts_[1]; ++b) {
       for (int a = 0; a < bricks_.counts_[0]; ++a) {
@@ -146,7 +147,7 @@ class Bricks<T>::Filling {
       }
     }
   }
-  /// After the last place.
+  /// Completes the volume after the last brick.
   void end() {
     PALPATE_CHECK(number_ == bricks_.table_.size());
     bricks_.pages_.reserve(pages_.size());
@@ -158,7 +159,7 @@ class Bricks<T>::Filling {
   std::vector<Page> pages_;
   std::size_t number_ = 0;
   std::unique_ptr<Brick> brick_;
-  // what is thinner than a brick, a slice or a rod, is made of equal ones
+  // Bricks by hash, to share equal ones: structures thinner than a brick, such as slices and rods, repeat.
   std::unordered_map<std::uint64_t, Shared> made_;
 };
 
@@ -224,7 +225,7 @@ Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
     at[axis] = bricks_at({low[axis], high[axis]}, counts_[axis]);
   }
   const auto brick = std::make_unique<Brick>();
-  // pages of this version alone, by their number
+  // pages copied by this version, by page index
   std::vector<std::shared_ptr<Page>> own(pages_.size());
   for (int c = at[2].low; c < at[2].high; ++c) {
     for (int b = at[1].low; b < at[1].high; ++b) {
@@ -307,7 +308,7 @@ void BricksBySlices<T>::add(int slices, const T* voxels) {
 
 template <class T>
 Bricks<T> BricksBySlices<T>::take() {
-  // of a grid without voxels nothing was added
+  // a grid without voxels has received no slice
   add(0, nullptr);
   filling_->end();
   return std::move(bricks_);

@@ -17,7 +17,7 @@ GridGeometry any_grid(std::mt19937& random) {
   return grid({size(random), size(random), size(random)}, {0.5, 0.6, 0.9}, Eigen::Matrix3d::Identity(), {});
 }
 
-/// Large areas of one value, and some where every voxel differs.
+/// Volume with large regions of one value, and some in which every voxel differs.
 template <class T>
 Volume<T> any_volume(const GridGeometry& grid, std::mt19937& random) {
   Volume<T> volume(grid, T{3});
@@ -37,14 +37,14 @@ PatchOf<T> any_patch(const GridGeometry& grid, std::mt19937& random) {
     patch.box.size[axis] =
         std::uniform_int_distribution<int>(0, grid.dims[axis] - patch.box.first[axis])(random);
   }
-  // sometimes one value, so that bricks become uniform
+  // sometimes a single value, so that bricks become uniform
   const bool plain = random() % 3 == 0;
   for (std::size_t n = patch.box.voxel_count(); n > 0; --n)
     patch.values.push_back(static_cast<T>(plain ? 3 : random() % 200));
   return patch;
 }
 
-/// What a patch does, voxel by voxel.
+/// Applies a patch voxel by voxel.
 template <class T>
 void write(const PatchOf<T>& patch, Volume<T>& volume) {
   std::size_t n = 0;
@@ -61,7 +61,7 @@ void expect_holds(const Bricks<T>& bricks, const Volume<T>& volume) {
   constexpr int kBorder = BrickLayout::kBorder;
   const auto& dims = volume.geometry().dims;
   const BrickView<T> view = bricks.view();
-  // how far a query may look from here
+  // range that a query may read around this voxel
   const auto near = [](int at, int count) {
     return std::pair{std::max(at - 1, -kBorder), std::min(at + 2, count + kBorder - 1)};
   };
@@ -148,7 +148,7 @@ TEST(Bricks, VersionsShareWhatIsTheSame) {
   // cells 24 ... 36 read the box, and bricks begin at cells 12, 28 and 44
   EXPECT_EQ(other, 8);
 
-  // the same values again: nothing of its own
+  // writing the same values again: no brick is copied
   const Bricks<std::int16_t> same = again.with(patch);
   for (std::size_t n = 0; n < static_cast<std::size_t>(counts[0] * counts[1] * counts[2]); ++n)
     EXPECT_EQ(same.brick(n), again.brick(n));
@@ -176,7 +176,7 @@ TEST(Bricks, ABoxHoldsWhatDiffers) {
           ++changed;
           ASSERT_TRUE(is_in(box, {i, j, k})) << number;
         }
-    // and not much more
+    // and not much larger
     for (std::size_t axis = 0; axis < 3 && box.voxel_count() > 0; ++axis) {
       EXPECT_GE(box.first[axis], std::max(0, patch.box.first[axis] - 20)) << number;
       EXPECT_LE(box.first[axis] + box.size[axis],
@@ -193,7 +193,7 @@ TEST(Bricks, WhatIsOneValueIsHeldOnce) {
   const Bricks<std::uint16_t> none(Volume<std::uint16_t>(cube), 0);
   EXPECT_LT(none.bytes(), 200 * 200 * 200 / 50);
 
-  // a ball takes what its surface does, back and forth over many versions as after the first
+  // a cube costs the memory of its surface, even when filled and cleared over many versions
   const PatchOf<std::uint16_t> filled{{{50, 50, 50}, {90, 90, 90}},
                                       std::vector<std::uint16_t>(std::size_t{90} * 90 * 90, 9)};
   PatchOf<std::uint16_t> emptied = filled;
@@ -220,7 +220,7 @@ TEST(Bricks, WhatIsThinnerThanABrickTakesLittleToo) {
   }
 }
 
-// a burr's life: small changes at random places, older versions dropped
+// a burr's session: small changes at random places, older versions released
 TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
   std::mt19937 random(5);
   const GridGeometry cube = grid({60, 60, 60}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
@@ -237,7 +237,7 @@ TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
   const Bricks<std::int16_t> at_once(volume, 0);
   EXPECT_TRUE(now.dense().voxels() == volume.voxels()) << "seed 5";
   EXPECT_EQ(now.content_hash(), at_once.content_hash());
-  // equal bricks that versions made one after the other are not looked for
+  // equal bricks created by successive versions are not deduplicated
   EXPECT_LE(now.bytes(), at_once.bytes() + 5 * (sizeof(std::int16_t) * BrickLayout::kStored + 64));
 }
 
@@ -285,7 +285,7 @@ TEST(Bricks, PiecesAreThoseOfTheVolume) {
     bricks.for_each_piece([&](const RowPiece<std::uint16_t>& piece) {
       EXPECT_EQ(volume.geometry().offset(piece.i, piece.j, piece.k), seen.size());
       seen.insert(seen.end(), piece.voxels, piece.voxels + piece.count);
-      // what stands around the piece
+      // neighbours of the piece
       for (int d = -1; d <= 1; ++d)
         for (int e = -1; e <= 1; ++e)
           for (int i = -1; i <= piece.count; ++i) {

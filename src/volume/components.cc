@@ -4,23 +4,23 @@
 #include "palpate/base/disjoint_sets.h"
 #include "palpate/volume/volume.h"
 
-/// Connected components by runs. A run is a maximal stretch of one value along i. Each run is joined with
-/// the runs of equal value that share a face with it, which stand in the row before and in the same row of
-/// the slice before; only those rows' runs are looked at, so the volume is read once, front to back, and
-/// what is kept grows with the number of runs and not of voxels (base/disjoint_sets.h).
+/// Connected components by run-length union-find. A run is a maximal interval of one value along i. Each run
+/// is joined with the runs of equal value that share a face with it, in the previous row and in the same row
+/// of the previous slice. Only those rows' runs are needed, so the volume is read once, sequentially, and
+/// memory is proportional to the number of runs, not of voxels (base/disjoint_sets.h).
 namespace palpate {
 namespace {
 
 struct Run {
-  int first, last;  // inclusive i
+  int first, last;  // inclusive, along i
   LabelId value;
-  std::uint32_t node;  // in the forest
+  std::uint32_t node;  // element of the DisjointSets
 };
 
-// runs of one slice, row after row
+// runs of one slice, row by row
 struct SliceRuns {
   std::vector<Run> runs;
-  std::vector<std::size_t> row_start;  // one more than rows
+  std::vector<std::size_t> row_start;  // index of each row's first run, and the end: one more than rows
 
   std::span<const Run> row(int j) const {
     if (j < 0 || j + 1 >= static_cast<int>(row_start.size())) return {};
@@ -33,7 +33,7 @@ struct SliceRuns {
   }
 };
 
-// joins each run of `now` with the touching runs of equal value in an earlier row; both ascend in i
+// joins each run of `now` with the runs of equal value that overlap it in an adjacent row; both ascend in i
 void join_rows(std::span<const Run> now, std::span<const Run> before, DisjointSets& forest) {
   std::size_t begin = 0;
   for (const Run& run : now) {
@@ -43,7 +43,7 @@ void join_rows(std::span<const Run> now, std::span<const Run> before, DisjointSe
   }
 }
 
-// sums over one value of one layer
+// accumulated over one value of one layer
 struct Sums {
   std::size_t voxels = 0;
   std::array<int, 3> low{0, 0, 0}, high{0, 0, 0};
@@ -75,12 +75,12 @@ void find_runs(const LabelId* row, int count, DisjointSets& forest, std::vector<
   }
 }
 
-// sums for each value, indexed by value
+// sums of a layer, indexed by value
 std::vector<Sums> layer_sums(const Volume<LabelId>& layer) {
   const GridGeometry& grid = layer.geometry();
   std::vector<Sums> sums(65536);
   DisjointSets forest;
-  std::vector<std::uint32_t> length;  // of each run, by node
+  std::vector<std::uint32_t> length;  // voxels of each run, by element
   std::vector<LabelId> value;
   SliceRuns now, before;
   now.clear();
@@ -102,7 +102,7 @@ std::vector<Sums> layer_sums(const Volume<LabelId>& layer) {
     }
   }
 
-  // sizes of the sets
+  // sizes of the components
   std::vector<std::size_t> size(forest.size(), 0);
   for (std::uint32_t n = 0; n < forest.size(); ++n) size[forest.root(n)] += length[n];
   for (std::size_t n = 0; n < size.size(); ++n) {

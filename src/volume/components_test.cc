@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// flood fill, voxel by voxel: slow and plain
+// flood fill, voxel by voxel: slow and simple
 std::map<LabelId, SegmentStatistics> flood_oracle(const Volume<LabelId>& labels) {
   const GridGeometry& g = labels.geometry();
   std::vector<bool> seen(g.voxel_count(), false);
@@ -83,7 +83,7 @@ void expect_oracle(const LabelMap& labels) {
   }
 }
 
-// from lonely voxels to one lump: components change most around a fill of 0.3 for six neighbours
+// from isolated voxels to a single component: components change most around a fill of 0.3 for six neighbours
 TEST(SegmentStatistics, EqualsFloodFillOnRandomLabels) {
   const unsigned seed = 20240607;
   std::mt19937 random(seed);
@@ -98,7 +98,7 @@ TEST(SegmentStatistics, EqualsFloodFillOnRandomLabels) {
   }
 }
 
-// every grid that is one voxel thin somewhere
+// grids that are one voxel thick along at least one axis
 TEST(SegmentStatistics, EqualsFloodFillOnThinGrids) {
   const unsigned seed = 5;
   std::mt19937 random(seed);
@@ -130,7 +130,7 @@ TEST(SegmentStatistics, JoinsAcrossFacesOnlyAndAcrossALateBridge) {
   EXPECT_EQ(statistics[0].components, 3);
   EXPECT_EQ(statistics[0].largest_component_voxels, 2u);
 
-  // a U whose two arms meet only in its last row
+  // a U whose arms meet only in its last row
   Volume<LabelId> u(g);
   for (int j = 0; j < 5; ++j) u.at(0, j, 1) = u.at(4, j, 1) = 1;
   for (int i = 0; i < 5; ++i) u.at(i, 4, 1) = 1;

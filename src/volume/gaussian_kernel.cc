@@ -11,7 +11,7 @@ AxisKernel sample_gaussian(double sigma_voxels, int reach) {
   const int radius = static_cast<int>(std::ceil(kCutSigmas * sigma_voxels));
   std::vector<double> samples(static_cast<std::size_t>(radius) + 1);
   double sum = 0;
-  for (int t = radius; t >= 0; --t) {  // small ones first
+  for (int t = radius; t >= 0; --t) {  // smallest first, for accuracy of the sum
     const double x = t / sigma_voxels;
     samples[t] = std::exp(-0.5 * x * x);
     sum += t == 0 ? samples[t] : 2 * samples[t];

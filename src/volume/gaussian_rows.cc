@@ -2,9 +2,9 @@
 
 #include "palpate/volume/simd_targets.h"
 
-// Compiled once per target by foreach_target.h; HWY_DYNAMIC_DISPATCH chooses when it runs. Only what is
-// marked HWY_INLINE and the four functions at the end live in the target's namespace, and nothing of
-// the standard library is called there, so that no shared inline function is built for one target alone.
+// Compiled once per target by foreach_target.h; HWY_DYNAMIC_DISPATCH selects a target at run time. Only
+// functions marked HWY_INLINE and the four functions at the end are in the target's namespace, and they call
+// no function of the standard library, so that no shared inline function is compiled for one target only.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "volume/gaussian_rows.cc"
@@ -17,7 +17,7 @@ namespace palpate::internal::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// voxels as floats; the sum of two bytes is formed before it becomes a float, exactly
+// loads voxels as floats; two bytes are added as integers before the conversion, which is exact
 
 template <class D>
 HWY_INLINE hn::Vec<D> load(D d, const float* p) {
@@ -65,7 +65,7 @@ HWY_INLINE void sum_vector(D d, const WeightedRows<T>& rows, std::size_t x, Out*
   store(d, sum, out + x);
 }
 
-/// The same for four neighbouring vectors, which share the walk over the pairs.
+/// Same as sum_vector() for four adjacent vectors, which share the loop over the pairs.
 template <class D, class T, class Out>
 HWY_INLINE void sum_four_vectors(D d, const WeightedRows<T>& rows, std::size_t x, Out* out) {
   const std::size_t x1 = x + hn::Lanes(d), x2 = x1 + hn::Lanes(d), x3 = x2 + hn::Lanes(d);
@@ -89,8 +89,8 @@ HWY_INLINE void sum_four_vectors(D d, const WeightedRows<T>& rows, std::size_t x
   store(d, sum3, out + x3);
 }
 
-/// A row of at least one vector. The last vector may overlap the one before it: it computes the same
-/// values again and nothing is written beyond the row.
+/// Weighted sum of a row of at least one vector. The last vector may overlap the previous one: it recomputes
+/// the same values, and nothing is written beyond the row.
 template <class D, class T, class Out>
 HWY_INLINE void sum_by_vectors(D d, const WeightedRows<T>& rows, std::size_t length, Out* out) {
   const std::size_t lanes = hn::Lanes(d);

@@ -7,12 +7,12 @@ namespace palpate {
 bool GridGeometry::same_grid(const GridGeometry& other, double tolerance_voxels) const {
   if (dims != other.dims) return false;
   if (X_PatientVoxel().linear().determinant() == 0.0) return false;
-  // the difference of two affine maps is largest at a corner
+  // the distance of two affine maps is largest at a corner
   const Transform<Voxel, Voxel> moved = X_PatientVoxel().inverse() * other.X_PatientVoxel();
   for (int corner = 0; corner < 8; ++corner) {
     const Point<Voxel> p((corner & 1) ? dims[0] - 1 : 0, (corner & 2) ? dims[1] - 1 : 0,
                          (corner & 4) ? dims[2] - 1 : 0);
-    // negated, so that a NaN is not the same grid
+    // negated, so that NaN yields false
     if (!((moved * p - p).norm() <= tolerance_voxels)) return false;
   }
   return true;
@@ -33,7 +33,7 @@ const Segment* LabelMap::find(const std::string& name) const {
 Volume<LabelId> LabelMap::flattened() const {
   Volume<LabelId> flat(geometry());
   for (std::size_t layer = 0; layer < layers.size(); ++layer) {
-    // value to id; a value that no segment names keeps its number
+    // maps values to ids; a value without a segment maps to itself
     std::vector<LabelId> ids(65536);
     for (std::size_t value = 0; value < ids.size(); ++value) ids[value] = static_cast<LabelId>(value);
     for (const Segment& s : segments)

@@ -6,7 +6,8 @@
 namespace palpate {
 namespace {
 
-// a voxel owns the half voxel around its centre; the rounding of a transform must not decide its face
+// A voxel covers half a voxel around its centre; the tolerance keeps rounding of the transform from deciding
+// whether a point on its face is inside.
 constexpr double kReach = 0.5 + 1e-6;
 
 Error no_overlap() {
@@ -14,7 +15,7 @@ Error no_overlap() {
           "check that both come from the same patient and study, and that neither lost its geometry"};
 }
 
-/// Calls take(offset in `grid`, point in `source`) for each voxel of `grid` whose centre lies in
+/// Calls take(offset in `grid`, position in `source`) for each voxel of `grid` whose centre lies within
 /// `source`, in memory order; returns whether there was one.
 template <class Take>
 bool for_each_covered(const GridGeometry& source, const GridGeometry& grid, const Take& take) {
@@ -37,7 +38,8 @@ bool for_each_covered(const GridGeometry& source, const GridGeometry& grid, cons
   return any;
 }
 
-// the two neighbours of a coordinate along one axis and the second one's weight, clamped to the grid
+// lower and upper neighbour of a coordinate along one axis and the weight of the upper one, clamped to the
+// grid
 struct Neighbours {
   int low, high;
   double weight;
@@ -62,7 +64,7 @@ double interpolate(const Volume<float>& scan, const Point<Voxel>& p) {
   return (1 - z.weight) * along_y(z.low) + z.weight * along_y(z.high);
 }
 
-// nearest whole index, halves upwards, clamped to the grid
+// nearest index, halves rounded up, clamped to the grid
 int nearest(double coordinate, int count) {
   return std::min(std::max(static_cast<int>(std::floor(coordinate + 0.5)), 0), count - 1);
 }

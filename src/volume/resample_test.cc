@@ -10,7 +10,7 @@ namespace {
 
 using testing::awkward_grids;
 
-// trilinear interpolation reproduces a function that is linear in millimetres exactly
+// linear in millimetres: reproduced exactly by trilinear interpolation
 double linear_field(const Point<Patient>& p) {
   return 3.0 + 0.5 * p.x() - 0.25 * p.y() + 2.0 * p.z();
 }
@@ -24,7 +24,7 @@ Volume<float> sampled(const GridGeometry& g) {
   return volume;
 }
 
-// a grid about the same centre with other spacing and axes
+// grid about the same centre with another spacing and other axes
 GridGeometry concentric(const GridGeometry& g, const Eigen::Matrix3d& direction) {
   GridGeometry other = testing::grid({9, 15, 12}, {1.1, 0.6, 0.9}, direction, {});
   other.origin += g.centre() - other.centre();
@@ -46,7 +46,7 @@ TEST(ResampleLinear, IsExactOnALinearFieldBetweenAnyTwoGrids) {
           for (int i = 0; i < to.dims[0]; ++i) {
             const Point<Patient> p = to.X_PatientVoxel() * Point<Voxel>(i, j, k);
             const Point<Voxel> v = from.X_PatientVoxel().inverse() * p;
-            double beyond = 0;  // how far outside the voxel centres
+            double beyond = 0;  // distance outside the voxel centres; voxels
             for (int a = 0; a < 3; ++a)
               beyond = std::max({beyond, -v[a], v[a] - (from.dims[static_cast<std::size_t>(a)] - 1)});
             if (beyond == 0) {
@@ -95,7 +95,7 @@ TEST(ResampleNearest, EqualsTheNearestCentreFoundBySearch) {
         for (int i = 0; i < to.dims[0]; ++i) {
           const Point<Voxel> p =
               from.X_PatientVoxel().inverse() * (to.X_PatientVoxel() * Point<Voxel>(i, j, k));
-          // the voxel whose index box holds the point, found by trying all
+          // voxel whose cell contains the point, found by exhaustive search
           std::array<int, 3> best{-1, -1, -1};
           bool at_a_face = false;
           for (int z = 0; z < from.dims[2]; ++z)
@@ -127,7 +127,7 @@ TEST(Resample, WithoutOverlapIsAnError) {
     labels.layers.emplace_back(g, LabelId{1});
     EXPECT_FALSE(resample_nearest(labels, far));
 
-    // touching by the last slice is an overlap
+    // touching by the last slice counts as overlap
     GridGeometry beside = g;
     beside.origin += g.X_PatientVoxel() * Vector<Voxel>(g.dims[0] - 1, 0, 0);
     EXPECT_TRUE(resample_nearest(labels, beside));

@@ -7,14 +7,14 @@ namespace palpate::internal {
 
 namespace {
 
-/// How far all workers together have come.
+/// Progress of all workers together.
 class SliceCount {
  public:
   SliceCount(int count, const Progress& progress, const ProgressSpan& span)
       : count_(count), progress_(progress), span_(span) {}
 
-  /// Never two at a time, always forwards; a worker that would have to wait leaves it to the other. That all
-  /// are done is not told here.
+  /// Counts a slice and reports the progress, serialised and never decreasing; a worker that would have to
+  /// wait leaves the report to the other. Completion of the last slice is not reported here.
   void add_one() {
     done_.fetch_add(1, std::memory_order_relaxed);
     const std::unique_lock lock(telling_, std::try_to_lock);

@@ -4,7 +4,7 @@
 
 #include "palpate/volume/volume.h"
 
-/// Grids that break code which assumes straight, right-handed or isotropic axes.
+/// Grids that break code which assumes axis-aligned, right-handed or isotropic grids.
 namespace palpate::testing {
 
 inline GridGeometry grid(std::array<int, 3> dims, Eigen::Vector3d spacing_mm, Eigen::Matrix3d direction,
@@ -33,7 +33,7 @@ inline Eigen::Matrix3d left_handed() {
   return Eigen::Vector3d(1, -1, 1).asDiagonal();
 }
 
-// gantry tilt: axes that are not square to each other
+// gantry tilt: axes that are not orthogonal
 inline Eigen::Matrix3d sheared() {
   Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
   m.col(2) = Eigen::Vector3d(0, 0.3, 1).normalized();

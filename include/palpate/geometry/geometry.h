@@ -12,10 +12,10 @@
 /// X_AC = X_AB * X_BC. See docs/concepts/conventions.md.
 namespace palpate {
 
-struct Voxel {};    ///< continuous index; voxel centres at whole numbers, as in ITK
-struct Patient {};  ///< DICOM and ITK's LPS: +x to the patient's left, +y posterior, +z superior; mm
-struct World {};    ///< the simulator's workspace: +x right, +y forward, +z up; mm
-struct Device {};   ///< a haptic device's own frame; mm
+struct Voxel {};    ///< Continuous voxel index; voxel centres at integers, as in ITK.
+struct Patient {};  ///< LPS, as in DICOM and ITK: +x to the patient's left, +y posterior, +z superior; mm.
+struct World {};    ///< The simulator's workspace: +x right, +y forward, +z up; mm.
+struct Device {};   ///< Frame of a haptic device; mm.
 
 template <class To, class From>
 class Transform;
@@ -24,14 +24,14 @@ class Rotation;
 
 namespace internal {
 
-/// Flags such as -mavx2 and -march=native, and Eigen's macros, change how its types lie in memory. The
-/// library defines this for its own alignment alone, so a program that was compiled otherwise does not link,
-/// in the place of writing beside its own objects.
+/// Link-time check of the memory layout of Eigen's types, which depends on flags such as -mavx2 and
+/// -march=native and on Eigen's macros. The library defines this function only for its own alignment, so a
+/// program compiled with another alignment fails to link instead of corrupting memory.
 template <int bytes>
 struct CompiledWithEigenTypesAlignedTo {
   static bool as_the_library_was() noexcept;
 };
-/// Keeps the name in every object file.
+/// References the function in every object file.
 inline const bool kEigenTypesAreAlike =
     CompiledWithEigenTypesAlignedTo<EIGEN_MAX_STATIC_ALIGN_BYTES>::as_the_library_was();
 
@@ -56,7 +56,7 @@ class Vector {
   double squared_norm() const { return v_.squaredNorm(); }
   double dot(const Vector& o) const { return v_.dot(o.v_); }
   Vector cross(const Vector& o) const { return Vector(v_.cross(o.v_)); }
-  /// Unit vector of the same direction; the zero vector stays zero.
+  /// Unit vector of the same direction; the zero vector is returned unchanged.
   Vector normalized() const {
     const double n = norm();
     return n > 0 ? Vector(v_ / n) : Vector();
@@ -103,7 +103,7 @@ class Point {
   Eigen::Vector3d p_;
 };
 
-/// R_AB: a proper rotation, kept as a unit quaternion, from From's axes to To's.
+/// R_AB: a proper rotation, stored as a unit quaternion, from From's axes to To's.
 template <class To, class From>
 class Rotation {
  public:
@@ -124,20 +124,20 @@ class Rotation {
   Rotation<To, Source> operator*(const Rotation<From, Source>& r) const {
     return Rotation<To, Source>(q_ * r.quaternion());
   }
-  /// Spherical interpolation along the shorter arc, t in [0,1].
+  /// Spherical linear interpolation to `end` along the shorter arc, t in [0,1].
   Rotation slerp(double t, const Rotation& end) const { return Rotation(q_.slerp(t, end.q_)); }
 
  private:
   Eigen::Quaterniond q_;
 };
 
-/// The smallest turn of one direction onto another of the same frame, neither of them 0 and of any lengths,
-/// as a unit quaternion. Where they point against each other: half a turn about any axis across. What Eigen's
-/// FromTwoVectors is, without the singular values that it takes of two such directions: they cost a compiler
-/// ten seconds wherever they are named.
+/// Shortest rotation that aligns one direction with another, as a unit quaternion. Both are in the same
+/// frame, non-zero, of any length. Opposite directions give a half turn about an arbitrary perpendicular
+/// axis. Equivalent to Eigen's FromTwoVectors without its SVD of two nearly opposite directions, which costs
+/// ten seconds of compile time wherever it is instantiated.
 inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
   const Eigen::Vector3d a = from.normalized(), b = onto.normalized();
-  const double twice_cosine = (a + b).norm();  // of half the angle
+  const double twice_cosine = (a + b).norm();  // of half the rotation angle
   Eigen::Quaterniond turn;
   if (twice_cosine < 1e-12) {
     turn.w() = 0;
@@ -149,8 +149,8 @@ inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen
   return turn;
 }
 
-/// X_AB: an invertible affine map p_A = L p_B + t. Between millimetre frames ours are rigid; between
-/// Voxel and Patient the linear part holds spacing and direction, and may be left-handed.
+/// X_AB: an invertible affine map p_A = L p_B + t. Transforms between millimetre frames are rigid; between
+/// Voxel and Patient the linear part contains spacing and direction, and may be left-handed.
 template <class To, class From>
 class Transform {
  public:
@@ -169,7 +169,7 @@ class Transform {
   Transform<To, Source> operator*(const Transform<From, Source>& x) const {
     return Transform<To, Source>(linear_ * x.linear(), linear_ * x.translation() + translation_);
   }
-  /// The linear part must be invertible; a singular one is a bug (readers refuse such files).
+  /// Inverse map. A singular linear part is a bug: readers reject such files.
   Transform<From, To> inverse() const {
     const double d = linear_.determinant();
     PALPATE_CHECK(d != 0.0);

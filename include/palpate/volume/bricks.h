@@ -10,10 +10,10 @@
 
 #include "palpate/volume/volume.h"
 
-/// Voxels that change a little, often, while others read them.
+/// Persistent (copy-on-write) voxel volumes: small, frequent edits while other threads read older versions.
 namespace palpate {
 
-/// A box of voxels: first ... first + size - 1 along i, j, k.
+/// Box of voxels: first ... first + size - 1 along i, j, k.
 struct VoxelBox {
   std::array<int, 3> first{0, 0, 0}, size{0, 0, 0};
   bool operator==(const VoxelBox&) const = default;
@@ -25,41 +25,42 @@ struct VoxelBox {
   }
 };
 
-/// New values in a box of a grid, i fastest.
+/// New values for a box of a grid, i fastest.
 template <class T>
 struct PatchOf {
   VoxelBox box;
   std::vector<T> values;
 };
 
-/// How bricks cut a grid into pieces, the same for every type of voxel.
+/// Division of a grid into bricks, the same for every voxel type.
 struct BrickLayout {
-  /// A brick answers for so many cells along each axis; cell c lies between voxels c and c + 1.
+  /// Cells per brick along each axis; cell c lies between voxels c and c + 1.
   static constexpr int kCells = 16;
-  /// It holds the voxels that a query reads around any of its cells, from one before the cell to two after
-  /// it, so that a query reads one brick.
+  /// Halo of a brick: it also stores the voxels that a query reads around any of its cells, from one before
+  /// the cell to two after it, so that a query reads a single brick.
   static constexpr int kBefore = 1, kAfter = 2;
   static constexpr int kVoxels = kBefore + kCells + kAfter;
   static constexpr std::ptrdiff_t kRow = kVoxels, kSlice = kRow * kVoxels;
   static constexpr std::size_t kStored = static_cast<std::size_t>(kSlice) * kVoxels;
-  /// So many more may be read before a brick's first voxel and after its last, so that whole vectors can be
-  /// loaded along its rows. What stands there means nothing.
+  /// Elements that may be read before a brick's first voxel and after its last, so that whole SIMD vectors
+  /// can be loaded along its rows. Their values are undefined.
   static constexpr std::size_t kSpare = 16;
-  /// From a voxel to those that it shares a face with, in its brick.
+  /// Offsets within a brick from a voxel to its six face neighbours.
   static constexpr std::array<std::ptrdiff_t, 6> kFaces{1, -1, kRow, -kRow, kSlice, -kSlice};
-  /// So many voxels around the grid can be read as if they were of it.
+  /// Width of the border around the grid whose voxels can be read like those of the grid.
   static constexpr int kBorder = 4;
 };
 
-/// For whoever reads many places; valid as long as the Bricks are.
+/// Read access without reference counting, for code that reads many voxels; valid as long as the Bricks
+/// object.
 template <class T>
 struct BrickView {
-  const T* const* table;      ///< of bricks, along i fastest
-  std::ptrdiff_t row, slice;  ///< of the table
+  const T* const* table;      ///< Pointers to the bricks' voxels, i fastest.
+  std::ptrdiff_t row, slice;  ///< Strides of the table.
 
-  /// Voxel (i, j, k), from BrickLayout::kBorder before the grid to as many beyond it. Around it, from
-  /// BrickLayout::kBefore before to kAfter after it along each axis, other voxels stand at steps of 1,
-  /// BrickLayout::kRow and kSlice; none of them farther than the border.
+  /// Pointer to voxel (i, j, k), at most BrickLayout::kBorder outside the grid. Its neighbours, from
+  /// BrickLayout::kBefore before it to kAfter after it along each axis and within the border, are at strides
+  /// of 1, BrickLayout::kRow and kSlice.
   const T* cell(std::ptrdiff_t i, std::ptrdiff_t j, std::ptrdiff_t k) const {
     using L = BrickLayout;
     const auto a = static_cast<std::size_t>(i + L::kBorder), b = static_cast<std::size_t>(j + L::kBorder),
@@ -73,44 +74,48 @@ struct BrickView {
   }
 };
 
-/// Part of a row of the grid that one brick answers for.
+/// Section of a row of the grid within one brick.
 template <class T>
 struct RowPiece {
-  int i, j, k;      ///< its first voxel
-  int count;        ///< 1 ... BrickLayout::kCells
-  const T* voxels;  ///< others stand around them as around a BrickView's cell
-  bool uniform;     ///< these and all within BrickLayout::kBefore and kAfter of them have one value
+  int i, j, k;      ///< Its first voxel.
+  int count;        ///< Number of voxels, 1 ... BrickLayout::kCells.
+  const T* voxels;  ///< The neighbours can be read as around a BrickView's cell.
+  bool uniform;     ///< These and all voxels within BrickLayout::kBefore and kAfter of them are equal.
 };
 
 template <class T>
 class BricksBySlices;
 
-/// Voxels on a grid, in bricks that versions share. Never edited: `with` makes a version that differs in a
-/// box and holds every other brick together with the one it was made from. A brick all of whose voxels are
-/// equal is held once, however often it occurs, and so is any that occurs again in the volume that bricks are
-/// made of; each costs 1.67 times its voxels, for what it holds of its neighbours. Reading allocates, locks
-/// and throws nothing. The last version that holds a brick frees it, on the thread that drops the version.
+/// Voxels on a grid, in bricks that versions share. Immutable: `with` makes a version that differs in a box
+/// and shares every other brick with the version it was made from. A brick of a single value is stored once
+/// per version, and repeated bricks are stored once when the volume is built. Each brick takes 1.67 times the
+/// memory of its own voxels because of its halo. Reading does not allocate, lock or throw. A brick is freed
+/// by the last version that holds it, on the thread that releases that version.
 ///
-/// For T of std::uint8_t, std::uint16_t, std::int16_t and float.
+/// T is std::uint8_t, std::uint16_t, std::int16_t or float.
 template <class T>
 class Bricks : public BrickLayout {
  public:
-  /// Nothing but border.
+  /// Empty grid with its border.
   Bricks() : Bricks(Volume<T>(GridGeometry{}), T{}) {}
-  /// The voxels of a volume, `outside` around it.
+  /// Voxels of a volume, `outside` around it.
   Bricks(const Volume<T>& volume, T outside) : Bricks(volume.geometry(), volume, 0, outside) {}
-  /// @param voxels  of the grid with `margin` more on every side; only their number counts
-  /// @param margin  at most kBorder
+  /// @param grid     geometry without the margin
+  /// @param voxels   values on `grid` extended by `margin` voxels on every side; of its geometry only the
+  ///                 dimensions are used
+  /// @param margin   0 ... kBorder
+  /// @param outside  value beyond the margin
   Bricks(const GridGeometry& grid, const Volume<T>& voxels, int margin, T outside);
   /// One value everywhere, outside the grid too.
   Bricks(const GridGeometry& grid, T value);
 
-  /// What a table says of each of a volume's labels; costs what the labels' distinct bricks do.
-  /// @param value_of  by label, for all 65 536
+  /// Applies a table to each voxel of a label volume; takes time proportional to the number of distinct
+  /// bricks.
+  /// @param value_of  value of each label; must cover all 65 536
   static Bricks of_labels(const Bricks<LabelId>& labels, std::span<const T> value_of);
 
-  /// The same but for a box, which must lie in the grid. Costs what the box's bricks do, and 8 bytes and a
-  /// little for each brick of the grid.
+  /// Version with new values in a box, which must lie within the grid. Costs the copies of the box's bricks,
+  /// plus 8 bytes and a little for each brick of the grid.
   Bricks with(const PatchOf<T>& patch) const;
 
   const GridGeometry& geometry() const { return geometry_; }
@@ -118,13 +123,13 @@ class Bricks : public BrickLayout {
   BrickView<T> view() const {
     return {table_.data(), counts_[0], static_cast<std::ptrdiff_t>(counts_[0]) * counts_[1]};
   }
-  /// Any voxel from kBorder before the grid to kBorder beyond it, on every axis.
+  /// Voxel (i, j, k), at most kBorder outside the grid along each axis.
   T at(int i, int j, int k) const { return *view().cell(i, j, k); }
-  /// Any voxel at all: `outside` beyond the grid.
+  /// Voxel at any index: `outside` beyond the grid.
   T anywhere(int i, int j, int k) const { return geometry_.contains(i, j, k) ? at(i, j, k) : outside_; }
-  /// Voxels i ... i + count - 1 of a row of the grid or its border.
+  /// Copies voxels i ... i + count - 1 of a row of the grid or its border.
   void copy_row(int i, int j, int k, int count, T* to) const;
-  /// Calls visit(RowPiece) for the pieces of row (j, k) of the grid, or of all its rows, i fastest, then j.
+  /// Calls visit(RowPiece) for the pieces of row (j, k) of the grid, or of all rows, i fastest, then j.
   template <class Visit>
   void for_each_piece(int j, int k, const Visit& visit) const {
     for (int i = 0; i < geometry_.dims[0];) {
@@ -138,20 +143,21 @@ class Bricks : public BrickLayout {
     for (int k = 0; k < geometry_.dims[2]; ++k)
       for (int j = 0; j < geometry_.dims[1]; ++j) for_each_piece(j, k, visit);
   }
-  /// A copy of the grid's voxels.
+  /// Copy of the grid's voxels as a plain volume.
   Volume<T> dense() const;
 
-  /// Bricks along i, j, k. Brick (a, b, c) answers for kCells cells from kCells * a - kBorder on along i, and
-  /// so on; its number is a + counts[0] * (b + counts[1] * c).
+  /// Number of bricks along i, j, k. Brick (a, b, c) covers kCells cells from kCells * a - kBorder on along
+  /// i, and likewise along j and k; its index is a + counts[0] * (b + counts[1] * c).
   const std::array<int, 3>& counts() const { return counts_; }
-  /// The stored voxels of a brick, kStored of them.
+  /// The kStored voxels of a brick.
   const T* brick(std::size_t number) const { return table_[number]; }
   bool is_uniform(std::size_t number) const { return held(number)->uniform; }
 
-  /// The same for equal voxels on as many along each axis with the same `outside`, however they came to be. A
-  /// grid that has some more of `outside` at its end may have the same one.
+  /// Hash of the voxel values: equal for equal voxels on grids of equal dimensions with the same `outside`,
+  /// regardless of the edits that led to them. Grids that differ only by additional voxels of value `outside`
+  /// at their end may have equal hashes.
   std::uint64_t content_hash() const { return hash_; }
-  /// What this version would take if it stood alone.
+  /// Memory of this version if it shared nothing with others; bytes.
   std::size_t bytes() const;
 
  private:
@@ -164,11 +170,12 @@ class Bricks : public BrickLayout {
     std::array<T, kSpare + kStored + kSpare> with_spare;
   };
   using Shared = std::shared_ptr<const Brick>;
-  // so many bricks are owned together: a version copies its pages, not their bricks
+  // Bricks per page. Pages are reference counted as a whole: a new version copies pointers to pages, not to
+  // bricks.
   static constexpr std::size_t kPage = 64;
   using Page = std::array<Shared, kPage>;
 
-  // a brick of one value, and at how many places it stands
+  // A brick of a single value and the number of its positions in the table.
   struct Uniform {
     Shared brick;
     std::size_t places = 0;
@@ -177,7 +184,7 @@ class Bricks : public BrickLayout {
   friend BricksBySlices<T>;
   class Filling;
   struct Unfilled {};
-  /// As many bricks as the grid takes, none of them there yet.
+  /// Sizes the table for the grid; all bricks are still null.
   Bricks(const GridGeometry& grid, T outside, Unfilled);
 
   std::size_t brick_of(int i, int j, int k) const {
@@ -186,12 +193,13 @@ class Bricks : public BrickLayout {
                           (along(j) + static_cast<std::size_t>(counts_[1]) * along(k));
   }
   const Shared& held(std::size_t number) const { return (*pages_[number / kPage])[number % kPage]; }
-  /// A brick, or the one that is there already for its value where it holds but one.
+  /// Shared copy of a brick; if it is uniform, the existing brick of that value.
   Shared keep(const Brick& brick);
-  /// Says that a brick stands at one more place, or at one less.
+  /// Adds or removes one position of a uniform brick.
   void count_place(const Brick& brick);
   void discount_place(const Brick& brick);
-  /// Bricks for all places. @param brick_at  shared brick of a number, to be called in their order
+  /// Sets all bricks.
+  /// @param brick_at  returns the shared brick of an index; called in ascending order
   template <class BrickAt>
   void fill(const BrickAt& brick_at);
 
@@ -201,34 +209,35 @@ class Bricks : public BrickLayout {
   std::vector<const T*> table_;
   std::vector<std::shared_ptr<const Page>> pages_;
   std::vector<Uniform> uniform_;
-  std::uint64_t hash_ = 0;  ///< sum of the bricks' hashes, each mixed with its number
+  std::uint64_t hash_ = 0;  ///< Sum of the bricks' hashes, each mixed with its index.
 };
 
-/// Bricks of voxels that come slice after slice, for whoever has no room for all of them at a time: a layer
-/// of bricks is made as soon as its slices are there. The same bit for bit as of a whole volume.
+/// Builds Bricks from slices in order, without holding the whole volume: a layer of bricks is built as soon
+/// as its slices have arrived. The result is bit-identical to one built from the whole volume.
 template <class T>
 class BricksBySlices {
  public:
   BricksBySlices(const GridGeometry& grid, T outside);
   ~BricksBySlices();
 
-  /// The next slices of the grid. @param voxels  all of them, i fastest
+  /// Appends slices.
+  /// @param voxels  all voxels of these slices, i fastest
   void add(int slices, const T* voxels);
-  /// After the last slice.
+  /// Completed volume, after the last slice.
   Bricks<T> take();
 
  private:
   Bricks<T> bricks_;
   std::unique_ptr<typename Bricks<T>::Filling> filling_;
-  int layer_ = 0;  ///< the next one to be made
-  int first_ = 0;  ///< slice that is held
+  int layer_ = 0;  ///< Index of the next layer to build.
+  int first_ = 0;  ///< First slice stored in held_.
   std::vector<T> held_;
 };
 
-/// The labels in bricks, background around them.
+/// Bricks of a label volume, surrounded by background.
 std::shared_ptr<const Bricks<LabelId>> label_bricks(const Volume<LabelId>& labels);
 
-/// How many voxels of the grid have each label, by label.
+/// Number of voxels of each label, indexed by label.
 std::vector<std::size_t> label_counts(const Bricks<LabelId>& labels);
 
 extern template class Bricks<std::uint8_t>;
@@ -240,8 +249,8 @@ extern template class BricksBySlices<std::uint16_t>;
 extern template class BricksBySlices<std::int16_t>;
 extern template class BricksBySlices<float>;
 
-/// A box of the grid beyond which both have the same voxels, from the bricks that they do not share; of size
-/// 0 where they share all. For two versions of one volume.
+/// Bounding box of the voxels that may differ between two versions of one volume, from the bricks that they
+/// do not share; size 0 if they share all bricks.
 template <class T>
 VoxelBox box_of_changes(const Bricks<T>& one, const Bricks<T>& other) {
   using L = BrickLayout;

@@ -13,7 +13,7 @@ struct RowPair {
   float weight;
 };
 
-/// The rows of one weighted sum, a kernel's reach:
+/// Rows and weights of one weighted sum:
 /// sum[x] = centre_weight * centre[x] + weight_1 * (before_1[x] + after_1[x]) + weight_2 * ...
 template <class T>
 struct WeightedRows {
@@ -23,14 +23,14 @@ struct WeightedRows {
   std::size_t pair_count;
 };
 
-/// The weighted sum of rows of `length` voxels, the one operation that the whole smoothing consists of.
-/// Picks the best SIMD target of the machine. Bits are the same for every target and vector length,
-/// because each voxel sees the multiplications and additions above in that order, never fused.
+/// Weighted sum of rows of `length` voxels, the only arithmetic of the smoothing filter. Dispatches to the
+/// best SIMD target of the machine. Results are bit-identical for every target and vector length, because
+/// each voxel is computed by the multiplications and additions above in that order, never fused.
 void sum_rows(const WeightedRows<std::uint8_t>& rows, std::size_t length, float* out);
 void sum_rows(const WeightedRows<float>& rows, std::size_t length, float* out);
-/// Rounded to nearest; the sum lies within 0 ... 255.
+/// Weighted sum rounded to nearest; it must lie within 0 ... 255.
 void sum_rows(const WeightedRows<float>& rows, std::size_t length, std::uint8_t* out);
-/// 257 times the sum, rounded to nearest: 0 ... 255 becomes 0 ... 65535.
+/// 257 times the weighted sum, rounded to nearest: 0 ... 255 becomes 0 ... 65535.
 void sum_rows(const WeightedRows<float>& rows, std::size_t length, std::uint16_t* out);
 
 }  // namespace palpate::internal

@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-/// SIMD targets compiled in and usable on this machine, best first, by Highway's names.
+/// SIMD targets that are compiled in and supported by this machine, best first, by Highway's names.
 std::vector<std::string> simd_targets();
 
 }  // namespace palpate

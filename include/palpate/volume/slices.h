@@ -9,7 +9,7 @@
 
 namespace palpate::internal {
 
-/// The part of a stage's progress that a piece of work fills.
+/// Interval of a stage's progress that one piece of work covers.
 struct ProgressSpan {
   std::string_view stage;
   double from = 0, to = 1;
@@ -18,8 +18,8 @@ struct ProgressSpan {
   }
 };
 
-/// for_each_index() that tells its progress, `to` of its span at the end, and stops with
-/// Progress::interrupted() before the next slice.
+/// for_each_index() over slices that reports its progress, `to` of its span at the end, and returns
+/// Progress::interrupted() before the next slice once it is cancelled.
 Result<void> for_each_slice(int count, int workers, const Progress& progress, const ProgressSpan& span,
                             const std::function<void(int worker, int slice)>& work);
 

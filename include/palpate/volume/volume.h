@@ -14,13 +14,13 @@
 
 namespace palpate {
 
-/// Where a regular grid of voxels lies in the patient. Any direction matrix, oblique, permuted and
-/// left-handed ones included; its columns are the patient directions of the i, j and k axes.
+/// Position of a regular voxel grid in the patient. Any direction matrix, including oblique, permuted and
+/// left-handed ones; its columns are the patient directions of the i, j and k axes.
 struct GridGeometry {
-  std::array<int, 3> dims{0, 0, 0};                         ///< voxels along i, j, k
-  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();     ///< > 0
-  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< unit columns, invertible
-  Point<Patient> origin;                                    ///< centre of voxel (0,0,0), LPS mm
+  std::array<int, 3> dims{0, 0, 0};                         ///< Voxels along i, j, k.
+  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();     ///< Voxel spacing along i, j, k; > 0.
+  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< Unit columns, invertible.
+  Point<Patient> origin;                                    ///< Centre of voxel (0,0,0); LPS mm.
 
   std::size_t voxel_count() const {
     return static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]) *
@@ -30,14 +30,14 @@ struct GridGeometry {
   double min_spacing_mm() const { return spacing_mm.minCoeff(); }
   bool right_handed() const { return direction.determinant() > 0; }
 
-  /// Maps continuous voxel indices to LPS millimetres.
+  /// Transform from continuous voxel indices to LPS millimetres.
   Transform<Patient, Voxel> X_PatientVoxel() const {
     return {direction * spacing_mm.asDiagonal(), origin.eigen()};
   }
   Point<Patient> centre() const {
     return X_PatientVoxel() * Point<Voxel>(0.5 * (dims[0] - 1), 0.5 * (dims[1] - 1), 0.5 * (dims[2] - 1));
   }
-  /// Offset of voxel (i,j,k) in memory: i fastest.
+  /// Offset of voxel (i,j,k) in memory, i fastest.
   std::size_t offset(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * dims[1] + static_cast<std::size_t>(j)) * dims[0] +
            static_cast<std::size_t>(i);
@@ -45,7 +45,7 @@ struct GridGeometry {
   bool contains(int i, int j, int k) const {
     return i >= 0 && j >= 0 && k >= 0 && i < dims[0] && j < dims[1] && k < dims[2];
   }
-  /// The same grid to within `tolerance_voxels` of a voxel at every corner.
+  /// True if both grids have equal dimensions and their corners coincide to within `tolerance_voxels`.
   bool same_grid(const GridGeometry& other, double tolerance_voxels = 1e-3) const;
 };
 
@@ -67,7 +67,7 @@ class Volume {
   bool empty() const { return voxels_.empty(); }
   T& at(int i, int j, int k) { return voxels_[geometry_.offset(i, j, k)]; }
   const T& at(int i, int j, int k) const { return voxels_[geometry_.offset(i, j, k)]; }
-  /// The voxel, or `outside` where the index lies outside the grid.
+  /// Voxel (i,j,k), or `outside` if the index lies outside the grid.
   T at_or(int i, int j, int k, T outside) const {
     return geometry_.contains(i, j, k) ? at(i, j, k) : outside;
   }
@@ -82,54 +82,55 @@ struct Rgb {
   bool operator==(const Rgb&) const = default;
 };
 
-using LabelId = std::uint16_t;  ///< 0 is background
+using LabelId = std::uint16_t;  ///< Segment id; 0 is background.
 
 /// One structure of a segmentation.
 struct Segment {
-  LabelId id = 0;    ///< unique in its LabelMap; equals `value` unless layers reuse values
-  std::string name;  ///< empty when the files name it nowhere
+  LabelId id = 0;    ///< Unique in its LabelMap; equals `value` unless layers reuse values.
+  std::string name;  ///< Empty if no file names the segment.
   Rgb colour;
-  int layer = 0;      ///< the layer of the LabelMap that holds it
-  LabelId value = 0;  ///< the voxel value that means it, in that layer
+  int layer = 0;      ///< Index of the LabelMap's layer that contains it.
+  LabelId value = 0;  ///< Voxel value of the segment in that layer.
 };
 
-/// A segmentation. Usually one layer; overlapping segments (Slicer's .seg.nrrd) need several, all on
-/// one grid. Within a layer a voxel belongs to one segment.
+/// Segmentation. Usually one layer; overlapping segments (Slicer's .seg.nrrd) need several, all on one grid.
+/// Within a layer each voxel belongs to at most one segment.
 struct LabelMap {
-  std::vector<Volume<LabelId>> layers;  ///< at least one
-  std::vector<Segment> segments;        ///< ascending id; every non-zero (layer, value) present in the voxels
+  std::vector<Volume<LabelId>> layers;  ///< At least one.
+  std::vector<Segment> segments;        ///< Ascending id; contains every non-zero (layer, value) present in
+                                        ///< the voxels.
 
   const GridGeometry& geometry() const { return layers.front().geometry(); }
   const Segment* find(LabelId id) const;
-  const Segment* find(const std::string& name) const;  ///< exact name
-  /// One volume of segment ids; where segments overlap the one with the highest layer wins, and
-  /// within one layer there is nothing to decide.
+  const Segment* find(const std::string& name) const;  ///< Finds a segment by its exact name.
+  /// Single volume of segment ids; where layers overlap, the one with the highest index wins.
   Volume<LabelId> flattened() const;
 };
 
-/// What a person asks first about one structure.
+/// Size, extent and connectivity of one segment.
 struct SegmentStatistics {
   LabelId id = 0;
   std::size_t voxels = 0;
   double volume_mm3 = 0;
-  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< inclusive voxel indices
-  Point<Patient> centroid;                                ///< mean of voxel centres
-  int components = 0;                                     ///< voxels are connected where they share a face
+  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< Bounding box; inclusive voxel indices.
+  Point<Patient> centroid;                                ///< Mean of the voxel centres.
+  int components = 0;                                     ///< Number of connected components; voxels are
+                                                          ///< connected if they share a face.
   std::size_t largest_component_voxels = 0;
 };
 
-/// One entry per segment with at least one voxel, ascending id.
+/// Statistics of each segment with at least one voxel, in order of ascending id.
 std::vector<SegmentStatistics> segment_statistics(const LabelMap& labels);
 
-/// Slices along k without a single non-zero voxel in any layer.
+/// Slices along k that contain no non-zero voxel in any layer.
 std::vector<int> empty_slices(const LabelMap& labels);
 
-/// A scan resampled onto `grid` by trilinear interpolation, `outside` where the scan does not reach.
-/// Error kBadInput when the two do not overlap at all.
+/// Resamples a scan onto `grid` by trilinear interpolation; `outside` beyond the scan. Errors: kBadInput if
+/// the two do not overlap.
 Result<Volume<float>> resample_linear(const Volume<float>& scan, const GridGeometry& grid, float outside);
 
-/// Labels resampled onto `grid` by nearest neighbour, 0 where they do not reach.
-/// Error kBadInput when the two do not overlap at all.
+/// Resamples labels onto `grid` by nearest neighbour; 0 beyond the labels. Errors: kBadInput if the two do
+/// not overlap.
 Result<LabelMap> resample_nearest(const LabelMap& labels, const GridGeometry& grid);
 
 }  // namespace palpate
