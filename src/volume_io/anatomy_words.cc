@@ -10,7 +10,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// each names a structure or a kind of tissue by itself
+// words that by themselves name a structure or a kind of tissue
 constexpr std::string_view kStructures =
     // bone and joints
     "bone bony osseous trabecular cortical cancellous femur femoral tibia tibial fibula fibular patella "
@@ -66,12 +66,12 @@ constexpr std::string_view kStructures =
     "rostralmiddlefrontal superiorfrontal superiorparietal superiortemporal frontalpole temporalpole "
     "transversetemporal insular lentiform sulcus trigone subarachnoid sinuses intracerebral substantia nigra "
     "fornix tectum vermis myelum "
-    // what is ill, and what is hollow
+    // pathologies and cavities
     "tumour tumor lesion carcinoma cancer metastasis metastases neoplasm nodule adenoma fibroadenoma "
     "sarcoma glioma meningioma lymphoma gtv ctv ptv cyst effusion lumen aneurysm thrombus hematoma edema "
     "oedema necrosis infarct plaque calcification hemorrhage haemorrhage infiltrate";
 
-// of place, shape and number: names of nothing by themselves
+// position, shape and number: name no structure by themselves
 constexpr std::string_view kQualities =
     "left right lt rt lh rh dex sinister dexter bilateral anterior posterior medial lateral superior "
     "inferior upper lower middle proximal distal central deep superficial internal external interior "
@@ -82,7 +82,7 @@ constexpr std::string_view kQualities =
     "air gas choroidplexus extremities capsule skeletal abdominal bifurcation brachii compartment junction "
     "outflow process superioris covid first second third fourth fdi";
 
-// words that people are called, with those that must stand right before or after them
+// Words that are also family names, with the word that must precede or follow them.
 struct WithCompany {
   std::string_view word, before, after;
 };
@@ -121,12 +121,12 @@ constexpr std::array kWithCompany{
     WithCompany{"oblique", "superior", ""},  WithCompany{"capsule", "internal", ""},
 };
 
-// Names of structures whose words name none by themselves, as they are written: people are called Bridge,
-// too.
+// Complete names whose words do not identify a structure by themselves: Bridge, for example, is also a family
+// name.
 constexpr std::array<std::string_view, 7> kWholeNames{"head",    "face",       "bridge",          "crown",
                                                       "implant", "body_trunc", "body_extremities"};
 
-// what a file of anybody's is called besides
+// neutral words of file names, which identify nobody
 constexpr std::string_view kSayNothing =
     "label labels labelmap seg segs dseg segment segmentation segmentations mask masks roi binary volume vol "
     "image img data file output out result pred prediction final new copy test sub subject ses patient case "
@@ -145,7 +145,7 @@ bool is_digit(char c) {
 bool is_capital(char c) {
   return c >= 'A' && c <= 'Z';
 }
-// with every byte of what is no ASCII: its letters are words that are not known
+// includes every non-ASCII byte, so that words in other scripts count as unknown words
 bool is_word(char c) {
   return is_capital(c) || (c >= 'a' && c <= 'z') || static_cast<unsigned char>(c) >= 0x80;
 }
@@ -193,7 +193,7 @@ bool in_company(const std::vector<Token>& tokens, std::size_t n) {
   });
 }
 
-// L5, T12: a letter of the spine and a number, which stand as two tokens
+// vertebral level such as L5 or T12: a letter and a number, which are two tokens
 bool is_level(const std::vector<Token>& tokens, std::size_t n) {
   static constexpr std::string_view kSpine = "ctls";
   return tokens[n].lower.size() == 1 && kSpine.find(tokens[n].lower[0]) != kSpine.npos &&
@@ -215,10 +215,10 @@ AnatomyInName anatomy_in(std::string_view text) {
   for (std::size_t n = 0; n < tokens.size(); ++n) {
     Token& token = tokens[n];
     if (token.number) {
-      // dates and numbers of patients have more digits, or more numbers
+      // dates and patient numbers have more digits, or several numbers
       const bool follows = n > 0 && tokens[n - 1].kept && !tokens[n - 1].number;
       const bool last = n + 1 == tokens.size() || !tokens[n + 1].number;
-      // teeth and their pulps have three in FDI's notation
+      // teeth and their pulps have three digits in FDI notation
       const bool is_tooth = follows && tokens[n - 1].lower == "fdi";
       token.kept = follows && last && token.text.size() <= (is_tooth ? 3 : 2);
       found.left_out = found.left_out || (!token.kept && token.text.size() > 2);
@@ -231,7 +231,7 @@ AnatomyInName anatomy_in(std::string_view text) {
   }
   if (!any) return found;
   std::size_t end = 0;
-  bool row = false;  // the token before is kept as well
+  bool row = false;  // the previous token is part of the name
   for (const Token& token : tokens) {
     if (token.kept) {
       const std::string_view between = text.substr(end, token.begin - end);

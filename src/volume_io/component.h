@@ -5,13 +5,13 @@
 
 namespace palpate::volume_io {
 
-/// The type of a voxel value in a file.
+/// Type of a voxel value in a file.
 enum class Component { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kInt64, kUint64, kFloat32, kFloat64 };
 
 std::size_t bytes_of(Component component);
 const char* name_of(Component component);
 
-/// Calls body with a value of the component's C++ type, for its type only.
+/// Calls body with a default value of the component's C++ type, of which only the type is used.
 template <class Body>
 auto with_type(Component component, const Body& body) {
   switch (component) {

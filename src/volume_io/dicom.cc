@@ -31,13 +31,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ---- which files there are ----------------------------------------------------------------------
+// ---- finding files ------------------------------------------------------------------------------
 
 constexpr std::size_t kMostDicomFiles = 200'000;
 constexpr int kDeepestFolder = 16;
 
-// Calls look(file) for each plain file in a folder or below it, until that says that it is enough; not for
-// links that lead out, where that is not allowed, whose number is returned.
+// Calls look(file) for each regular file in a folder or below it, until it returns true. Links that leave the
+// folder are skipped unless they are allowed; returns their number.
 template <class Look>
 std::size_t walk(const fs::path& folder, const Look& look) {
   std::size_t led_out = 0;
@@ -61,7 +61,8 @@ std::string front_of(const fs::path& file) {
 }
 
 std::optional<FileKind> dicom_kind_of(const fs::path& file, std::string_view front) {
-  // without the mark in its header any file could look like one, and this one has a name
+  // Without the DICM prefix the content is ambiguous; a file with the extension of another format is then not
+  // DICOM.
   const bool marked = front.size() > 132 && front.substr(128, 4) == "DICM";
   if (!marked && format_of(file)) return std::nullopt;
   auto kind = kind_of(front, "", 0);
@@ -79,17 +80,17 @@ bool is_dicom_directory(const fs::path& file) {
   return kind && kind->dicom_directory;
 }
 
-// what the process is to look at
+// files for the reader process
 struct FoundFiles {
-  std::vector<fs::path> files;  // in the order of their names, which decides nothing
-  std::vector<fs::path> roots;  // that it may open, and what stands below them
+  std::vector<fs::path> files;  // ordered by name; the order has no effect
+  std::vector<fs::path> roots;  // files and folders that the process may open, with their contents
   std::vector<std::string> notes;
 };
 
-// Errors: interrupted; of a DICOMDIR damaged, or that it names a file elsewhere.
+// Files referenced by a DICOMDIR. Errors: interrupted; a damaged DICOMDIR; a reference to a file elsewhere.
 Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& progress);
 
-// Errors: interrupted, and those of a DICOMDIR.
+// Files to be read for a named file or folder. Errors: interrupted; those of a DICOMDIR.
 Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   FoundFiles found;
   found.roots.push_back(named);
@@ -106,7 +107,7 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
     if ((stopped = progress.stopped())) return true;
     if (found.files.size() == kMostDicomFiles) return more = true;
     std::error_code unknown;
-    // where a link is allowed to lead
+    // targets of allowed links
     if (reading_limits().follow_links && outside.size() < kMostRoots && fs::is_symlink(file, unknown))
       outside.insert(fs::canonical(file, unknown).parent_path());
     found.files.push_back(file);
@@ -124,12 +125,12 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   return found;
 }
 
-// ---- in the process that reads ------------------------------------------------------------------
+// ---- in the reader process ----------------------------------------------------------------------
 
 struct DicomContent {
   std::vector<DicomVolume> volumes;
-  std::vector<std::string> notes;   // of what may be missing in a volume
-  std::vector<std::string> others;  // of what else stands there
+  std::vector<std::string> notes;   // about data that may be missing in a volume
+  std::vector<std::string> others;  // descriptions of other contents
   DicomIdentifiers identifiers;
 };
 
@@ -142,11 +143,10 @@ struct Image {
   DicomFile content;
 };
 
-// what was found of one kind, and how often
+// number of occurrences of each description
 using Counts = std::map<std::string, std::size_t>;
 
-// Whether the values of two images, which are the same in all else, are the same; false where one cannot be
-// read.
+// True if two images with equal attributes have equal values; false if one of them is unreadable.
 bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one, const Image& other) {
   std::array<std::vector<std::int64_t>, 2> values;
   for (std::size_t n = 0; n < one.content.frames.size(); ++n) {
@@ -165,8 +165,8 @@ bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one,
   return true;
 }
 
-// Leaves of each image that stands there more than once, as copied folders have them, one.
-// @param look  called before each comparison; false: nobody listens any more
+// Removes all but one of the copies of each image, as found in duplicated folders.
+// @param look  called before each comparison; false: the parent has gone
 template <class Look>
 std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vector<Image>& images,
                         const Look& look) {
@@ -192,10 +192,10 @@ std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vecto
   return std::erase_if(images, [&](const Image&) { return is_copy[n++] != 0; });
 }
 
-// all frames, with the series that they belong to
-// @param identifiers  of_file is as long as there are files
+// All frames, with the index of their series.
+// @param identifiers  of_file must have one entry per file
 std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& identifiers) {
-  // series in the order of their own numbers
+  // series ordered by SeriesNumber
   std::map<std::pair<int, std::string>, int> series;
   for (const Image& image : images)
     series.emplace(std::pair(image.content.series_number, image.content.series_uid), 0);
@@ -215,7 +215,8 @@ std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& i
   return frames;
 }
 
-// @param look  told which file is begun, and their number when all are done; false: nobody listens any more
+// @param look  called with the index of the file to be read, and with the number of files when all are done;
+//              false: the parent has gone
 template <class Look>
 Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const Look& look) {
   std::vector<Image> images;
@@ -280,7 +281,7 @@ Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const
   return content;
 }
 
-// the stored values as they are, where one type and one scale serve all slices and none of them is padding
+// True if the stored values can be sent unchanged: one type and one scale for all slices, and no padding.
 bool as_stored(const std::vector<DicomFrame>& frames) {
   const DicomFrame& first = frames.front();
   return std::all_of(frames.begin(), frames.end(), [&](const DicomFrame& frame) {
@@ -350,7 +351,7 @@ void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, 
   }
 }
 
-// slice after slice; a multi-frame file is opened once
+// slice by slice; a multi-frame file is opened once
 Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const FoundFiles& found,
                          Component component, VoxelSink& sink) {
   std::optional<InputFile> file;
@@ -388,28 +389,28 @@ Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, co
   });
 }
 
-// ---- segmentations, in the process that reads -----------------------------------------------------
+// ---- segmentations, in the reader process ---------------------------------------------------------
 
-// a segmentation that is understood
+// a parsed segmentation
 struct Segments {
-  std::vector<fs::path> files;  // by DicomFrame::file
+  std::vector<fs::path> files;  // indexed by DicomFrame::file
   DicomSegmentation said;
   SegmentGrid grid;
-  std::vector<std::vector<std::size_t>> frames_at;  // by slice
-  std::vector<int> layer_of_number;                 // by segment's number
+  std::vector<std::vector<std::size_t>> frames_at;  // frame indices, by slice
+  std::vector<int> layer_of_number;                 // indexed by segment number
   VolumeFile file;
 };
 
-// the most files that one segmentation is spread over: each stays open
+// maximum number of files of one segmentation, all of which are open at the same time
 constexpr std::size_t kMostSegmentationFiles = 200;
 
-// of an error the file that it is about, where a segmentation has several
+// adds the file to an error if a segmentation has several
 Error in_file(Error error, const std::vector<fs::path>& files, std::size_t n) {
   if (files.size() > 1) error.where = files[n].string();
   return error;
 }
 
-// the values of the frames of a segmentation, each file of which is opened once
+// decoder for the frames of a segmentation; each file is opened once
 class SegmentPixels {
  public:
   static Result<SegmentPixels> open(DicomFiles& library, const std::vector<fs::path>& files) {
@@ -424,7 +425,7 @@ class SegmentPixels {
     }
     return all;
   }
-  // calls take(voxel, number of a segment) for each voxel that is in one
+  // calls take(voxel, segment number) for each voxel that is in a segment
   template <class Take>
   Result<void> read(const DicomSegmentation& said, std::size_t n, const Take& take) {
     const DicomFrame& frame = said.frames[n];
@@ -463,7 +464,7 @@ class SegmentPixels {
   std::vector<std::int64_t> values_;
 };
 
-// @param look  called before each slice; false: nobody listens any more
+// @param look  called before each slice; false: the parent has gone
 template <class Look>
 Result<void> find_overlaps(DicomFiles& library, Segments& segments, const Look& look) {
   const DicomSegmentation& said = segments.said;
@@ -471,7 +472,7 @@ Result<void> find_overlaps(DicomFiles& library, Segments& segments, const Look& 
   for (std::size_t n = 0; n < said.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
   Meetings meetings;
-  // the labels of one file exclude each other
+  // the labels of a single file are mutually exclusive
   if (said.codings.size() > 1 || said.codings.front().kind != SegmentCoding::Kind::kLabels) {
     auto pixels = SegmentPixels::open(library, segments.files);
     if (!pixels) return pixels.error();
@@ -514,7 +515,7 @@ Result<DicomSegmentation> read_segmentation_file(DicomFiles& library, const fs::
   return said;
 }
 
-// @param look  told how far it is; false: nobody listens any more
+// @param look  called regularly; false: the parent has gone
 template <class Look>
 Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::path>& files,
                                   const fs::path& named, const Look& look) {
@@ -559,7 +560,7 @@ Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::pat
   for (std::size_t n = 0; n < said.segments.size(); ++n) {
     const DicomSegment& segment = said.segments[n];
     std::string name = name_of_segment(segment);
-    // of several files, each of which may count from the start
+    // several files may use the same names
     if (files.size() > 1) name = told_apart(std::move(name), names);
     names.push_back(name);
     put_segment(segments.file, n, name, segment.number,
@@ -577,7 +578,7 @@ Result<void> send_segments(DicomFiles& library, const Segments& segments, VoxelS
       const auto in_layer = [&](int segment) {
         return segments.layer_of_number[static_cast<std::size_t>(segment)] == layer;
       };
-      // 0: labels, each of which has a layer of its own
+      // 0: a label map, whose labels may be in different layers
       const int only = segments.said.segment_of_frame[n];
       if (only != 0 && !in_layer(only)) continue;
       const auto read = pixels->read(segments.said, n, [&](std::size_t v, int segment) {
@@ -590,11 +591,11 @@ Result<void> send_segments(DicomFiles& library, const Segments& segments, VoxelS
   return send_layers(segments.file.header, read_slice, sink);
 }
 
-// ---- structure sets, in the process that reads --------------------------------------------------
+// ---- structure sets, in the reader process ------------------------------------------------------
 
-// contours that are understood, on the grid of a scan
+// contours rasterised on the grid of a scan
 struct Structures {
-  std::vector<DicomStructure> said;  // those with closed contours, which are in the planes
+  std::vector<DicomStructure> said;  // the structures with closed contours, which have moved to `planes`
   std::vector<StructurePlanes> planes;
   std::vector<int> layers;
   VolumeFile file;
@@ -608,7 +609,7 @@ std::string colour_of_structure(const DicomStructure& structure) {
   return text;
 }
 
-// what a person should know of the structures: what lacks, what was filled in, what is cut off
+// notes for the user: missing contours, filled gaps, clipped and empty structures
 void tell_of_structures(const Structures& structures, const std::vector<std::string>& without_contours,
                         std::size_t left_out, const std::vector<std::uint64_t>& voxels, VolumeFile& file) {
   std::vector<std::string> cut, empty;
@@ -638,7 +639,7 @@ void tell_of_structures(const Structures& structures, const std::vector<std::str
   tell("has structures of which no voxel's centre is in, or that lie outside of the scan", empty);
 }
 
-// @param look  told how far it is; false: nobody listens any more
+// @param look  called regularly; false: the parent has gone
 template <class Look>
 Result<Structures> look_at_structures(DicomFiles& library, const fs::path& named, const GridGeometry& grid,
                                       const Look& look) {
@@ -733,7 +734,7 @@ bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   return false;
 }
 
-// the most that are listed: a folder of pictures each in a series of its own has thousands
+// Maximum number of volumes in a list: a folder of images that are each a series of its own has thousands.
 constexpr std::size_t kMostListed = 2000;
 
 bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
@@ -760,8 +761,8 @@ bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   return out.ok();
 }
 
-// of a segmentation, and the images that it may have been made on: the number of the volume, and what is to
-// be said
+// Matches a segmentation with the images on which it may have been made: sends the number of the volume and
+// the notes.
 bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
                      const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
                      std::optional<int> number) {
@@ -801,9 +802,9 @@ bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const Found
   return out.ok();
 }
 
-// ---- in this process ----------------------------------------------------------------------------
+// ---- in the parent process ----------------------------------------------------------------------
 
-// what DICOM files are read by, ready for a process that reads them
+// DICOM library with its dictionary, before a reader process is started
 Result<DicomFiles*> ready_library() {
   const ItkSection section;
   auto library = load_dicom_files();
@@ -812,7 +813,7 @@ Result<DicomFiles*> ready_library() {
   return *library;
 }
 
-// a process that may open these and what stands below
+// starts a reader process that may open the roots and their contents
 Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found, std::size_t shared_bytes,
                                                         const Progress& progress,
                                                         const reader::ReaderProcess::Work& work) {
@@ -825,14 +826,14 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_in(const FoundFiles& found,
   return process;
 }
 
-// until all files are looked at
+// waits until all files have been read
 Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& found, Files named,
                             const Progress& progress) {
   std::size_t begun = 0;
   while (true) {
     std::uint32_t number = 0;
     if (auto said = process.read(std::as_writable_bytes(std::span(&number, 1))); !said) {
-      // the one file that can be named by nothing else than its name
+      // the file being read can only be identified by its path
       if (begun < found.files.size() && found.files.size() > 1) {
         Error error = about(said.error(), {&found.files[begun], 1});
         if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
@@ -853,7 +854,7 @@ Error at(const fs::path& file, const Error& error) {
 
 constexpr std::size_t kMostParts = 16, kMostPart = 255;
 
-// Where a DICOMDIR says that a file stands; nothing where that leads elsewhere.
+// Path of a file that a DICOMDIR references; nullopt if it would leave the folder.
 std::optional<fs::path> place_of(const fs::path& folder, const std::vector<std::string>& parts, bool lower) {
   fs::path place = folder;
   if (parts.empty() || parts.size() > kMostParts) return std::nullopt;
@@ -914,7 +915,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
       return bad_input(directory.string(),
                        "names a file that is not in its folder (ReferencedFileID (0004,1500))",
                        "name the folder that it stands in: all DICOM files in it are found without it");
-    // discs are mounted with names in small letters, too
+    // some discs are mounted with lower-case names
     std::error_code ignored;
     if (!fs::is_regular_file(*place, ignored)) place = place_of(folder, parts, true);
     if (!fs::is_regular_file(*place, ignored)) {
@@ -1034,7 +1035,7 @@ std::optional<FileKind> kind_of_file(const fs::path& file) {
   return fs::is_regular_file(file, ignored) ? dicom_kind_of(file, front_of(file)) : std::nullopt;
 }
 
-// Labels in one file, or in several below a folder, which work(library, the process's end, files) reads.
+// Reads labels of one file, or of several files of a folder, by work(library, the process's end, files).
 template <class Work>
 Result<DicomReader> open_dicom_labels(const fs::path& file, std::vector<fs::path> files,
                                       const Progress& progress, const Work& work) {
@@ -1047,7 +1048,7 @@ Result<DicomReader> open_dicom_labels(const fs::path& file, std::vector<fs::path
                           [&](reader::ParentEnd& parent) { return work(**library, parent, found.files); });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};
-  // where it ends without a word, that is about all of them
+  // an unexpected end of the process concerns all of the files
   FoundFiles all;
   all.files = {file};
   std::vector<fs::path> blamed{file};
@@ -1140,13 +1141,13 @@ bool is_dicom_labels(const fs::path& file) {
   return kind && (kind->dicom_segmentation || kind->dicom_structures);
 }
 
-// the files of DICOM's labels that are named: one, or a folder of segmentations
+// label files of a named path: the file itself, or a folder of segmentations
 std::vector<fs::path> label_files(const fs::path& named) {
   if (is_dicom_labels(named)) return {named};
   return dicom_segmentation_files(named);
 }
 
-// the segmentations below a folder, in the order of their names
+// segmentations below a folder, ordered by name
 Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Progress& progress) {
   auto found = find_files(folder, progress);
   if (!found) return found.error();
@@ -1154,7 +1155,7 @@ Result<std::vector<fs::path>> segmentations_in(const fs::path& folder, const Pro
   return std::move(found->files);
 }
 
-// the folder that all of some files stand in or below
+// deepest folder that contains all files
 fs::path common_folder(const std::vector<fs::path>& files) {
   fs::path folder = files.front().parent_path();
   for (const fs::path& file : files) {
@@ -1164,7 +1165,7 @@ fs::path common_folder(const std::vector<fs::path>& files) {
   return folder;
 }
 
-// @param one_series  files of several series are not one segmentation
+// @param one_series  segmentations of several series are an error
 Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   const auto library = ready_library();
   if (!library) return at(study.scan, library.error());
@@ -1215,7 +1216,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
       for (std::size_t n = 0; n < std::min(segmentations->size(), kListed); ++n)
         list += (n ? ", " : " ") + (*segmentations)[n].string();
       if (segmentations->size() > kListed) list += ", ...";
-      // where a segmentation is spread over files, a series is a folder
+      // a segmentation that is spread over several files is a folder per series
       const fs::path folder = common_folder(*segmentations);
       if (dicom_segmentation_files(folder).size() != segmentations->size())
         return Error{
@@ -1287,7 +1288,7 @@ namespace {
 
 constexpr std::size_t kMostRows = 10'000;
 
-// identifiers of one kind and tag, over all files; in the order of their tags, which end what they are called
+// Identifiers of all files by kind and element, sorted by tag, which follows the keyword in `what`.
 struct IdentifierRows {
   using Key = std::tuple<IdentifierKind, std::string, std::string>;
   static Key key_of(const DicomIdentifier& one) {
@@ -1296,7 +1297,7 @@ struct IdentifierRows {
   }
   std::map<Key, IdentifierRow> rows;
   std::map<Key, std::set<std::string>> values;
-  std::set<std::string> beyond;  // of what there is no row any more; as many again at most
+  std::set<std::string> beyond;  // elements beyond kMostRows, at most as many again
   std::size_t files = 0, burnt_in_unsaid = 0, unread = 0;
 };
 
@@ -1369,7 +1370,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   if (!library) return at(file, library.error());
   auto found = find_files(file, progress);
   if (!found) return found.error();
-  // which has a record of each patient
+  // the DICOMDIR itself contains a record of each patient
   if (is_dicom_directory(file)) found->files.push_back(file);
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
     return tell_identifiers_for(**library, parent, *found);

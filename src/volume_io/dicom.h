@@ -10,42 +10,45 @@
 #include "volume_io/dicom_write.h"
 #include "volume_io/voxel_source.h"
 
-/// DICOM files, one or a folder of them, read by a process of its own as other volumes are (volume_reader.h).
-/// This process looks for the files and starts it; it may open what stands in the folder and below. It says
+/// Reads DICOM files, one or a folder of them, in a confined process as for other volumes (volume_reader.h).
+/// The parent process lists the files and starts the reader, which may open the folder and its contents only.
+/// Protocol from the reader to the parent:
 ///
-///   u32 n     file n is begun; their number: all are done                            as often as it takes
-///   u32 ~0    and byte 1, or byte 0 with a refusal as in volume_message.h            what they hold is known
-///   then what volume_message.h has of a volume and its voxels; of a list
-///   u32 volumes, and of each text what, text fault, text remedy; u32 notes, texts
+///   u32 n     reading of file n has started; n = number of files: all are read       repeated
+///   u32 ~0    then byte 1, or byte 0 and a refusal as in volume_message.h            end of the analysis
+///   then volume and voxels as in volume_message.h; or, for a list of volumes,
+///   u32 volumes, and for each: text what, text fault, text remedy; u32 notes, texts
 namespace palpate::volume_io {
 
-/// A process that has understood a volume and waits for a word to send its voxels.
+/// Reader process that has parsed a volume and waits for a request to send its voxels.
 struct DicomReader {
   std::unique_ptr<reader::ReaderProcess> process;
   VolumeFile volume;
 };
-/// @param file    of which is_dicom() (volume_io.h) holds
-/// @param number  of the volume, see choose_volume()
+/// Starts a reader process for a DICOM volume.
+/// @pre is_dicom(file) (volume_io.h)
+/// @param number  number of the volume, see choose_volume()
 Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
                                const Progress& progress);
 
 class DicomFiles;
-/// What DICOM files are read and written by, with its dictionary. Error kUnavailable.
+/// Library that reads and writes DICOM files, with its dictionary loaded. Errors: kUnavailable.
 Result<DicomFiles*> ready_dicom_library();
-/// Which patient and study the objects belong to that are attached to a study, and the images of its volume.
-/// Errors: what is wrong with the study; those of choose_volume().
+/// Patient, study and images of a volume, for objects that are attached to a study. Errors: an unusable
+/// study; those of choose_volume().
 Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const Progress& progress);
 
-/// The DICOM segmentations that a plain file or a folder without images holds, by their first bytes, in the
-/// order of their names.
+/// DICOM segmentations, recognised by their first bytes, of a regular file or of a folder without images,
+/// ordered by name.
 std::vector<std::filesystem::path> dicom_segmentation_files(const std::filesystem::path& file);
-/// The same of a segmentation, which may be spread over several files: dicom_segmentation_files() finds one
-/// at least. Segments that overlap come in layers.
+/// Starts a reader process for a segmentation, which may be spread over several files;
+/// dicom_segmentation_files() must find at least one. Overlapping segments are distributed over layers.
 Result<DicomReader> open_dicom_segmentation(const std::filesystem::path& file, const Progress& progress);
 
-/// Whether a plain file is a DICOM structure set, by its first bytes.
+/// True if a regular file is a DICOM structure set, by its first bytes.
 bool is_dicom_structures(const std::filesystem::path& file);
-/// The same of a structure set, of which is_dicom_structures() holds, on the grid of a scan.
+/// Starts a reader process that rasterises a structure set on the grid of a scan.
+/// @pre is_dicom_structures(file)
 Result<DicomReader> open_dicom_structures(const std::filesystem::path& file, const GridGeometry& grid,
                                           const Progress& progress);
 

@@ -12,11 +12,11 @@ namespace {
 
 constexpr const char* kAscii = "US-ASCII";
 constexpr const char* kLatin1 = "ISO-8859-1";
-// JIS X 0201, whose letters above 0x80 Shift_JIS has in the same places; ICU has no table of its own for it
+// JIS X 0201: Shift_JIS has the same letters above 0x80, and ICU has no separate table
 constexpr const char* kKatakana = "Shift_JIS";
 
-// number of a registered set, as in "ISO_IR 100" and "ISO 2022 IR 100", and ICU's name of a set whose bytes
-// below 0x80 are ASCII and whose others are the registered ones
+// Number of a registered set, as in "ISO_IR 100" and "ISO 2022 IR 100", and ICU's name of a converter whose
+// bytes below 0x80 are ASCII and whose other bytes are those of the registered set.
 struct RegisteredSet {
   std::string_view number;
   const char* converter;
@@ -30,12 +30,12 @@ constexpr std::array kRegistered{RegisteredSet{"6", kAscii},          Registered
                                  RegisteredSet{"166", "TIS-620"},     RegisteredSet{"192", "UTF-8"},
                                  RegisteredSet{"149", "EUC-KR"},      RegisteredSet{"58", "GB2312"}};
 
-// what an escape sequence of ISO 2022 changes: the meaning of bytes below 0x80 (G0), or of those above (G1)
+// Effect of an ISO 2022 escape sequence: it changes the meaning of bytes below 0x80 (G0) or above (G1).
 enum class G0 { kSingleByte, kJisX0208, kJisX0212 };
 struct Escape {
-  std::string_view sequence;  // after ESC
+  std::string_view sequence;  // the bytes after ESC
   std::optional<G0> g0;
-  const char* g1 = nullptr;  // ICU's name, as above; null: G1 stays
+  const char* g1 = nullptr;  // ICU's converter name; null: G1 is unchanged
 };
 constexpr std::array kEscapes{Escape{"(B", G0::kSingleByte},   Escape{"(J", G0::kSingleByte, nullptr},
                               Escape{"$B", G0::kJisX0208},     Escape{"$(D", G0::kJisX0212},
@@ -56,7 +56,7 @@ bool append_converted(std::string_view bytes, const char* converter, std::string
   const std::unique_ptr<UConverter, void (*)(UConverter*)> open(ucnv_open(converter, &status), ucnv_close);
   if (U_FAILURE(status)) return false;
   ucnv_setToUCallBack(open.get(), UCNV_TO_U_CALLBACK_STOP, nullptr, nullptr, nullptr, &status);
-  // no byte becomes more than two units of UTF-16, and no unit more than three bytes of UTF-8
+  // a byte yields at most two UTF-16 units, and a unit at most three bytes of UTF-8
   std::u16string units(2 * bytes.size() + 1, u'\0');
   const std::int32_t length = ucnv_toUChars(open.get(), units.data(), static_cast<std::int32_t>(units.size()),
                                             bytes.data(), static_cast<std::int32_t>(bytes.size()), &status);
@@ -70,7 +70,7 @@ bool append_converted(std::string_view bytes, const char* converter, std::string
   return true;
 }
 
-// ICU's name of a set that stands alone, "ISO_IR 144"; null: unknown
+// ICU's converter for a set that is used alone, "ISO_IR 144"; null: unknown
 const char* converter_of(std::string_view set) {
   if (set.empty()) return kAscii;
   if (set == "GB18030") return "gb18030";
@@ -83,7 +83,7 @@ const char* converter_of(std::string_view set) {
   return nullptr;
 }
 
-/// Text with escape sequences, run by run.
+/// Converter of text with escape sequences, run by run.
 class Iso2022Text {
  public:
   explicit Iso2022Text(const char* initial_g1) : initial_g1_(initial_g1), g1_(initial_g1) {}
@@ -100,7 +100,7 @@ class Iso2022Text {
         continue;
       }
       run_ += text.front();
-      // a new value or component begins with the first set of the file
+      // a new value or component resets to the first set of the file
       if (g0_ == G0::kSingleByte &&
           std::string_view("\\^=\r\n\f\t").find(text.front()) != std::string_view::npos) {
         if (!end_run()) return std::nullopt;
@@ -125,7 +125,7 @@ class Iso2022Text {
     return good;
   }
 
-  // pairs of 7-bit bytes, which EUC-JP has as 8-bit ones
+  // pairs of 7-bit bytes as the 8-bit pairs of EUC-JP
   std::string as_euc_jp() const {
     std::string bytes;
     for (std::size_t n = 0; n < run_.size(); ++n) {

@@ -19,9 +19,9 @@ namespace {
 
 SegmentToWrite segment_to_write(const Segment& segment) {
   SegmentToWrite out;
-  // what a label of DICOM's may hold
+  // maximum length of a SegmentLabel
   std::size_t kept = 64;
-  // no letter of UTF-8 is cut in two
+  // do not cut a UTF-8 character
   while (kept < segment.name.size() && (segment.name[kept] & 0xC0) == 0x80) --kept;
   out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, kept);
   std::ranges::replace(out.name, '\\', '/');
@@ -82,7 +82,7 @@ Result<SegmentationToWrite> segmentation_of(const LabelMap& labels, const std::f
   return seg;
 }
 
-// writes beside the target, then renames
+// writes a temporary file and renames it
 template <class Write>
 Result<void> write_object(const std::filesystem::path& file, const std::optional<DicomAttachment>& attached,
                           const Progress& progress, const Write& write) {

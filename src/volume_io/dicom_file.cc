@@ -37,10 +37,9 @@ constexpr const char* kDecompress =
 constexpr const char* kSlicer = "load the series in 3D Slicer and save it as NRRD";
 constexpr const char* kExport = "export the series again, as CT or MR images";
 
-// ---- values of a data set -----------------------------------------------------------------------
+// ---- element values ------------------------------------------------------------------------------
 
-// Whether an element that stands there has a length that its values can have: DCMTK takes memory for what it
-// says.
+// True if an element's length is plausible for its values: DCMTK allocates whatever the length field says.
 bool is_short(DcmItem& item, const DcmTagKey& tag) {
   constexpr Uint32 kLongest = 1 << 16;
   DcmElement* element = nullptr;
@@ -51,7 +50,7 @@ std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned lo
   if (!is_short(item, tag)) return std::nullopt;
   Float64 value = 0;
   if (item.findAndGetFloat64(tag, value, at).bad()) {
-    // DCMTK converts no number from one representation (IS, FL, SL, UL, SS, US) to another
+    // DCMTK does not convert numbers between representations (IS, FL, SL, UL, SS, US)
     Float32 single = 0;
     Sint32 whole = 0;
     Uint32 natural = 0;
@@ -85,10 +84,11 @@ std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   return std::string(value.c_str(), value.size());
 }
 
-// a text in the character set of its file, as UTF-8
+// text converted from the file's character set to UTF-8
 std::string name_text_of(DcmItem& item, const DcmTagKey& tag, const std::string& set) {
   const std::string text = text_of(item, tag);
-  // what is none of its set stays as it is, which is no UTF-8 and so no name
+  // Text that is invalid in its character set is returned unchanged; as invalid UTF-8 it is not accepted as a
+  // name.
   return dicom_text_in_utf8(text, set).value_or(text);
 }
 
@@ -109,13 +109,12 @@ std::string in_words(const DcmTagKey& key) {
   return std::string(tag.getTagName()) + " " + key.toString().c_str();
 }
 
-// where a frame's attributes stand: its own functional groups, those that all frames share, the data set
+// Attribute lookup of a frame: per-frame functional groups, shared functional groups, data set.
 class Attributes {
  public:
   Attributes(DcmItem* own, DcmItem* shared, DcmItem& root) : places_{own, shared}, root_(root) {}
 
-  // the item that holds an attribute, in that functional group or, as in one of a single image, in the data
-  // set
+  // item that contains an attribute: the functional group or, as in single-frame files, the data set
   DcmItem& in(const DcmTagKey& group, const DcmTagKey& tag) const {
     for (DcmItem* place : places_) {
       DcmItem* item = nullptr;
@@ -133,7 +132,7 @@ class Attributes {
   DcmItem& root_;
 };
 
-// ---- what an image is ---------------------------------------------------------------------------
+// ---- image description ----------------------------------------------------------------------------
 
 struct Fault {
   std::string what, remedy;
@@ -145,7 +144,7 @@ bool is_jpeg2000(E_TransferSyntax syntax) {
   return syntax == EXS_JPEG2000LosslessOnly || syntax == EXS_JPEG2000;
 }
 
-// how its voxels are packed, where that is not read
+// fault if the compression is not supported
 std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& uid) {
   const auto compressed = [](const std::string& how) {
     return Fault{"is compressed as " + how + ", which is not read", kDecompress};
@@ -182,8 +181,7 @@ std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& u
 constexpr std::array<std::string_view, 14> kModalities{"CT", "MR", "PT", "NM", "US", "XA",  "CR",
                                                        "DX", "MG", "RF", "OT", "SC", "OCT", "OPT"};
 
-// what the values of a frame are made of, which may be one bit; false with a fault where they are nothing
-// that is read
+// Reads size and layout of the values, which may be single bits; returns a fault if they are not supported.
 std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   const auto lacks = [](const DcmTagKey& tag) { return Fault{"lacks " + in_words(tag), kExport}; };
   const auto rows = count_of(root, DCM_Rows), columns = count_of(root, DCM_Columns),
@@ -196,7 +194,7 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   if (count_of(root, DCM_SamplesPerPixel).value_or(1) != 1)
     return Fault{"is a picture in colours, not a scan: SamplesPerPixel (0028,0002) is not 1", kExport};
   const std::string photometric = text_of(root, DCM_PhotometricInterpretation);
-  // the numbers of a label map may index a palette, which gives the segments their colours
+  // labels may index a palette, which defines the colours of the segments
   const bool labels = photometric == "PALETTE COLOR" && text_of(root, DCM_SegmentationType) == "LABELMAP";
   if (photometric != "MONOCHROME1" && photometric != "MONOCHROME2" && !labels)
     return Fault{
@@ -207,7 +205,7 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   frame.bits_stored = count_of(root, DCM_BitsStored).value_or(*allocated);
   frame.high_bit = count_of(root, DCM_HighBit).value_or(frame.bits_stored - 1);
   frame.is_signed = count_of(root, DCM_PixelRepresentation).value_or(0) == 1;
-  // a bit each, of a segmentation
+  // one bit per voxel, of a segmentation
   if (*allocated == 1 && frame.bits_stored == 1 && frame.high_bit == 0) return std::nullopt;
   if ((*allocated != 8 && *allocated != 16 && *allocated != 32) || frame.bits_stored < 1 ||
       frame.high_bit >= *allocated || frame.high_bit + 1 < frame.bits_stored)
@@ -222,7 +220,7 @@ std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame) {
   return std::nullopt;
 }
 
-// the lowest bits of a word as a number
+// value of a word's stored bits, sign-extended if it is signed
 std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame) {
   const int shift = frame.high_bit + 1 - frame.bits_stored;
   const std::uint64_t mask = (std::uint64_t{1} << frame.bits_stored) - 1;
@@ -231,8 +229,8 @@ std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame) {
   return static_cast<std::int64_t>(bits) - (negative ? std::int64_t{1} << frame.bits_stored : 0);
 }
 
-// A word, written as signed or unsigned, which old files mix up. Where it has more bits than are stored it
-// marks what has them too.
+// Padding value, as a word that may be written as signed or unsigned, which old files confuse. If the word
+// has more bits than are stored, the padding mark uses them too.
 std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, const DicomFrame& frame) {
   Uint16 small = 0;
   Sint16 negative = 0;
@@ -256,7 +254,7 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
   return static_cast<std::int32_t>(word);
 }
 
-// where a frame lies; false with what it lacks
+// reads position, orientation and spacing; returns a fault if they are missing or invalid
 std::optional<Fault> read_place(const Attributes& attributes, bool several, DicomFrame& frame) {
   const auto lacks = [&](const DcmTagKey& tag) {
     return Fault{"lacks " + in_words(tag) + (several ? " for each frame" : "") +
@@ -330,11 +328,11 @@ void read_what_tells_apart(const Attributes& attributes, DcmItem& root, DicomFra
   frame.frame_of_reference = text_of(root, DCM_FrameOfReferenceUID);
 }
 
-// a number where it is said, and none that cannot be read
+// reads a number if the attribute is present; returns a fault if it is not a number
 std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& tag, double& number) {
   DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
   if (text_of(item, tag).empty()) return std::nullopt;
-  constexpr double kMost = 1e30;  // a float's range, and some bits
+  constexpr double kMost = 1e30;  // leaves some margin to a float's range
   const auto said = number_of(item, tag);
   if (!said || std::abs(*said) > kMost)
     return Fault{"has a " + in_words(tag) + " that is no number", kExport};
@@ -358,10 +356,10 @@ std::uint64_t bytes_of_frame(const DicomFrame& frame) {
   return (bits_of_frame(frame) + 7) / 8;
 }
 
-// DCMTK reads all up to what is larger than this, which it fetches when it is asked for
+// values longer than this are loaded on access; bytes
 constexpr Uint32 kAtOnce = 4096;
 
-// a sequence's items in their order; its own way to the n-th counts from the first
+// Items of a sequence in order; DCMTK's access by index counts from the first item each time.
 std::vector<DcmItem*> items_of(DcmItem& root, const DcmTagKey& tag) {
   std::vector<DcmItem*> items;
   DcmSequenceOfItems* sequence = nullptr;
@@ -371,7 +369,7 @@ std::vector<DcmItem*> items_of(DcmItem& root, const DcmTagKey& tag) {
   return items;
 }
 
-// The items of packed pixels: first the table of where frames begin, then what is packed.
+// Items of encapsulated pixel data: first the offset table, then the fragments.
 std::vector<DcmPixelItem*> fragments_of(DcmPixelData& pixels, E_TransferSyntax syntax) {
   std::vector<DcmPixelItem*> items;
   DcmPixelSequence* sequence = nullptr;
@@ -383,7 +381,7 @@ std::vector<DcmPixelItem*> fragments_of(DcmPixelData& pixels, E_TransferSyntax s
   return items;
 }
 
-// Appends bytes of a fragment, from its first one on; false: they cannot be read.
+// Appends the first `bytes` bytes of a fragment; returns false if they cannot be read.
 bool append(DcmPixelItem& fragment, std::size_t bytes, DcmFileCache& cache,
             std::vector<std::uint8_t>& target) {
   const std::size_t before = target.size();
@@ -394,7 +392,7 @@ bool append(DcmPixelItem& fragment, std::size_t bytes, DcmFileCache& cache,
              .good();
 }
 
-// whether its values are not those that were measured, as far as it or its first frame says
+// lossy compression, as far as the attributes or the first frame reveal it
 bool is_lossy(DcmItem& root, E_TransferSyntax syntax) {
   if (text_of(root, DCM_LossyImageCompression) == "01") return true;
   if (syntax == EXS_JPEGProcess1 || syntax == EXS_JPEGProcess2_4 || syntax == EXS_JPEGLSLossy) return true;
@@ -411,21 +409,21 @@ bool is_lossy(DcmItem& root, E_TransferSyntax syntax) {
   return header && header->irreversible;
 }
 
-// how a file could be read to its end
+// completeness of a file
 enum class Loaded {
   kWhole,
-  kCutShort,  ///< its bytes end before its last element does
+  kCutShort,  ///< Its bytes end before its last element does.
   kDamaged,
 };
 
 Loaded load(DcmFileFormat& file, const std::filesystem::path& name) {
   const OFCondition loaded = file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kAtOnce, ERM_autoDetect);
   if (loaded.good()) return Loaded::kWhole;
-  // the first where a large value ends early, the second where a small one does
+  // the first for a large value that ends early, the second for a small one
   if (loaded != EC_StreamNotifyClient && loaded != EC_InvalidStream && loaded != EC_EndOfStream)
     return Loaded::kDamaged;
-  // Pixels that are all there are followed by bytes of something else. Their last byte is fetched from the
-  // file, and so that of another reading which leaves all values there.
+  // Bytes of another element may follow complete pixel data. Whether the last pixel byte exists is tested by
+  // a second load that leaves all values in the file.
   DcmFileFormat probe;
   constexpr Uint32 kNothing = 1;
   static_cast<void>(probe.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kNothing, ERM_autoDetect));
@@ -441,14 +439,14 @@ Loaded load(DcmFileFormat& file, const std::filesystem::path& name) {
   return all_there ? Loaded::kWhole : Loaded::kCutShort;
 }
 
-// what a file is called that is not whole
+// description of an incomplete file
 std::string in_words(Loaded loaded, const std::string& kind) {
   return loaded == Loaded::kCutShort
              ? "is a " + kind + " that ends within an element, as one that is cut short"
              : "is a damaged " + kind;
 }
 
-// that the pixels are there, as far as it shows without decoding them
+// checks that the pixel data are present and complete, as far as possible without decoding
 std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames,
                                      Loaded loaded) {
   constexpr const char* kCopy = "copy the series again";
@@ -470,30 +468,30 @@ std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std
                  kExport};
   };
   const E_TransferSyntax syntax = static_cast<DcmDataset&>(root).getOriginalXfer();
-  // each frame has a fragment at least, and the first item is a table of them
+  // each frame has at least one fragment, and the first item is the offset table
   if (DcmXfer(syntax).isEncapsulated()) {
     const std::size_t items = fragments_of(*pixels, syntax).size();
     if (items > frames) return std::nullopt;
     return contradicts(std::to_string(items - std::min<std::size_t>(items, 1)) + " packed frames",
                        std::to_string(frames));
   }
-  // bits go on from frame to frame without a gap
+  // single bits are packed across frames without padding
   const std::uint64_t needed = (bits_of_frame(frame) * frames + 7) / 8;
   if (element->getLength() < needed)
     return contradicts(std::to_string(element->getLength()) + " bytes", std::to_string(needed));
   return std::nullopt;
 }
 
-// ---- a file -------------------------------------------------------------------------------------
+// ---- image files ----------------------------------------------------------------------------------
 
 Result<DicomFile> read_whole(const std::filesystem::path& name, const std::string& syntax_uid) {
   DcmFileFormat file;
-  // what is packed in a way that DCMTK has not heard of has its header written out like others
+  // a file with a compression unknown to DCMTK still has a readable explicit header
   const auto unknown =
       syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
   const Loaded loaded = load(file, name);
   DcmDataset& root = *file.getDataset();
-  // of a file that breaks off the last element may hold what was in memory before
+  // the last element of a truncated file may contain uninitialised memory
   if (loaded != Loaded::kWhole && root.card() > 0 &&
       root.getElement(root.card() - 1)->getTag() != DCM_PixelData)
     delete root.remove(root.card() - 1);
@@ -523,7 +521,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
   if (!countable && !fault) fault = Fault{"has a NumberOfFrames (0028,0008) that is none", kExport};
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
-  // a number without the pixels for it takes no memory
+  // limits memory for a frame count without matching pixel data
   if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
   if (!fault) all.lossy = is_lossy(root, root.getOriginalXfer());
   if (!fault) all.padding = padding_of(root, DCM_PixelPaddingValue, all);
@@ -536,7 +534,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
     const Attributes attributes(n < own.size() ? own[n] : nullptr, shared.empty() ? nullptr : shared.front(),
                                 root);
     auto wrong = read_place(attributes, several, frame);
-    // one place for several frames is none
+    // several frames need individual positions
     if (several && n >= own.size()) {
       frame.placed = false;
       wrong = Fault{"has " + std::to_string(count) + " frames and does not say where each of them lies: " +
@@ -556,7 +554,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   return content;
 }
 
-// ---- a segmentation -----------------------------------------------------------------------------
+// ---- segmentations --------------------------------------------------------------------------------
 
 struct Code {
   std::string value, scheme, meaning;
@@ -569,7 +567,7 @@ Code code_of(DcmItem& item, const DcmTagKey& sequence, const std::string& set) {
           name_text_of(*code, DCM_CodeMeaning, set)};
 }
 
-// of the modifier of a type or of a region
+// laterality, from the modifier of a type or of a region
 std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modifier) {
   DcmItem* code = nullptr;
   if (item.findAndGetSequenceItem(group, code).bad() || !code) return "";
@@ -579,7 +577,7 @@ std::string side_of(DcmItem& item, const DcmTagKey& group, const DcmTagKey& modi
   return "";
 }
 
-// The colour of a label by the palette of the file; nothing where it has none (PS3.3 C.7.6.3.1.5 and 6).
+// Colour of a label in the file's palette (PS3.3 C.7.6.3.1.5 and 6); nullopt if there is none.
 std::optional<std::array<std::uint8_t, 3>> palette_colour(DcmItem& root, int label) {
   static const std::array<std::pair<DcmTagKey, DcmTagKey>, 3> kTables{
       {{DCM_RedPaletteColorLookupTableDescriptor, DCM_RedPaletteColorLookupTableData},
@@ -596,7 +594,7 @@ std::optional<std::array<std::uint8_t, 3>> palette_colour(DcmItem& root, int lab
         element->getLengthField() > kLongest ||
         root.findAndGetUint16Array(kTables[c].second, words, &count).bad() || !words)
       return std::nullopt;
-    // entries of 8 bits stand two to a word, the first in its low byte
+    // 8-bit entries are packed two to a word, the first in the low byte
     const double entry = label - (*descriptor)[1];
     const bool bytes = (*descriptor)[2] == 8;
     if (entry < 0 || entry >= static_cast<double>(count) * (bytes ? 2 : 1)) return std::nullopt;
@@ -657,7 +655,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
 
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
-  // as many as there are places for, so that a number takes no memory
+  // the frame count must match the items, so that it cannot demand memory by itself
   const double said = number_of(root, DCM_NumberOfFrames).value_or(0);
   if (said < 1 || said != static_cast<double>(own.size()))
     return refused(
@@ -693,11 +691,11 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   return segmentation;
 }
 
-// ---- a structure set ----------------------------------------------------------------------------
+// ---- structure sets -------------------------------------------------------------------------------
 
 constexpr const char* kDamagedStructures = "is a damaged DICOM structure set";
 
-// The numbers between backslashes of a text that may be long; nothing where one is none, or kilometres off.
+// Numbers of a long text, separated by backslashes; nullopt if one is invalid or exceeds 1e6 mm.
 std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKey& tag) {
   constexpr Uint32 kMostText = 1 << 26;
   DcmElement* element = nullptr;
@@ -723,7 +721,7 @@ std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKe
   return numbers;
 }
 
-// its points, without one at the end that is the first again; nothing where they are no points
+// points of a contour, without a repetition of the first at the end; nullopt if they are invalid
 std::optional<std::vector<Eigen::Vector3d>> points_of(DcmItem& contour) {
   const auto numbers = long_numbers_of(contour, DCM_ContourData);
   const auto said = number_of(contour, DCM_NumberOfContourPoints);
@@ -735,7 +733,7 @@ std::optional<std::vector<Eigen::Vector3d>> points_of(DcmItem& contour) {
   return points;
 }
 
-// Adds the closed contours of an item of ROIContourSequence; false: damaged.
+// Adds the closed contours of an item of ROIContourSequence; returns false if the data are damaged.
 bool add_contours(DcmItem& item, std::size_t& points_left, DicomStructure& structure) {
   if (const auto colour = numbers_of<3>(item, DCM_ROIDisplayColor)) {
     structure.colour.emplace();
@@ -789,7 +787,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
       structure->segment.scheme = code.scheme;
       structure->segment.meaning = code.meaning;
     }
-  // of a body's outline in 1000 slices some hundred thousand
+  // the outline of a body in 1000 slices has some hundred thousand points
   std::size_t points_left = 10'000'000;
   for (DcmItem* item : items_of(root, DCM_ROIContourSequence)) {
     DicomStructure* structure = referenced(*item);
@@ -801,9 +799,9 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
   return structures;
 }
 
-// ---- what it was made on ------------------------------------------------------------------------
+// ---- referenced images ----------------------------------------------------------------------------
 
-// of each item of a sequence, which may be in a functional group
+// calls look for each item of a sequence
 template <class Look>
 void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Look& look) {
   for (DcmItem* each : items_of(item, sequence)) look(*each);
@@ -824,7 +822,7 @@ Result<DicomReference> read_references(const std::filesystem::path& name) {
   };
   reference.own_series = text_of(root, DCM_SeriesInstanceUID);
   put(root, DCM_FrameOfReferenceUID, reference.frames_of_reference);
-  // of a segmentation
+  // references of a segmentation
   for_each_item(root, DCM_ReferencedSeriesSequence, [&](DcmItem& series) {
     put(series, DCM_SeriesInstanceUID, reference.series);
     put_images(series, DCM_ReferencedInstanceSequence);
@@ -836,7 +834,7 @@ Result<DicomReference> read_references(const std::filesystem::path& name) {
   };
   for_each_item(root, DCM_SharedFunctionalGroupsSequence, put_sources);
   for_each_item(root, DCM_PerFrameFunctionalGroupsSequence, put_sources);
-  // of a structure set
+  // references of a structure set
   for_each_item(root, DCM_ReferencedFrameOfReferenceSequence, [&](DcmItem& space) {
     put(space, DCM_FrameOfReferenceUID, reference.frames_of_reference);
     for_each_item(space, DCM_RTReferencedStudySequence, [&](DcmItem& study) {
@@ -849,7 +847,7 @@ Result<DicomReference> read_references(const std::filesystem::path& name) {
   return reference;
 }
 
-// ---- its voxels ---------------------------------------------------------------------------------
+// ---- pixels ---------------------------------------------------------------------------------------
 
 class FilePixels : public DicomPixels {
  public:
@@ -870,12 +868,12 @@ class FilePixels : public DicomPixels {
  private:
   void find_fragments();
   Result<void> read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values);
-  // of the frame's words in buffer_; errors as read()
+  // decompresses a frame into buffer_; errors as read()
   Result<void> unpack(const DicomFrame& frame, std::uint64_t bytes);
   // false: damaged
   bool fetch(const DicomFrame& frame, std::uint64_t bytes);
   Result<void> unpack_wavelets(const DicomFrame& frame);
-  // by DCMTK; false: damaged
+  // preparation and decoding by DCMTK; false: damaged
   bool isolate();
   bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
 
@@ -883,13 +881,15 @@ class FilePixels : public DicomPixels {
   DcmFileCache cache_;
   DcmPixelData* pixels_ = nullptr;
   std::vector<DcmPixelItem*> fragments_;
-  std::vector<std::size_t> first_of_frame_;  // index of its first fragment, and last of all their number
+  std::vector<std::size_t> first_of_frame_;  // index of each frame's first fragment, and the total number of
+                                             // fragments at the end
   std::vector<std::uint8_t> buffer_, packed_;
-  std::unique_ptr<DcmPixelSequence> isolated_;  // of one frame
+  std::unique_ptr<DcmPixelSequence> isolated_;  // the fragment of a single frame
 };
 
-// Which fragments are a frame's: one each, all of the only one, or what the table says, which counts bytes
-// from the first fragment on, with the 8 before each (PS3.5 A.4). Nothing where that cannot be told.
+// Assigns fragments to frames: one each, all to the only frame, or by the offset table, whose offsets count
+// from the first fragment and include the 8-byte header of each (PS3.5 A.4). Leaves first_of_frame_ empty if
+// this is ambiguous.
 void FilePixels::find_fragments() {
   DcmDataset& root = *file_.getDataset();
   fragments_ = fragments_of(*pixels_, root.getOriginalXfer());
@@ -906,7 +906,7 @@ void FilePixels::find_fragments() {
   if (!one_each && !append(*fragments_[0], std::min(fragments_[0]->getLength(), kMostTable), cache_, table))
     return;
   std::uint64_t begins = 0;
-  std::size_t next = 0;  // byte of the table
+  std::size_t next = 0;  // byte offset in the table
   for (std::size_t n = 1; n < fragments_.size(); ++n) {
     std::uint64_t said = 0;
     for (std::size_t byte = 4; !one_each && next + 4 <= table.size() && byte-- > 0;)
@@ -922,11 +922,11 @@ void FilePixels::find_fragments() {
     first_of_frame_.clear();
 }
 
-// Puts what is packed of a frame into packed_.
+// Collects the compressed bytes of a frame in packed_.
 bool FilePixels::fetch(const DicomFrame& frame, std::uint64_t bytes) {
   packed_.clear();
   if (std::size_t{frame.frame} + 1 >= first_of_frame_.size()) return false;
-  // no packing makes more of a frame than this, so that a number takes no memory
+  // no compression expands a frame beyond this, so lengths cannot demand arbitrary memory
   std::uint64_t left = 2 * bytes + (1 << 16);
   for (std::size_t n = first_of_frame_[frame.frame]; n < first_of_frame_[frame.frame + 1]; ++n) {
     const Uint32 length = fragments_[n]->getLength();
@@ -940,21 +940,20 @@ constexpr const char* kDamagedPixels = "has damaged PixelData (7FE0,0010)";
 constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) of other sizes or bits than it says";
 constexpr const char* kCopyAgain = "copy the series again";
 
-// whether what is packed is what the data set says of it
+// true if the compressed image matches the attributes of the data set
 bool is_as_said(const Jpeg2000Header& packed, const DicomFrame& frame) {
   if (packed.components != 1 || packed.subsampled ||
       packed.columns != static_cast<std::uint32_t>(frame.columns) ||
       packed.rows != static_cast<std::uint32_t>(frame.rows))
     return false;
-  // whole words, or the bits that are stored. Old writers mix up whether they have a sign, which the data set
-  // says.
+  // Either whole words or the stored bits. Old writers get the sign wrong; the data set's attribute decides.
   if (packed.bits == frame.bits_allocated) return true;
   return frame.high_bit + 1 == frame.bits_stored &&
          (packed.bits == frame.bits_stored ||
           (packed.bits < frame.bits_stored && packed.is_signed == frame.is_signed));
 }
 
-// @pre packed_ is that of the frame, and buffer_ as large as its words
+// @pre packed_ contains the frame, and buffer_ has the size of its words
 Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   const auto header = read_jpeg2000_header(packed_);
   if (!header) return bad_input("", kDamagedPixels, kCopyAgain);
@@ -962,7 +961,7 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
     return bad_input("", std::string("is compressed as ") + kHighThroughput + ", which is not read",
                      kDecompress);
   if (!is_as_said(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
-  // of which each takes memory, however small it is
+  // each tile takes memory, however small it is
   constexpr std::uint64_t kMostTiles = 4096;
   if (header->tiles > kMostTiles)
     return bad_input("", "has PixelData (7FE0,0010) in more than " + std::to_string(kMostTiles) + " tiles",
@@ -972,8 +971,8 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   return {};
 }
 
-// Whether a JPEG image has a marker TEM (FF01) before its frame's header: DCMTK (3.6.7), which looks for its
-// bits there, stays at it for ever. Nothing of DICOM's has one.
+// True if a JPEG image has a TEM marker (FF01) before its frame header: DCMTK (3.6.7), searching there for
+// the bit depth, would loop forever. Valid DICOM files have none.
 bool has_endless_marker(std::span<const std::uint8_t> packed) {
   for (std::size_t at = 0; at + 4 < packed.size() && packed[at] == 0xFF;) {
     const std::uint8_t marker = packed[at + 1];
@@ -986,8 +985,8 @@ bool has_endless_marker(std::span<const std::uint8_t> packed) {
   return false;
 }
 
-// Makes of packed_ a sequence of one fragment, which is all that a decoder of DCMTK's gets. That of JPEG-LS
-// looks at a byte beyond its data (3.6.7), which is then the marker of an image's end.
+// Wraps packed_ in a pixel sequence of one fragment, so that a DCMTK decoder can access nothing else. DCMTK's
+// JPEG-LS decoder (3.6.7) reads one byte beyond its data, which is then part of the appended EOI marker.
 bool FilePixels::isolate() {
   constexpr std::uint8_t kEndOfImage[] = {0xFF, 0xD9};
   if (packed_.size() % 2) packed_.push_back(0);
@@ -1002,9 +1001,9 @@ bool FilePixels::isolate() {
   return isolated_->card() == 2;
 }
 
-// @param last  stands in the last word where nothing is decoded into it
+// @param last  fill value of the buffer, which remains in the last word if nothing is decoded into it
 bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
-  // a byte more where the size is odd
+  // padded to an even size
   buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), last);
   DcmDataset* root = file_.getDataset();
   const auto size = static_cast<Uint32>(buffer_.size());
@@ -1014,7 +1013,7 @@ bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_
   if (!syntax.isEncapsulated())
     return pixels_->getUncompressedFrame(root, frame.frame, fragment, buffer_.data(), size, colours, &cache_)
         .good();
-  // after the last frame's first fragment nothing belongs to another one
+  // frame index of the last frame, after whose first fragment no other frame follows
   const auto frames = static_cast<Uint32>(first_of_frame_.size() - 1);
   fragment = 1;
   return DcmCodecList::decodeFrame(syntax, nullptr, isolated_.get(), root, frames - 1, fragment,
@@ -1022,7 +1021,7 @@ bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_
       .good();
 }
 
-// A frame begins at any bit; the first is the lowest of its byte (PS3.5 8.1.1).
+// A frame may begin at any bit; the first voxel is the least significant bit of its byte (PS3.5 8.1.1).
 Result<void> FilePixels::read_bits_of(const DicomFrame& frame, std::span<std::int64_t> values) {
   const std::uint64_t first = bits_of_frame(frame) * frame.frame, last = first + values.size();
   buffer_.resize(static_cast<std::size_t>((last + 7) / 8 - first / 8));
@@ -1046,14 +1045,14 @@ Result<void> FilePixels::unpack(const DicomFrame& frame, std::uint64_t bytes) {
     if (!fetch(frame, bytes)) return damaged;
     buffer_.resize(static_cast<std::size_t>(bytes));
     if (is_jpeg2000(syntax)) return unpack_wavelets(frame);
-    // DCMTK's own decoder of RLE reads beyond what it is given (3.6.7)
+    // DCMTK's own RLE decoder (3.6.7) reads beyond its input
     if (syntax == EXS_RLELossless)
       return unpack_rle(packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_) ? Result<void>()
                                                                                               : damaged;
     if (has_endless_marker(packed_) || !isolate()) return damaged;
   }
-  // DCMTK says nothing where what is packed is less than a frame, as a JPEG image of 8 bits in a data set of
-  // 16
+  // DCMTK reports no error if the compressed data are smaller than a frame, for example an 8-bit JPEG image
+  // in a 16-bit data set. Decoding into two different fill values detects that.
   const auto filled = [&](std::uint8_t last) {
     const auto word =
         std::span(buffer_).first(bytes).last(static_cast<std::size_t>(frame.bits_allocated / 8));
@@ -1123,7 +1122,7 @@ class DcmtkFiles : public DicomFiles {
   Result<DicomFile> read_file(const std::filesystem::path& name, const std::string& syntax_uid) override try {
     return read_whole(name, syntax_uid);
   } catch (const std::exception&) {
-    // memory that a length in it asks for; any other exception ends the process
+    // std::bad_alloc for a length in the file; any other exception terminates the process
     return bad_input("", "is a damaged DICOM file", "copy it again");
   }
   Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,

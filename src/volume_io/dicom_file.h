@@ -15,74 +15,81 @@
 #include "volume_io/dicom_volumes.h"
 #include "volume_io/dicom_write.h"
 
-/// All that meets DCMTK, which has no types here. The bytes may do anything to whoever reads them: for a
-/// process of its own (dicom.h).
+/// Interface to DCMTK without DCMTK's types. Untrusted bytes may compromise the process that reads them: call
+/// it in a reader process (dicom.h).
 ///
-/// DCMTK brings libxml2 and ICU, which take longer to load than the program itself. So what meets it
-/// (dicom_file.cc) is a library of its own, libpalpate_dicom.so, which is loaded when DICOM is to be read.
+/// DCMTK links libxml2 and ICU, which take longer to load than the program itself. The code that uses it
+/// (dicom_file.cc) is therefore a library of its own, libpalpate_dicom.so, which is loaded when DICOM is
+/// first needed.
 namespace palpate::volume_io {
 
-/// What one file holds of images. The frames' series is 0.
+/// Images of one file. DicomFrame::series of its frames is 0.
 struct DicomFile {
-  std::string series_uid, sop_uid;  ///< to tell series and copies of a file apart, never shown
+  std::string series_uid, sop_uid;  ///< SeriesInstanceUID and SOPInstanceUID, to distinguish series and to
+                                    ///< detect copies; never displayed.
   int series_number = 0;
   std::vector<DicomFrame> frames;
 
   bool operator==(const DicomFile&) const = default;
 };
 
-/// Error::what of a file without an image.
+/// Error::what for a file without an image.
 inline constexpr const char* kNoDicomImage = "holds no image";
 
-/// The images of one file, decoded one by one.
+/// Decoder of the images of one file.
 class DicomPixels {
  public:
   virtual ~DicomPixels() = default;
-  /// The words of a frame, rows x columns (of 1 bit allocated: its bits), each cut to its bits stored, sign
-  /// included; numbers of padding (DicomFrame::padding) may be kept as they are in all their bits. Errors,
-  /// without `where`: damaged, not as the frame says any more.
+  /// Decodes a frame.
+  /// @param values  rows x columns stored values, each sign-extended from its BitsStored bits (single bits if
+  ///                one bit is allocated). Values within the padding range (DicomFrame::padding) retain all
+  ///                allocated bits.
+  /// Errors, without `where`: damaged; inconsistent with the frame's description.
   virtual Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) = 0;
 };
 
 class DicomFiles {
  public:
   virtual ~DicomFiles() = default;
-  /// DCMTK's dictionary of tags, for readers that start later, while they are kept from starting; once in a
-  /// program. Error kUnavailable: it is missing.
+  /// Loads DCMTK's data dictionary, once per program, for reader processes that are started afterwards; none
+  /// may be started meanwhile. Errors: kUnavailable if it is missing.
   virtual Result<void> load_dictionary() = 0;
-  /// In the process that reads, before anything below: decoders, and no log.
+  /// Prepares a reader process before the functions below are called: registers decoders and disables
+  /// logging.
   virtual void begin_reading() = 0;
-  /// @param name        by which it is opened
-  /// @param syntax_uid  the TransferSyntaxUID of its header, empty where it has none
-  /// Errors, without `where`: it is no DICOM file as far as can be read; no image.
+  /// Reads the attributes of all images of a file.
+  /// @param name        path by which the file is opened
+  /// @param syntax_uid  TransferSyntaxUID of its header; empty if it has none
+  /// Errors, without `where`: not readable as DICOM; no image.
   virtual Result<DicomFile> read_file(const std::filesystem::path& name, const std::string& syntax_uid) = 0;
-  /// The same of a segmentation. Errors, without `where`: damaged, of a type or packed as is not read.
+  /// Reads the attributes of a segmentation. Errors, without `where`: damaged; unsupported type or
+  /// compression.
   virtual Result<DicomSegmentation> read_segmentation(const std::filesystem::path& name,
                                                       const std::string& syntax_uid) = 0;
-  /// The structures of a structure set. Errors, without `where`: damaged, without a closed contour.
+  /// Reads the structures of a structure set. Errors, without `where`: damaged; no closed contour.
   virtual Result<std::vector<DicomStructure>> read_structures(const std::filesystem::path& name) = 0;
-  /// What a segmentation, or a structure set, says of the images that it was made on. Errors, without
-  /// `where`: damaged.
+  /// Images that a segmentation or a structure set references. Errors, without `where`: damaged.
   virtual Result<DicomReference> read_reference(const std::filesystem::path& name) = 0;
-  /// As identifiers_of_dicom() and files_of_dicomdir() (dicom_identifiers.h).
+  /// See identifiers_of_dicom() and files_of_dicomdir() (dicom_identifiers.h).
   virtual Result<std::vector<DicomIdentifier>> read_identifiers(const std::filesystem::path& name) = 0;
   virtual Result<std::vector<std::vector<std::string>>> read_directory(const std::filesystem::path& name) = 0;
-  /// As the functions of dicom_write.h.
+  /// See the functions of dicom_write.h.
   virtual Result<DicomIdentity> read_identity(const std::filesystem::path& name) = 0;
   virtual Result<void> write_segmentation(const std::filesystem::path& file,
                                           const SegmentationToWrite& segmentation,
                                           const std::optional<DicomIdentity>& identity) = 0;
   virtual Result<void> write_picture(const std::filesystem::path& file, const PictureToWrite& picture,
                                      const std::optional<DicomIdentity>& identity) = 0;
-  /// @param name  as above; is opened again as long as what is returned lives
+  /// Opens a file for decoding.
+  /// @param name  path of the file; it is reopened during the lifetime of the returned object
   virtual Result<std::unique_ptr<DicomPixels>> open_pixels(const std::filesystem::path& name) = 0;
 };
 
-/// The library, loaded once. It is looked for as the dynamic linker looks for what a program needs.
-/// Error kUnavailable: it, or what it brings, is not there.
+/// Loads the library once, by the search path of the dynamic linker. Errors: kUnavailable if the library or
+/// one of its dependencies is missing.
 Result<DicomFiles*> load_dicom_files();
 
 }  // namespace palpate::volume_io
 
-/// What the library has to offer.
+/// Entry point of the library.
 extern "C" __attribute__((visibility("default"))) palpate::volume_io::DicomFiles* palpate_dicom_files();

@@ -26,7 +26,7 @@ struct NamedKind {
   IdentifierKind kind;
 };
 
-// Of Table E.1-1 those whose type and keyword do not tell what they are.
+// attributes of Table E.1-1 whose kind does not follow from type and keyword
 const NamedKind kByTag[] = {
     {DCM_PatientID, IdentifierKind::kId},
     {DCM_RETIRED_OtherPatientIDs, IdentifierKind::kId},
@@ -96,17 +96,17 @@ const NamedKind kByTag[] = {
     {DCM_UnformattedTextValue, IdentifierKind::kPicture},
 };
 
-// those of the standard itself, which say nothing of a patient
+// UIDs defined by the standard itself, which do not identify a patient
 bool is_of_standard(std::string_view uid) {
   return uid.starts_with("1.2.840.10008.");
 }
 
-// what an element that has a value says of the patient, or nothing
+// kind of an element with a value; nullopt if it does not identify a patient
 std::optional<IdentifierKind> kind_of_element(DcmElement& element, const std::string& value) {
   const DcmTag& tag = element.getTag();
   const Uint16 group = tag.getGroup();
   if (group % 2 == 1) return IdentifierKind::kPrivate;
-  // overlays and curves, which have groups of their own
+  // curves and overlays have repeating groups
   constexpr Uint16 kCurves = 0x5000, kOverlays = 0x6000, kLastBit = 0xFF00;
   if ((group & kLastBit) == kCurves || ((group & kLastBit) == kOverlays && tag.getElement() == 0x3000))
     return IdentifierKind::kPicture;
@@ -135,12 +135,12 @@ std::optional<IdentifierKind> kind_of_element(DcmElement& element, const std::st
     default:
       break;
   }
-  // comments and descriptions, whatever the tag and the type
+  // comments and descriptions, regardless of tag and type
   DcmTag named(tag);
   const std::string_view keyword = named.getTagName();
   for (const std::string_view end : {"Comments", "Description"})
     if (keyword.ends_with(end)) return IdentifierKind::kText;
-  // what else short texts are called by; of a product they say nothing of a patient
+  // Keyword endings of other short texts; the keywords below describe a product, not a patient.
   if (element.ident() != EVR_LO && element.ident() != EVR_SH) return std::nullopt;
   for (const std::string_view product :
        {"ManufacturerModelName", "SegmentAlgorithmName", "ImplementationVersionName"})
@@ -179,7 +179,7 @@ class Collector {
   std::vector<DicomIdentifier> found;
 
   void visit(DcmItem& item, int depth) {
-    // deeper than anybody nests
+    // deeper than any real file
     constexpr int kDeepest = 32;
     if (depth > kDeepest) return;
     DcmObject* object = nullptr;
@@ -193,7 +193,7 @@ class Collector {
           if (DcmItem* inner = sequence->getItem(n)) visit(*inner, depth + 1);
         continue;
       }
-      // what creates a private group names its maker
+      // private creator elements, which name the vendor, are reported as private elements too
       if (is_pixels(*element) || element->getLengthField() == 0) continue;
       const std::string value = words_of(*element);
       if (value.empty()) continue;

@@ -8,22 +8,23 @@
 #include "palpate/base/result.h"
 #include "palpate/volume_io/identifiers.h"
 
-/// What of a DICOM file says who the patient is. By DCMTK, in libpalpate_dicom.so.
+/// Patient identifiers of a DICOM file. Uses DCMTK, in libpalpate_dicom.so.
 namespace palpate::volume_io {
 
-/// One element of a file that has a value.
+/// An element with a value.
 struct DicomIdentifier {
   IdentifierKind kind{};
   std::string what;   ///< "PatientName (0010,0010)", "private (0029,1001)"
-  std::string value;  ///< as text, cut to what a line bears; of bytes their number
+  std::string value;  ///< Value as text, truncated to a length that fits a line; for binary values the number
+                      ///< of bytes.
 };
 
-/// Those of one file, and BurnedInAnnotation (0028,0301) whatever it says, in sequences too, in the order of
-/// their tags. Errors, without `where`: it is no DICOM file as far as can be read.
+/// Identifiers of a file in the order of their tags, including those in sequences, and BurnedInAnnotation
+/// (0028,0301) with any value. Errors, without `where`: not readable as DICOM.
 Result<std::vector<DicomIdentifier>> identifiers_of_dicom(const std::filesystem::path& name);
 
-/// The files that a DICOMDIR names, each from its folder on, part by part (ReferencedFileID (0004,1500)).
-/// Errors, without `where`: damaged; without a file.
+/// Files that a DICOMDIR references, as the components of paths relative to its folder (ReferencedFileID
+/// (0004,1500)). Errors, without `where`: damaged; no file.
 Result<std::vector<std::vector<std::string>>> files_of_dicomdir(const std::filesystem::path& name);
 
 }  // namespace palpate::volume_io

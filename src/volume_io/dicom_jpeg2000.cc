@@ -9,7 +9,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// a codestream, as OpenJPEG reads it
+// codestream with a read position, for OpenJPEG's callbacks
 struct PackedSource {
   std::span<const std::uint8_t> bytes;
   std::size_t at = 0;

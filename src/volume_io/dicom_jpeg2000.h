@@ -7,12 +7,12 @@
 
 namespace palpate::volume_io {
 
-/// Unpacks one frame of JPEG 2000 by OpenJPEG, which has no types here.
-/// @param header  of it, whose size is that of the frame, of one component and at most 32 bits
-/// @param packed  its codestream
-/// @param word_bytes  1, 2 or 4, with room for its bits
-/// @param words       rows x columns, little endian: two's complement in all bits of a word
-/// @returns whether it is whole: false where it is damaged or breaks off, or takes more memory than there is
+/// Decompresses one frame of JPEG 2000 by OpenJPEG.
+/// @param header      header of the codestream, with the size of the frame, one component and at most 32 bits
+/// @param packed      the codestream
+/// @param word_bytes  bytes per value, 1, 2 or 4, sufficient for its bits
+/// @param words       rows x columns values, little endian, in two's complement of the whole word
+/// @returns true if the frame is complete; false if it is damaged, truncated or does not fit into memory
 bool unpack_jpeg2000(const Jpeg2000Header& header, std::span<const std::uint8_t> packed,
                      std::size_t word_bytes, std::span<std::uint8_t> words);
 

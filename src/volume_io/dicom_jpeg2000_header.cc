@@ -5,7 +5,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// numbers of a codestream, the highest byte first; beyond its end they are 0 and it is over
+// Big-endian numbers of a codestream; beyond its end they are 0 and over() is true.
 class CodestreamBytes {
  public:
   explicit CodestreamBytes(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
@@ -15,7 +15,7 @@ class CodestreamBytes {
     for (std::size_t n = 0; n < count; ++n) value = value << 8 | byte();
     return value;
   }
-  // of the next segment all that follows its length
+  // contents of the next marker segment, after its length
   CodestreamBytes segment() {
     const std::uint32_t length = number(2);
     const std::size_t left = bytes_.size() - at_, inside = length < 2 ? left + 1 : length - 2;
@@ -45,7 +45,7 @@ enum Marker : std::uint32_t {
   kTilePart = 0xFF90
 };
 
-// false: no image and no tile have this size
+// parses the SIZ segment; false if the sizes of image or tiles are invalid
 bool read_size(CodestreamBytes segment, Jpeg2000Header& header) {
   constexpr std::uint32_t kHighThroughput = 1 << 14;
   header.high_throughput = (segment.number(2) & kHighThroughput) != 0;
@@ -72,7 +72,8 @@ bool read_size(CodestreamBytes segment, Jpeg2000Header& header) {
 }
 
 void read_coding(CodestreamBytes segment, Jpeg2000Header& header) {
-  // style, order, layers, transformation of colours; levels of the wavelet, size of a code block
+  // skips style, progression order, layers, component transform, decomposition levels, code block size and
+  // style
   for (int passed = 0; passed < 8; ++passed) segment.number(1);
   constexpr std::uint32_t kHighThroughputBlocks = 0xC0;
   header.high_throughput = header.high_throughput || (segment.number(1) & kHighThroughputBlocks) != 0;

@@ -10,7 +10,7 @@ using RleBytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kRleNumbers = 16, kRleHeaderBytes = 4 * kRleNumbers;
 
-// the numbers of the header
+// numbers of the header, little endian
 std::array<std::uint32_t, kRleNumbers> numbers_of_header(RleBytes packed) {
   std::array<std::uint32_t, kRleNumbers> numbers{};
   for (std::size_t byte = 0; byte < kRleHeaderBytes; ++byte)
@@ -18,8 +18,8 @@ std::array<std::uint32_t, kRleNumbers> numbers_of_header(RleBytes packed) {
   return numbers;
 }
 
-// One segment, put(n, byte) for the n-th of `count` bytes; false: damaged. It may end with a byte that makes
-// its length even.
+// Decompresses one segment: calls put(n, byte) for the n-th of `count` bytes; returns false if it is damaged.
+// A byte that pads an odd length is ignored.
 template <class Put>
 bool unpack_segment(RleBytes segment, std::size_t count, const Put& put) {
   const std::size_t most = count + count % 2;

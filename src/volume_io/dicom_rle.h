@@ -5,14 +5,14 @@
 
 namespace palpate::volume_io {
 
-/// Unpacks one frame of DICOM's RLE (PS3.5 Annex G): 16 numbers of 32 bits, how many segments there are and
-/// where each of them begins, then for each byte of a word a segment with that byte of all words, the most
-/// significant one first, packed as PackBits does.
-/// @param word_bytes  1, 2 or 4, which is the number of segments
-/// @param words       little endian; a whole number of words, all of which are written where it succeeds
-/// @returns whether the frame is whole: false where a segment lies outside of what is there, begins before
-/// the one
-///          before it, breaks off, or holds less or more than a byte for each word (but for one that pads an
+/// Decompresses one frame of DICOM's RLE (PS3.5 Annex G): a header of 16 32-bit numbers with the number of
+/// segments and their offsets, then one PackBits segment for each byte of a word, the most significant byte
+/// first.
+/// @param word_bytes  bytes per word, 1, 2 or 4; must equal the number of segments
+/// @param words       little endian; a whole number of words, all written on success
+/// @returns true if the frame is complete; false if a segment lies outside the data, begins before its
+///          predecessor, is truncated, or does not contain exactly one byte for each word (except for one
+///          byte that pads an odd length)
 ///          odd number)
 bool unpack_rle(std::span<const std::uint8_t> packed, std::size_t word_bytes, std::span<std::uint8_t> words);
 

@@ -20,8 +20,9 @@ using Vector = Eigen::Vector3d;
 constexpr const char* kSegSlicer =
     "load it with its images in 3D Slicer and save the segmentation as .seg.nrrd";
 
-// Types that have presets, by SNOMED CT and, where older files have one, by its code of SRT (DICOM PS3.16,
-// CID 4031, 7151 and those that it includes). The names are those by which presets are found.
+// Segment types for which there are presets, by SNOMED CT code and, if older files use one, by SRT code
+// (DICOM PS3.16, CID 4031, 7151 and the groups that they include). The names are those by which presets are
+// looked up.
 struct KnownType {
   std::string_view sct, srt, name;
 };
@@ -146,7 +147,7 @@ std::string_view known_name(const DicomSegment& segment) {
   return {};
 }
 
-// a text that may stand as a name, else nothing
+// the trimmed text if it is valid as a name, otherwise empty
 std::string as_name(const std::string& text) {
   const std::string name(trimmed(text));
   return name.empty() || name_fault(name) ? std::string() : name;
@@ -156,7 +157,7 @@ bool says(const std::string& name, std::string_view word) {
   return lower_case(name).find(word) != std::string::npos;
 }
 
-// whether a label says nothing: "Segment_1", "ROI-2", "3", "label"
+// true for a label without information: "Segment_1", "ROI-2", "3", "label"
 bool says_nothing(const std::string& label) {
   std::string letters;
   for (const char c : lower_case(label))
@@ -180,23 +181,23 @@ std::string segment_mm(double value) {
   return text;
 }
 
-// where slices lie along the normal
+// positions of slices along the normal
 struct SliceSteps {
-  double step_mm = 0;   // 0: no distance of slices explains the places
-  double first_mm = 0;  // of slice 0
+  double step_mm = 0;   // 0: no slice distance explains the positions
+  double first_mm = 0;  // position of slice 0
   std::string note = {};
 };
 
 constexpr double kSameSlice_mm = 5e-3;
-// of the distance between slices: what texts round away
+// tolerance for rounding in the file's texts, relative to the slice distance
 constexpr double kMostOffSlice = 0.02;
 
-// the distance near `step_mm` by which each place is a whole number of slices from the first; 0: none
+// Slice distance close to `step_mm` for which all positions are multiples of it from the first; 0: none.
 double even_step(const std::vector<double>& places_mm, double step_mm) {
   const double length_mm = places_mm.back() - places_mm.front();
   constexpr double kMostSlices = 1e5, kRounding_mm = 2e-3;
   if (!(step_mm > kSameSlice_mm) || length_mm / step_mm > kMostSlices) return 0;
-  // rounding of the distance, which adds up, is taken out by the whole length
+  // the mean over the whole length removes rounding errors of the distance, which would accumulate
   const double even_mm = length_mm / std::max(1.0, std::round(length_mm / step_mm));
   const bool fits = std::abs(even_mm - step_mm) <= kMostOffSlice * step_mm &&
                     std::ranges::all_of(places_mm, [&](double place_mm) {
@@ -207,8 +208,8 @@ double even_step(const std::vector<double>& places_mm, double step_mm) {
   return fits ? even_mm : 0;
 }
 
-// Slices at the distance that the file says, where its places are those rounded to whole tenths or whole
-// millimetres, as some writers print them.
+// Slices at the stated distance, if the positions are those rounded to 0.1 mm or 1 mm, as printed by some
+// writers.
 std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, double step_mm) {
   constexpr double kExact = 1e-6;
   for (const double quantum_mm : {0.1, 1.0}) {
@@ -216,13 +217,13 @@ std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, do
       return std::abs(place_mm - quantum_mm * std::round(place_mm / quantum_mm)) < kExact;
     });
     if (!printed_so || quantum_mm >= step_mm) continue;
-    // the first slice lies within half a quantum of where it is printed
+    // the first slice lies within half a quantum of its printed position
     constexpr int kTries = 20;
     double first_mm = 0, least_off_mm = step_mm;
     for (int n = 0; n <= kTries; ++n) {
       const double from_mm = places_mm.front() + quantum_mm * (static_cast<double>(n) / kTries - 0.5);
       double most_off_mm = 0;
-      bool apart = true;  // places that differ are different slices
+      bool apart = true;  // distinct positions are distinct slices
       for (std::size_t p = 0; p < places_mm.size(); ++p) {
         const auto slice_of = [&](double place_mm) { return std::lround((place_mm - from_mm) / step_mm); };
         most_off_mm = std::max(most_off_mm, std::abs(std::remainder(places_mm[p] - from_mm, step_mm)));
@@ -243,7 +244,8 @@ std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, do
   return std::nullopt;
 }
 
-/// @param places_mm  in ascending order
+/// Determines the slice distance.
+/// @param places_mm  positions in ascending order
 SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> said_mm) {
   std::vector<double> gaps_mm;
   for (std::size_t n = 1; n < places_mm.size(); ++n)
@@ -254,7 +256,7 @@ SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> 
   const bool regular = gaps_mm.size() > 1 && most - least <= kMostOffSlice * most;
   const double said_step_mm = said_mm ? even_step(places_mm, *said_mm) : 0,
                least_step_mm = even_step(places_mm, least);
-  // frames at every second slice of one grid, all of them, are slices of a coarser one
+  // if all frames are at every second slice of the stated grid, they are the slices of a coarser one
   constexpr double kNextSlice = 1.5;
   if (said_step_mm > 0 && !(regular && least > kNextSlice * said_step_mm))
     return {said_step_mm, places_mm.front()};
@@ -270,8 +272,8 @@ SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> 
   return steps;
 }
 
-// Shift sideways per distance along the normal, as of images from a tilted gantry. Two places may as well be
-// two grids: three or more on one line are a shift.
+// In-plane shift per distance along the normal, caused by a tilted gantry. Two positions may belong to
+// different grids; three or more on a line indicate a shift.
 Vector shift_of_tilt(const std::vector<DicomFrame>& frames, const std::vector<double>& places_mm,
                      const Vector& normal) {
   const auto [lowest, highest] = std::ranges::minmax_element(places_mm);

@@ -10,71 +10,72 @@
 #include "palpate/base/result.h"
 #include "volume_io/dicom_volumes.h"
 
-/// What a DICOM segmentation (SEG) says, and the grid that its frames lie on. Plain numbers, as
-/// dicom_volumes.h.
+/// Contents of a DICOM segmentation (SEG) and the grid of its frames. Plain data, as dicom_volumes.h.
 namespace palpate::volume_io {
 
 struct DicomSegment {
-  int number = 0;                     ///< SegmentNumber
-  std::string label;                  ///< SegmentLabel, may be any text
-  std::string code, scheme, meaning;  ///< of its SegmentedPropertyType: "71341001", "SCT", "Femur"
-  std::string side;                   ///< "left", "right", "bilateral" or empty, from modifier codes
-  std::optional<std::array<std::uint16_t, 3>> lab;  ///< RecommendedDisplayCIELabValue
-  std::optional<std::array<std::uint8_t, 3>> rgb;   ///< from the file's palette, where lab is missing
+  int number = 0;                                   ///< SegmentNumber.
+  std::string label;                                ///< SegmentLabel; any text.
+  std::string code, scheme, meaning;                ///< SegmentedPropertyType: "71341001", "SCT", "Femur".
+  std::string side;                                 ///< "left", "right" or empty, from modifier codes.
+  std::optional<std::array<std::uint16_t, 3>> lab;  ///< RecommendedDisplayCIELabValue.
+  std::optional<std::array<std::uint8_t, 3>> rgb;   ///< Colour from the file's palette, if `lab` is missing.
   bool operator==(const DicomSegment&) const = default;
 };
 
-/// How the values of one file's frames mean segments.
+/// Encoding of segments in the values of one file's frames.
 struct SegmentCoding {
   enum class Kind {
-    kBinary,      ///< a bit for each voxel of one segment
-    kFractional,  ///< a voxel is in where its value is half of `most` or more
-    kLabels,      ///< a segment's number for each voxel
+    kBinary,      ///< One bit per voxel of one segment.
+    kFractional,  ///< A voxel belongs to the segment if its value is at least half of `most`.
+    kLabels,      ///< The voxel's segment number.
   };
   Kind kind = Kind::kBinary;
-  std::int64_t most = 255;              ///< MaximumFractionalValue
-  std::optional<std::int64_t> nothing;  ///< of kLabels the value of what is in no segment, besides 0
-  int number_offset = 0;                ///< of kLabels, added to a value to get the segment's number
+  std::int64_t most = 255;              ///< MaximumFractionalValue.
+  std::optional<std::int64_t> nothing;  ///< For kLabels, the value of voxels in no segment, in addition to 0.
+  int number_offset = 0;                ///< For kLabels, added to a value to obtain the segment number.
 };
 
 struct DicomSegmentation {
-  std::vector<SegmentCoding> codings;         ///< by DicomFrame::file
-  std::string series_uid, concatenation_uid;  ///< compared and never shown
-  std::optional<double> slice_spacing_mm;     ///< SpacingBetweenSlices, else SliceThickness
+  std::vector<SegmentCoding> codings;         ///< Indexed by DicomFrame::file.
+  std::string series_uid, concatenation_uid;  ///< Compared, never displayed.
+  std::optional<double> slice_spacing_mm;     ///< SpacingBetweenSlices, otherwise SliceThickness.
   std::vector<DicomSegment> segments;
   std::vector<DicomFrame> frames;
-  std::vector<int> segment_of_frame;  ///< its number; 0 of kLabels
+  std::vector<int> segment_of_frame;  ///< Segment number of each frame; 0 for kLabels.
 };
 
-/// One segmentation of several files, with the frames of all and indices of files in their order. Files of
-/// one concatenation share their segments. Those of other files are numbered on where numbers would repeat.
-/// @pre not empty
+/// Joins the files of one segmentation: concatenates their frames, with file indices in the given order.
+/// Files of one concatenation share their segments. Segments of other files are renumbered if their numbers
+/// would repeat.
+/// @pre `files` is not empty
 DicomSegmentation join_segmentations(std::vector<DicomSegmentation> files);
 
-/// Where its frames lie. Those that hold nothing are left out of a file, wherever they are.
+/// Grid of a segmentation's frames. Files omit empty frames, so the grid is inferred from the positions of
+/// the others.
 struct SegmentGrid {
-  GridGeometry geometry;  ///< sheared where the gantry was tilted
+  GridGeometry geometry;  ///< Sheared if the gantry was tilted.
   std::vector<int> slice_of_frame;
-  std::vector<std::string> notes;  ///< what the file says otherwise, and what was taken
+  std::vector<std::string> notes;  ///< Contradictions in the file, and how they were resolved.
 };
-/// Errors, without `where`: no frame, frames of several orientations, beside each other, between slices, of
-/// one segment at one place twice, of a segment that is not described.
+/// Computes the grid. Errors, without `where`: no frame; frames of several orientations, offset sideways,
+/// between slices, duplicated for one segment and position, or of an undescribed segment.
 Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation);
 
-/// What a segment is called: its label, or its type where that is known and the label does not say it; with
+/// Display name of a segment: its label, or its type if that is known and the label does not contain it; with
 /// its side.
 std::string name_of_segment(const DicomSegment& segment);
-/// What is known of a segment by its name alone: code, scheme and meaning where its type has one of SNOMED
-/// CT, and its side.
+/// Segment description by name only: code, scheme and meaning if the name is one of palpate's types with a
+/// SNOMED CT code, and its side.
 DicomSegment segment_called(const std::string& name);
-/// "0.87 0.68 0.51", as Slicer's fields have it, of CIELab by D65, as DICOM PS3.3 C.10.7.1.1 has it, or of
-/// the palette; empty where it has neither.
+/// Colour as in Slicer's fields, "0.87 0.68 0.51", converted from CIELab with illuminant D65 (DICOM PS3.3
+/// C.10.7.1.1), or from the palette; empty if the segment has neither.
 std::string colour_of_segment(const DicomSegment& segment);
-/// Whether it is what is in no segment (code 125040 of DCM).
+/// True for a segment that represents the background (code 125040 of DCM).
 bool is_background(const DicomSegment& segment);
 
-/// For each segment the layer in which it meets no other: the first such, in their order.
-/// @param overlaps  pairs of indices of segments
+/// Assigns each segment the first layer in which it overlaps no other, in order.
+/// @param overlaps  pairs of segment indices
 std::vector<int> layers_of_segments(std::size_t segments, const std::vector<std::pair<int, int>>& overlaps);
 
 }  // namespace palpate::volume_io

@@ -20,13 +20,13 @@ Vector3 slice_normal(const GridGeometry& grid) {
   return Vector3(grid.direction.col(0)).cross(Vector3(grid.direction.col(1))).normalized();
 }
 
-// what texts round away, and what is still one plane
+// tolerance for rounding, and for points of one plane; mm
 double flat_mm(const GridGeometry& grid) {
   constexpr double kRounding_mm = 0.02, kOfSlice = 0.05;
   return std::max(kRounding_mm, kOfSlice * grid.spacing_mm[2]);
 }
 
-// its area along its normal (Newell)
+// area vector along the normal (Newell's method)
 Vector3 area_of(const Points& points) {
   Vector3 sum = Vector3::Zero();
   for (std::size_t n = 0; n < points.size(); ++n)
@@ -40,7 +40,7 @@ double mean_along(const Points& points, const Vector3& normal) {
   return sum / static_cast<double>(points.size());
 }
 
-// how far the point that is farthest off lies from the contour's plane
+// largest distance of a contour's points from its mean plane; mm
 double most_off(const Points& points, const Vector3& normal) {
   const double mean = mean_along(points, normal);
   double most = 0;
@@ -48,8 +48,8 @@ double most_off(const Points& points, const Vector3& normal) {
   return most;
 }
 
-// The usual distance of planes. What two planes say, which may be parts of their own, is not believed where
-// they lie farther apart than slices.
+// Typical plane distance. A distance that occurs only once may separate two parts of the structure, and is
+// not trusted if it exceeds the slice distance.
 double usual_gap(const std::vector<double>& gaps, double slice_mm) {
   if (gaps.empty()) return slice_mm;
   std::vector<double> sorted = gaps;
@@ -87,7 +87,7 @@ Result<StructurePlanes> StructurePlanes::make(const DicomStructure& structure, c
   return planes;
 }
 
-// that of the scan's slices where all contours lie in them or beside them, else the contours' own
+// the normal of the scan's slices if all contours are parallel to them, otherwise that of the contours
 Result<void> StructurePlanes::choose_normal(const DicomStructure& structure) {
   const double allowed_mm = flat_mm(grid_);
   const auto first_off = [&] {
@@ -113,7 +113,7 @@ Result<void> StructurePlanes::choose_normal(const DicomStructure& structure) {
 }
 
 void StructurePlanes::choose_axes() {
-  // the axis of a slice that leads less out of the planes, so by 45 degrees at most
+  // slice axis with the smaller component out of the planes, at most 45 degrees
   const auto out = [&](int axis) { return std::abs(normal_.dot(Vector3(grid_.direction.col(axis)))); };
   along_ = out(0) <= out(1) ? 0 : 1;
   const Vector3 line = grid_.direction.col(along_);
@@ -121,7 +121,7 @@ void StructurePlanes::choose_axes() {
   y_ = normal_.cross(x_);
   step_x_mm_ = grid_.spacing_mm[along_] * line.dot(x_);
   step_normal_mm_ = grid_.spacing_mm[along_] * line.dot(normal_);
-  // the last digits of an orientation lead nowhere
+  // ignore rounding in the last digits of an orientation
   constexpr double kStraight = 1e-9;
   if (std::abs(step_normal_mm_) < kStraight * step_x_mm_) step_normal_mm_ = 0;
 }
@@ -135,7 +135,7 @@ std::vector<std::vector<StructurePlanes::Contour>> StructurePlanes::in_planes(
   for (const Contour& contour : contours) {
     if (planes.empty() || contour.place_mm - planes.back().front().place_mm > flat_mm(grid_))
       planes.emplace_back();
-    // one that stands there twice would be its own hole
+    // a duplicate would be its own hole
     const auto same = [&](const Contour& other) { return *other.points == *contour.points; };
     if (std::ranges::none_of(planes.back(), same)) planes.back().push_back(contour);
   }
@@ -150,18 +150,19 @@ void StructurePlanes::lay(const std::vector<std::vector<Contour>>& planes) {
     places.push_back(sum / static_cast<double>(plane.size()));
     if (places.size() > 1) gaps.push_back(places.back() - places[places.size() - 2]);
   }
-  // along the normal of planes that are not the scan's own
-  // of a sheared grid, by a tilted gantry, slices are nearer to each other than their centres
+  // Planes that are not parallel to the slices use the smallest spacing. In a sheared grid (tilted gantry)
+  // slices are closer together than their centres.
   const double slice_mm = normal_ == slice_normal(grid_)
                               ? grid_.spacing_mm[2] * std::abs(Vector3(grid_.direction.col(2)).dot(normal_))
                               : grid_.spacing_mm.minCoeff();
   const double usual_mm = usual_gap(gaps, slice_mm);
-  // planes missing: more than none, and no more than two
+  // plane gaps, in units of the typical one: above the first, planes are missing; up to the second, they are
+  // filled
   constexpr double kNoneMissing = 1.5, kBridged = 3.5;
   const auto joined = [&](std::size_t gap) { return gap < gaps.size() && gaps[gap] <= kBridged * usual_mm; };
   planes_.reserve(planes.size());
   for (std::size_t n = 0; n < planes.size(); ++n) {
-    // two that are joined have one boundary, to the last digit
+    // adjacent joined planes share their boundary exactly
     const double from_mm = n > 0 && joined(n - 1) ? planes_.back().to_mm : places[n] - usual_mm / 2;
     Plane& laid = planes_.emplace_back();
     laid.from_mm = from_mm;
@@ -183,7 +184,7 @@ void StructurePlanes::lay(const std::vector<std::vector<Contour>>& planes) {
 
 void StructurePlanes::mark_line(const Plane& plane, double x, double y, int first, int last,
                                 std::vector<char>& marks) const {
-  // a centre this near to a contour lies on it, of a voxel
+  // tolerance for a centre on a contour, in voxels
   constexpr double kOn = 5e-3;
   const double on_mm = kOn * step_x_mm_;
   if (first >= last || y < plane.low_y - on_mm || y > plane.high_y + on_mm) return;
@@ -201,7 +202,7 @@ void StructurePlanes::mark_line(const Plane& plane, double x, double y, int firs
         marks[static_cast<std::size_t>(at)] = 1;
     }
   };
-  // where a corner or an edge lies on the line both of its sides count
+  // if a corner or an edge lies on the scan line, both sides of the line count
   const bool touched =
       std::ranges::any_of(plane.edges, [&](const Edge& edge) { return std::abs(edge.y0 - y) <= on_mm; });
   mark_at(y);
@@ -222,12 +223,12 @@ void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t
     const double reach = place + (count - 1) * step_normal_mm_, low = std::min(place, reach),
                  high = std::max(place, reach);
     bool any = false;
-    // the first plane that reaches beyond the lower end
+    // first plane whose upper end exceeds `low`
     auto plane = std::ranges::upper_bound(planes_, low, {}, &Plane::to_mm);
     for (; plane != planes_.end() && plane->from_mm <= high; ++plane) {
       int first = 0, last = count;
       if (step_normal_mm_ != 0) {
-        // the voxels that lie from one boundary on and before the other
+        // first voxel at or beyond a boundary
         const auto begins = [&](double boundary) {
           const double at = std::ceil((boundary - place) / step_normal_mm_);
           return static_cast<int>(std::clamp<double>(at, 0, count));

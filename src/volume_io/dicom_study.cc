@@ -36,7 +36,7 @@ std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector
                            const DicomIdentifiers& identifiers) {
   std::vector<Bond> bonds;
   for (const DicomVolume& volume : volumes) {
-    // the series is the same in all its frames, and so is the frame of reference but for anonymised slices
+    // all frames of a volume share the series, and the frame of reference except in anonymised series
     const DicomFrame& first = volume.frames.front();
     const bool images = std::ranges::any_of(volume.frames, [&](const DicomFrame& frame) {
       return segmentation.images.contains(identifiers.of_file[frame.file]);

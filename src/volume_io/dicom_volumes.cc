@@ -16,15 +16,15 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-// what scanners' texts round away is no unevenness
+// tolerance for rounding in the scanner's texts
 constexpr double kRounding_mm = 2e-3;
-// of the distance between slices: what a slice may lie off its place
+// tolerance of a slice position, relative to the slice distance
 constexpr double kMostUneven = 0.01;
-// slices that lie at one place
+// slices closer than this share a position
 constexpr double kSamePlace_mm = 5e-3;
-// tangent of a tilt that the digits of an orientation explain: 0.11 degrees
+// tangent of a tilt explained by rounding of the orientation: 0.11 degrees
 constexpr double kRoundedTilt = 2e-3;
-// tangent of the largest tilt that is believed: gantries tilt by 30 degrees
+// tangent of the largest tilt accepted: gantries tilt by 30 degrees
 constexpr double kMostTilt = 1;
 
 std::string in_mm(double value) {
@@ -43,14 +43,14 @@ Vector normal_of(const DicomFrame& frame) {
   return frame.along_row.cross(frame.along_column).normalized();
 }
 
-// ---- which belong together ----------------------------------------------------------------------
+// ---- grouping -----------------------------------------------------------------------------------
 
 using Told = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
                         std::optional<double>, std::string, std::string, std::string, std::string>;
 
-// what is the same in all images of a volume, but for what is only nearly the same
+// key of attributes that are equal in all images of a volume, except those compared with a tolerance
 Told told_apart_by(const DicomFrame& frame) {
-  // without a place images are told apart by nothing but what they lack
+  // images without a position are distinguished only by what they lack
   if (!frame.placed)
     return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", frame.fault};
   return {frame.series,
@@ -67,15 +67,15 @@ Told told_apart_by(const DicomFrame& frame) {
           ""};
 }
 
-// directions of diffusion that are one, but for the last digits of a text
+// diffusion directions equal except for rounding
 bool same_gradient(const DicomFrame& a, const DicomFrame& b) {
   constexpr double kSame = 1e-2;
   return !a.gradient || !b.gradient ||
          (Vector(a.gradient->data()) - Vector(b.gradient->data())).norm() <= kSame;
 }
 
-// Whether there are several frames of reference and none of them holds two places. LIDC-IDRI has one for each
-// slice: the anonymiser replaced the identifier in every file by a new one.
+// True if there are several frames of reference and each contains a single position. In LIDC-IDRI every slice
+// has its own: the anonymiser replaced the identifier in every file by a new one.
 bool has_reference_per_place(const std::vector<DicomFrame>& frames) {
   std::map<std::string, const DicomFrame*> first_of_reference;
   for (const DicomFrame& frame : frames) {
@@ -96,7 +96,7 @@ std::vector<std::vector<DicomFrame>> split_by_frame_of_reference(std::vector<Dic
 }
 
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
-  // a group of one told key is split by orientation, pixel spacing and direction of diffusion
+  // a group with one key is split by orientation, pixel spacing and diffusion direction
   std::map<Told, std::vector<std::vector<DicomFrame>>> groups;
   for (DicomFrame& frame : frames) {
     auto& parts = groups[told_apart_by(frame)];
@@ -105,7 +105,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
       return !frame.placed ||
              (corner_off_mm(part.front(), frame) <= kSame_mm && same_gradient(part.front(), frame));
     };
-    // those of a scan follow each other
+    // images of one scan are usually consecutive
     auto part = std::find_if(parts.rbegin(), parts.rend(), fits);
     (part != parts.rend() ? *part : parts.emplace_back()).push_back(std::move(frame));
   }
@@ -116,7 +116,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   return all;
 }
 
-// ---- several images at one place ----------------------------------------------------------------
+// ---- several images at one position -------------------------------------------------------------
 
 using Frames = std::vector<DicomFrame>;
 
@@ -127,7 +127,7 @@ void sort_by_place(Frames& frames) {
   });
 }
 
-// how many lie at each place, of sorted ones
+// number of sorted frames at each position
 std::vector<std::size_t> counts_at_places(const Frames& frames) {
   const Vector normal = normal_of(frames.front());
   std::vector<std::size_t> counts{1};
@@ -142,8 +142,8 @@ bool has_doubles(const Frames& frames) {
   return counts_at_places(frames).size() < frames.size();
 }
 
-// The images of a heart are taken at several times of its beat at each place. Its rate changes, and so do the
-// times from place to place: what counts is their order.
+// Cardiac images are taken at several phases for each position. Trigger times vary with the heart rate from
+// position to position, so their order is used.
 std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
   const auto counts = counts_at_places(sorted);
   const std::size_t each = counts.front();
@@ -164,7 +164,7 @@ std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
   return parts;
 }
 
-// Nothing where all that comes of it are single slices, as of one place that was watched.
+// Returns nothing if every part would be a single slice, as for repeated acquisitions of one position.
 std::vector<Frames> split_by_acquisition(const Frames& sorted) {
   std::map<int, Frames> parts;
   for (const DicomFrame& frame : sorted) {
@@ -180,7 +180,7 @@ std::vector<Frames> split_by_acquisition(const Frames& sorted) {
   return all;
 }
 
-// a group whose images may lie at one place, as volumes in which none do where that can be told
+// splits a group with several images per position into volumes without, if possible
 std::vector<Frames> without_doubles(Frames frames) {
   const auto forget = [](Frames& part, bool times, bool acquisitions) {
     for (DicomFrame& frame : part) {
@@ -206,18 +206,18 @@ std::vector<Frames> without_doubles(Frames frames) {
   return whole;
 }
 
-// ---- in words -----------------------------------------------------------------------------------
+// ---- descriptions -------------------------------------------------------------------------------
 
 std::string plane_of(const Vector& normal) {
   int axis = 0;
   normal.cwiseAbs().maxCoeff(&axis);
   static constexpr std::array kPlanes{"sagittal", "coronal", "axial"};
-  constexpr double kStraight = 0.9998;  // 1 degree
+  constexpr double kStraight = 0.9998;  // cosine of 1 degree
   return (std::abs(normal[axis]) < kStraight ? "oblique, nearly " : "") +
          std::string(kPlanes[static_cast<std::size_t>(axis)]);
 }
 
-// the standard's own terms that say something to a person; any other could say anything
+// terms of the standard that inform the user; other values could contain any text
 constexpr std::array<std::pair<std::string_view, std::string_view>, 26> kTypeTerms{{
     {"DERIVED", "derived"},
     {"LOCALIZER", "localizer"},
@@ -260,7 +260,7 @@ std::set<std::string> type_words(const std::string& image_type) {
   return words;
 }
 
-// what in this volume differs from another one of its series
+// attributes by which this volume differs from others of its series
 std::string what_is_special(const std::vector<DicomFrame>& frames,
                             const std::vector<const DicomFrame*>& of_series) {
   const DicomFrame& own = frames.front();
@@ -312,7 +312,7 @@ std::string named(const std::vector<DicomFrame>& frames, const GridGeometry& geo
   return text + " mm";
 }
 
-// ---- how the slices lie -------------------------------------------------------------------------
+// ---- slice positions ----------------------------------------------------------------------------
 
 struct Fault {
   std::string what, remedy;
@@ -321,7 +321,7 @@ struct Fault {
 constexpr const char* kWholeSeries = "export the series again, whole, and give the folder of it";
 constexpr const char* kConvert = "load the series in 3D Slicer, which can resample it, and save it as NRRD";
 
-// the slices of a volume, sorted by their places along the normal
+// slices of a volume, sorted by position along the normal
 class Stack {
  public:
   explicit Stack(const Frames& frames) : frames_(frames), normal_(normal_of(frames.front())) {
@@ -364,7 +364,7 @@ class Stack {
 
   GridGeometry geometry() const {
     const DicomFrame& first = frames_.front();
-    // from the first slice to the last one, which includes a tilt of the gantry
+    // from the first slice to the last one, which includes a gantry tilt
     const Vector step = (frames_.back().position - first.position) / static_cast<double>(frames_.size() - 1);
     GridGeometry grid;
     grid.dims = {first.columns, first.rows, static_cast<int>(frames_.size())};
@@ -396,7 +396,7 @@ class Stack {
   std::optional<Fault> uneven() const {
     std::vector<double> gaps_mm;
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n) gaps_mm.push_back(gap_mm(n));
-    // the usual distance, which a few missing slices do not change; of two different ones the smaller
+    // the median distance, which a few missing slices do not change; the smaller one of two
     std::vector<double> sorted = gaps_mm;
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
@@ -415,7 +415,7 @@ class Stack {
       return Fault{"its slices lie unevenly: " + between + ", others " + in_mm(usual_mm) + " mm apart",
                    kConvert};
     }
-    // small differences that add up
+    // small differences that accumulate
     const double even_mm = (places_mm_.back() - places_mm_.front()) / static_cast<double>(gaps_mm.size());
     for (std::size_t n = 0; n < places_mm_.size(); ++n) {
       const double off_mm = places_mm_[n] - places_mm_.front() - static_cast<double>(n) * even_mm;
@@ -427,13 +427,13 @@ class Stack {
     return std::nullopt;
   }
 
-  // sideways from the normal through the first slice
+  // in-plane offset from the normal through the first slice
   Vector aside(std::size_t n) const {
     const Vector way = frames_[n].position - frames_.front().position;
     return way - way.dot(normal_) * normal_;
   }
 
-  // shift sideways per distance along the normal, whose length is the tangent of the gantry's tilt
+  // in-plane shift per distance along the normal; its length is the tangent of the gantry tilt
   Vector tilt() const { return aside(frames_.size() - 1) / (places_mm_.back() - places_mm_.front()); }
 
   std::optional<Fault> shifted() const {
@@ -531,7 +531,7 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
     }
   }
 
-  // in words, against the others of its series
+  // descriptions relative to the other volumes of the series
   std::map<int, std::vector<const DicomFrame*>> of_series;
   for (const DicomVolume& volume : volumes)
     if (volume.frames.front().placed)

@@ -34,7 +34,7 @@ std::uint32_t little_at(std::string_view bytes, std::size_t at, std::size_t coun
 
 // ---- DICOM --------------------------------------------------------------------------------------
 
-// an element of a DICOM data set in little endian, with or without its type written out
+// value of a UI element of a DICOM data set in little endian, with explicit or implicit type
 std::string_view dicom_text(std::string_view bytes, std::string_view tag) {
   for (auto at = bytes.find(tag); at != std::string_view::npos; at = bytes.find(tag, at + 1)) {
     if (at + 8 > bytes.size()) return {};
@@ -42,14 +42,14 @@ std::string_view dicom_text(std::string_view bytes, std::string_view tag) {
     const std::size_t length = typed ? little_at(bytes, at + 6, 2) : little_at(bytes, at + 4, 4);
     constexpr std::size_t kLongestUid = 64;
     if (length <= kLongestUid && at + 8 + length <= bytes.size())
-      return bytes.substr(at + 8, length);  // padded to an even length, by 0
+      return bytes.substr(at + 8, length);  // padded to an even length with 0
   }
   return {};
 }
 
 bool is_dicom(std::string_view front) {
   if (front.size() > 132 && front.substr(128, 4) == "DICM") return true;
-  // without the preamble a data set begins with an element of group 8, typed or short
+  // without the preamble a data set begins with an element of group 8, with explicit or implicit type
   if (front.size() < 16 || front.substr(0, 2) != "\x08\0"sv || front[3] != 0) return false;
   if ("\0\5\x08\x12\x16\x18"sv.find(front[2]) == std::string_view::npos) return false;
   const bool typed =
@@ -58,7 +58,7 @@ bool is_dicom(std::string_view front) {
 }
 
 FileKind dicom_kind(std::string_view front) {
-  // the class of the object: from the file's own header, else from the data set
+  // SOP class of the object: from the meta header, otherwise from the data set
   std::string_view uid = dicom_text(front, "\x02\0\x02\0"sv);
   if (uid.empty()) uid = dicom_text(front, "\x08\0\x16\0"sv);
   uid = uid.substr(0, uid.find('\0'));
@@ -112,7 +112,7 @@ std::optional<FileKind> surface_kind(std::string_view front, const std::string& 
     return mesh("OBJ", MeshFormat::kObj);
   if (ends_with(name, ".stl")) return mesh("STL", MeshFormat::kStl);
 
-  // VTK's own formats hold surfaces and images
+  // VTK's own formats store surfaces and images
   const bool legacy = front.starts_with("# vtk DataFile"),
              xml = front.find("<VTKFile") != std::string_view::npos;
   if (legacy || xml) {
@@ -128,7 +128,7 @@ std::optional<FileKind> surface_kind(std::string_view front, const std::string& 
   return std::nullopt;
 }
 
-// ---- by their first bytes -----------------------------------------------------------------------
+// ---- by first bytes ------------------------------------------------------------------------------
 
 struct Magic {
   std::string_view bytes;
@@ -175,7 +175,7 @@ std::optional<FileKind> by_magic(std::string_view front) {
   return std::nullopt;
 }
 
-// ---- volumes that are read here, perhaps under another name --------------------------------------
+// ---- volumes that are read by palpate, possibly under another extension --------------------------
 
 bool is_nifti(std::string_view front) {
   if (front.size() < 348) return false;

@@ -28,11 +28,11 @@ const std::array<Format, 3> kFormats{{
 
 // ---- folders ------------------------------------------------------------------------------------
 
-// what stands in a folder and, not too deep, below it
+// contents of a folder and its subfolders, to a limited depth
 struct FolderContent {
   std::size_t files = 0;
-  std::vector<std::string> volumes;  // by their names, from the folder on
-  std::optional<FileKind> other;     // the first that is known to be something else
+  std::vector<std::string> volumes;  // paths relative to the folder
+  std::optional<FileKind> other;     // kind of the first file that is known to be something else
 };
 
 FolderContent look_into(const std::filesystem::path& folder) {
@@ -83,7 +83,7 @@ Error folder_error(const std::filesystem::path& folder) {
   return is_folder(" without a volume in it", "name a volume: NRRD, NIfTI, MetaImage or DICOM, or a surface");
 }
 
-// the other file of a pair: "knee.hdr" and "knee.img", each perhaps with ".gz"
+// other file of a pair: "knee.hdr" and "knee.img", each optionally with ".gz"
 Result<std::filesystem::path> partner(const std::filesystem::path& file, const std::string& ending) {
   std::filesystem::path stem = file;
   if (has_ending(stem, ".gz")) stem.replace_extension();
@@ -123,7 +123,7 @@ std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpa
   if (failed || !front) return std::nullopt;
   const std::string name = file.filename().string();
   if (!front->starts_with("\x1f\x8b")) return kind_of(*front, name, size);
-  // what a name without ".gz" would end in tells too
+  // the extension before ".gz" is used too
   const std::string unpacked = unpack(file, kKindBytes);
   auto inside = kind_of(unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
   if (inside) inside->what += ", compressed by gzip";
@@ -167,7 +167,7 @@ Result<VolumeFile> understand(const Format& format, const std::filesystem::path&
                               const Placing& placing) {
   auto volume = format.inspect(file, others, placing);
   if (volume || others.asked()) return volume;
-  // what is in it may be something else than its name says
+  // the content may be of another kind than the name says
   const auto unpack = [](const std::filesystem::path& packed, std::size_t bytes) {
     const auto front = read_front(packed, Encoding::kDeflate, bytes);
     return front ? *front : std::string();

@@ -16,13 +16,14 @@
 
 namespace palpate::volume_io {
 
-/// The files of a volume besides the one that the user named, as far as its reader may have them.
+/// Files that a volume consists of in addition to the one named by the user, as far as its reader has access
+/// to them.
 class OtherFiles {
  public:
   void add(OtherFile other, std::filesystem::path file) {
     known_.emplace_back(std::move(other), std::move(file));
   }
-  /// Where it is known; else an Error, and asked() tells that it is needed.
+  /// Path of a file if it is known; otherwise an Error, and asked() returns the request.
   Result<std::filesystem::path> find(const OtherFile& wanted);
   const std::optional<OtherFile>& asked() const { return asked_; }
 
@@ -31,35 +32,37 @@ class OtherFiles {
   std::optional<OtherFile> asked_;
 };
 
-/// One file format. A new one is a file of its own with its inspect function, and a line in formats.cc.
+/// A file format. To add one, write a source file with its inspect function and add a line to formats.cc.
 struct Format {
   const char* name;
-  std::span<const std::string_view> endings;  ///< in lower case, with their dot
-  /// Understands the header, checks everything in it that can be wrong, reads no voxel. The format's and the
-  /// type's names in the header are still to be filled in.
+  std::span<const std::string_view> endings;  ///< Extensions in lower case, with the dot.
+  /// Parses and validates the header without reading voxels. The names of format and type in the header are
+  /// filled in by the caller.
   Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others,
                                 const Placing& placing);
   ItkFormat writer;
-  std::span<const std::string_view> written;  ///< endings that it is written under: one file each
+  std::span<const std::string_view> written;  ///< Extensions under which it is written, as a single file.
 };
 
-/// The format that a file's name asks for.
+/// Format by the extension of a file.
 Result<const Format*> format_of(const std::filesystem::path& file);
-/// Inspects a file, and what it is instead where its name is wrong about its format. The bytes may do
-/// anything to whoever does this: volume_reader.h has a process for it.
+/// Inspects a file; if its name suggests the wrong format, the error names the actual one. Untrusted bytes
+/// may compromise the process: call it in a reader process (volume_reader.h).
 Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
                               const Placing& placing);
-/// The other file that a reader asks for, `file` being the one that the user named. Its reader is believed as
-/// little as a header is. Errors: missing, no plain file, outside its folder where that is not allowed.
+/// Locates the additional file that a reader requests.
+/// @param file  the file that the user named
+/// @param wanted  request of the reader, which is as untrusted as a header
+/// Errors: missing; not a regular file; outside the folder unless that is allowed.
 Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& wanted);
-/// What is wrong where there is no file of this name, or a folder.
+/// Error for a path that does not exist or is a folder; nullopt otherwise.
 std::optional<Error> not_a_file(const std::filesystem::path& file);
 
 bool has_ending(const std::filesystem::path& file, std::string_view ending);
 
-/// What the file holds by its first bytes, through gzip where it is compressed so; nothing for a text, what
-/// is not known and what cannot be read.
-/// @param unpack  what gzip has packed: the first so many bytes of it, as far as there are any
+/// Kind of a file by its first bytes, decompressed if it is a gzip file; nullopt for text, unknown content
+/// and unreadable files.
+/// @param unpack  returns the first `bytes` decompressed bytes of a gzip file, or fewer
 using Unpack = std::function<std::string(const std::filesystem::path& file, std::size_t bytes)>;
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack);
 
@@ -70,7 +73,8 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& file, OtherFiles& 
 Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others,
                                      const Placing& placing);
 
-/// The geometry as ITK reads it, checked. `dims` are ours; ITK reading others is an error.
+/// Geometry as read by ITK, validated. Errors: ITK reads dimensions other than `dims`, which are those of
+/// palpate's own parser.
 Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path& file,
                                   const std::array<int, 3>& dims);
 

@@ -1,5 +1,5 @@
 #include <cstdio>
-// jpeglib.h needs the above
+// jpeglib.h requires the headers above
 #include <jpeglib.h>
 
 #include <csetjmp>
@@ -11,7 +11,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// what libjpeg knows of the place that it leaves by longjmp()
+// error handler of libjpeg with the jump target of its longjmp()
 struct Escape {
   jpeg_error_mgr manager;
   std::jmp_buf place;
@@ -20,13 +20,13 @@ struct Escape {
 [[noreturn]] void fail(j_common_ptr jpeg) {
   std::longjmp(reinterpret_cast<Escape*>(jpeg->err)->place, 1);
 }
-// A warning is damage that libjpeg fills with grey.
+// libjpeg warns about damage and fills it with grey: treated as an error.
 void warn(j_common_ptr jpeg, int level) {
   if (level < 0) fail(jpeg);
 }
 void print_nothing(j_common_ptr) {}
 
-// a progressive picture may ask for any number of passes over all of it
+// a progressive image can demand any number of passes over all its pixels
 void count_scans(j_common_ptr jpeg) {
   constexpr int kMostScans = 200;
   if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number > kMostScans) fail(jpeg);
@@ -39,7 +39,8 @@ struct Decompressor {
   ~Decompressor() { jpeg_destroy_decompress(&jpeg); }
 };
 
-// No object with a destructor lives in these two, which libjpeg leaves by longjmp(). False: damaged.
+// No object with a destructor may live in these two functions, which libjpeg leaves by longjmp(). They return
+// false if the data are damaged.
 bool read_header(Decompressor& d, const unsigned char* bytes, std::size_t count) {
   d.jpeg.err = jpeg_std_error(&d.escape.manager);
   d.escape.manager.error_exit = fail;

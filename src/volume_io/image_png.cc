@@ -29,15 +29,15 @@ void read_bytes(png_structp png, png_bytep into, png_size_t count) {
 
 void ignore(png_structp, png_const_charp) {}
 
-// Decodes into rows of `row_bytes` each. No object with a destructor lives in here, because libpng leaves it
-// by longjmp(). False: damaged.
+// Decodes into rows of `row_bytes` each. No object with a destructor may live in this function, which libpng
+// leaves by longjmp(). Returns false if the data are damaged.
 bool decode(Source* source, png_bytep* rows, std::size_t row_bytes, png_structp png, png_infop info) {
   if (setjmp(png_jmpbuf(png))) return false;
   png_set_read_fn(png, source, read_bytes);
   constexpr png_uint_32 kMostAlong = 1 << 20, kMostChunk = 1 << 23;
   png_set_user_limits(png, kMostAlong, kMostAlong);
   png_set_chunk_malloc_max(png, kMostChunk);
-  // texts and profiles may be large or damaged, and nothing of them is wanted
+  // text and profiles, which may be large or damaged, are not needed
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
   png_read_info(png, info);
   const int type = png_get_color_type(png, info), bits = png_get_bit_depth(png, info);
@@ -48,7 +48,7 @@ bool decode(Source* source, png_bytep* rows, std::size_t row_bytes, png_structp 
   } else if ((type & PNG_COLOR_MASK_COLOR) != 0 && bits == 16) {
     png_set_scale_16(png);
   }
-  // colours keep their transparency, grey values have none
+  // colour images retain transparency, grey images do not
   if ((type & PNG_COLOR_MASK_COLOR) != 0) {
     if (png_get_valid(png, info, PNG_INFO_tRNS)) png_set_tRNS_to_alpha(png);
     png_set_add_alpha(png, 0xFF, PNG_FILLER_AFTER);

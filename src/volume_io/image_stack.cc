@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ---- which files there are ----------------------------------------------------------------------
+// ---- finding files ------------------------------------------------------------------------------
 
 bool has_image_name(const fs::path& file) {
   return std::ranges::any_of(std::array{".png", ".jpg", ".jpeg", ".tif", ".tiff"},
@@ -31,13 +31,14 @@ bool is_image(const fs::path& file) {
   return front && image_format_of(*front).has_value();
 }
 
-// of the three the format with pages
+// the format that supports several pages
 bool is_tiff(const fs::path& file) {
   const auto front = read_front(file, Encoding::kRaw, 8);
   return front && image_format_of(*front) == ImageFormat::kTiff;
 }
 
-// a name shows it without opening each of a thousand files, and the first bytes of one of them confirm it
+// Files are selected by extension, without opening each of a thousand; the content of one is checked by
+// is_image_stack().
 StructureFiles find_images(const fs::path& named) {
   std::error_code failed;
   if (!fs::is_directory(named, failed)) return find_structure_files(named, is_tiff, "picture");
@@ -48,14 +49,14 @@ StructureFiles find_images(const fs::path& named) {
   return found;
 }
 
-// ---- in the process that reads ------------------------------------------------------------------
+// ---- in the reader process ----------------------------------------------------------------------
 
-/// One slice: a page of a file.
+/// A slice: one page of a file.
 struct SlicePicture {
   std::size_t file = 0, page = 0;
 };
 
-/// Opens one file at a time: the pages of one follow each other.
+/// Opens one file at a time; the pages of a file are consecutive.
 class PictureReader {
  public:
   explicit PictureReader(const std::vector<fs::path>& files) : files_(files) {}
@@ -96,14 +97,14 @@ class PictureReader {
   std::size_t opened_ = 0;
 };
 
-/// A stack that is understood.
+/// A parsed stack.
 struct ImageStack {
   std::vector<fs::path> files;
   std::vector<SlicePicture> slices;
   ImageShape shape;
-  bool grey_in_colour = false;  // all its colours are greys
+  bool grey_in_colour = false;  // all colours are greys
   ImageColours meaning = ImageColours::kLabels;
-  std::vector<std::uint32_t> label_colours;  // ascending; label n + 1 has the n-th
+  std::vector<std::uint32_t> label_colours;  // ascending; label n + 1 has the n-th colour
   VolumeFile file;
 };
 
@@ -113,12 +114,12 @@ std::string kind_in_words(const ImageShape& shape) {
 }
 
 constexpr std::uint32_t luminance(std::uint32_t rgb) {
-  // ITU-R BT.709, in thousandths
+  // ITU-R BT.709 weights, in thousandths
   constexpr std::uint32_t kRed = 213, kGreen = 715, kBlue = 72;
   return (kRed * (rgb >> 16) + kGreen * (rgb >> 8 & 0xFF) + kBlue * (rgb & 0xFF) + 500) / 1000;
 }
 
-// the pages of all files, alike in size and kind
+// collects the pages of all files, which must agree in size and kind
 Result<void> find_slices(PictureReader& reader, const std::function<bool()>& look, ImageStack& stack) {
   constexpr std::size_t kMostSlices = 20'000;
   for (std::size_t n = 0; n < stack.files.size(); ++n) {
@@ -149,7 +150,7 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& loo
   return {};
 }
 
-// which colours there are, of 24 bits
+// collects the distinct 24-bit colours
 Result<void> find_colours(PictureReader& reader, const std::function<bool()>& look, double& share,
                           ImageStack& stack) {
   std::vector<bool> present(std::size_t{1} << 24);
@@ -251,7 +252,7 @@ Result<void> send_stack(const ImageStack& stack, VoxelSink& sink) {
           last = pixel;
           value = value_of(pixel);
         }
-        // the low bytes of the value, on a little-endian machine as on a big-endian one
+        // the low bytes of the value, regardless of the machine's byte order
         if (value_bytes == 1) {
           room[n] = static_cast<std::byte>(value);
         } else if (value_bytes == 2) {
@@ -290,7 +291,7 @@ bool natural_less(std::string_view one, std::string_view other) {
     if (x != y) return x < y;
   }
   if (a != one.size() || b != other.size()) return b != other.size();
-  // equal but for leading zeros and capitals
+  // equal except for leading zeros and capitals
   return one < other;
 }
 
@@ -306,7 +307,7 @@ Result<LabelReader> open_image_stack(const fs::path& file, const std::optional<E
             ", which do not say how far apart their voxels lie",
         "say it with --spacing X,Y,Z: mm between columns, rows and slices, as --spacing 0.05,0.05,0.1 "
         "(in a scene file: image_spacing = [0.05, 0.05, 0.1])");
-  // of a volume no slice is left out in silence
+  // dropping slices silently would distort the volume
   if (found.is_cut_off)
     return bad_input(file.string(), found.notes.front(),
                      "save the stack as one TIFF of several pages, or as fewer slices");
@@ -331,7 +332,7 @@ bool is_image_stack(const std::filesystem::path& file) {
   std::error_code failed;
   if (!std::filesystem::is_directory(file, failed))
     return std::filesystem::is_regular_file(file, failed) && !format_of(file) && is_tiff(file);
-  // by their names alone, before any file is opened
+  // tested by names only, before any file is opened
   if (!volumes_in(file).empty()) return false;
   const auto images = find_images(file).files;
   return !images.empty() && is_image(images.front()) && !is_meshes(file) && !is_dicom(file);

@@ -5,27 +5,26 @@
 
 #include "volume_io/structure_files.h"
 
-/// Pictures as slices of a volume: a folder of them in the natural order of their names, or the pages of a
-/// TIFF. Read by a process of its own (structure_files.h).
+/// Images as slices of a volume: a folder of them in the natural order of their names, or the pages of a
+/// TIFF. Read by a confined process (structure_files.h).
 namespace palpate::volume_io {
 
-/// What the colours of pictures mean.
+/// Interpretation of colour images.
 enum class ImageColours {
-  kLabels,  ///< each distinct colour is a structure, black is none
-  kGrey,    ///< their luminance is a value of a scan
+  kLabels,  ///< Each distinct colour is a structure, black is background.
+  kGrey,    ///< The luminance is the value of a scan.
 };
 
 /// VolumeHeader::format of labels by colour.
 inline constexpr const char* kColouredPictures = "pictures in colours";
 
-/// Whether one name comes before another with numbers in them compared as numbers: "slice2.png" before
-/// "slice10.png".
+/// Natural order: compares numbers within names by value, so that "slice2.png" precedes "slice10.png".
 bool natural_less(std::string_view one, std::string_view other);
 
-/// @param file  of which is_image_stack() holds
-/// Errors: no spacing, which pictures do not say; pictures of different sizes or kinds, with both names; a
-/// single picture; too many colours, with their number; a picture that is damaged, with its name;
-/// interrupted.
+/// Starts a reader process for a stack of images.
+/// @pre is_image_stack(file)
+/// Errors: no spacing, which images do not contain; images of different sizes or kinds, naming two of them; a
+/// single image; too many colours, with their number; a damaged image, with its name; interrupted.
 Result<LabelReader> open_image_stack(const std::filesystem::path& file,
                                      const std::optional<Eigen::Vector3d>& spacing_mm, ImageColours colours,
                                      const Progress& progress);

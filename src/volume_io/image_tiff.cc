@@ -11,7 +11,7 @@
 #include "volume_io/image.h"
 #include "volume_io/voxel_source.h"
 
-/// TIFF 6.0 and BigTIFF, without libtiff, whose Debian build loads a library under the GPL (libjbig).
+/// TIFF 6.0 and BigTIFF decoder, without libtiff, whose Debian build loads a library under the GPL (libjbig).
 namespace palpate::volume_io {
 namespace {
 
@@ -48,21 +48,21 @@ Error damaged() {
 
 constexpr const char* kSavePlain = "save it without that compression, as by: tiffcp -c none IN OUT";
 
-// How many bytes a value of a field type takes; 0: unknown, and so passed over.
+// Size of a value of a field type; bytes. 0: unknown type, the field is ignored.
 std::uint64_t bytes_of_type(std::uint16_t type) {
   constexpr std::array<std::uint8_t, 19> kBytes{0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8};
   return type < kBytes.size() ? kBytes[type] : 0;
 }
 
-/// One page: where its pixels stand and how they are packed.
+/// Layout of a page: location and encoding of its pixels.
 struct Page {
   std::uint64_t columns = 0, rows = 0;
   int bits = 1, samples = 1;
   bool is_float = false, separate = false, transparent = false;
   int compression = 1, predictor = 1;
   Photometric photometric = Photometric::kBlackIsZero;
-  std::uint64_t piece_columns = 0, piece_rows = 0;  // of a tile; of a strip all columns
-  std::vector<std::uint64_t> offsets, counts;       // of tiles or strips
+  std::uint64_t piece_columns = 0, piece_rows = 0;  // size of a tile, or of a strip, which has all columns
+  std::vector<std::uint64_t> offsets, counts;       // location of each tile or strip in the file; bytes
   std::vector<std::uint64_t> palette;               // 16 bits each: red, green, blue
 
   std::uint64_t across() const { return (columns + piece_columns - 1) / piece_columns; }
@@ -73,18 +73,18 @@ struct Page {
   }
 };
 
-// ---- packings ------------------------------------------------------------------------------------
+// ---- decompression -------------------------------------------------------------------------------
 
-// Each fills `out` whole; false: the packed bytes are too few or damaged.
+// Each function fills `out` completely, or returns false if the compressed data are truncated or damaged.
 
 bool unpack_deflate(std::span<const std::uint8_t> packed, std::span<std::uint8_t> out) {
   uLongf length = static_cast<uLongf>(out.size());
   const int result = ::uncompress(out.data(), &length, packed.data(), static_cast<uLong>(packed.size()));
-  // more than the piece needs is cut off
+  // surplus data are ignored
   return (result == Z_OK || result == Z_BUF_ERROR) && length == out.size();
 }
 
-// Apple's run lengths, TIFF 6.0 section 9
+// PackBits, TIFF 6.0 section 9
 bool unpack_bits(std::span<const std::uint8_t> packed, std::span<std::uint8_t> out) {
   std::size_t at = 0, to = 0;
   while (to < out.size()) {
@@ -108,7 +108,7 @@ bool unpack_bits(std::span<const std::uint8_t> packed, std::span<std::uint8_t> o
   return true;
 }
 
-// TIFF 6.0 section 13: codes of 9 to 12 bits, the highest bit first
+// LZW, TIFF 6.0 section 13: codes of 9 to 12 bits, most significant bit first
 bool unpack_lzw(std::span<const std::uint8_t> packed, std::span<std::uint8_t> out) {
   constexpr unsigned kClear = 256, kEnd = 257, kFirst = 258, kCodes = 4096;
   struct Entry {
@@ -151,7 +151,7 @@ bool unpack_lzw(std::span<const std::uint8_t> packed, std::span<std::uint8_t> ou
       if (to + n < out.size()) out[to + n] = table[walk].last;
     to += std::min(length, out.size() - to);
     last = code;
-    // one code earlier than the table needs it, as TIFF has it
+    // TIFF increases the code width one code early
     if (next + 1 >= (1u << width) && width < 12) ++width;
   }
   return true;
@@ -194,14 +194,14 @@ class TiffDecoder : public ImageDecoder {
         const std::uint64_t left = p % page.across() * page.piece_columns,
                             top = p / page.across() * page.piece_rows,
                             height = std::min(page.piece_rows, page.rows - top);
-        // the last strip has the rows that are left, the last tile all of its own
+        // the last strip stores only the remaining rows, the last tile all of its rows
         const bool tiled = page.piece_columns != page.columns || page.offsets.empty();
         const std::uint64_t stored_rows = tiled ? page.piece_rows : height;
         const auto bytes =
             std::span(piece).first(static_cast<std::size_t>(page.bytes_of_row() * stored_rows));
         const auto index = static_cast<std::size_t>(static_cast<std::uint64_t>(plane) * pieces + p);
         if (!unpack(page, page.offsets[index], page.counts[index], bytes)) {
-          // a tile as wide as the page may end where the page does
+          // a tile as wide as the page may be truncated at the last row
           const auto shorter = bytes.first(static_cast<std::size_t>(page.bytes_of_row() * height));
           if (shorter.size() == bytes.size() ||
               !unpack(page, page.offsets[index], page.counts[index], shorter))
@@ -228,7 +228,7 @@ class TiffDecoder : public ImageDecoder {
 
   using Fields = std::map<std::uint16_t, std::vector<std::uint64_t>>;
 
-  // @return where the next directory stands
+  // @return offset of the next directory
   Result<std::uint64_t> read_directory(std::uint64_t at) {
     const std::size_t count_bytes = big_ ? 8 : 2, entry_bytes = big_ ? 20 : 12, link_bytes = big_ ? 8 : 4;
     std::array<std::uint8_t, 8> number{};
@@ -255,7 +255,7 @@ class TiffDecoder : public ImageDecoder {
     const std::uint64_t each = bytes_of_type(type);
     const std::size_t inline_bytes = big_ ? 8 : 4;
     const std::uint8_t* stored = entry + (big_ ? 12 : 8);
-    // a palette of 16 bits has 196 608 values, a page of tiles of 16 x 16 about as many
+    // a 16-bit palette has 196 608 values, a page of 16 x 16 tiles about as many
     constexpr std::uint64_t kMostValues = std::uint64_t{1} << 20;
     static constexpr std::array kWanted{
         kNewSubfileType,  kImageWidth,          kImageLength,    kBitsPerSample,   kCompression,
@@ -293,7 +293,7 @@ class TiffDecoder : public ImageDecoder {
       const auto values = all(tag);
       return values.empty() ? otherwise : values.front();
     };
-    // smaller copies of a page, and its masks
+    // skip reduced-resolution copies and masks
     if ((one(kNewSubfileType, 0) & 5) != 0) return {};
     Page page;
     page.columns = one(kImageWidth, 0);
@@ -355,7 +355,7 @@ class TiffDecoder : public ImageDecoder {
     page.offsets = all(tiled ? kTileOffsets : kStripOffsets);
     page.counts = all(tiled ? kTileByteCounts : kStripByteCounts);
     const std::uint64_t pieces = page.across() * page.down() * (page.separate ? samples : 1);
-    // old writers leave out the size of the only strip
+    // old writers omit the size of a single strip
     if (page.counts.empty() && page.offsets.size() == 1 && compression == 1)
       page.counts = {page.bytes_of_row() * page.rows};
     if (page.offsets.size() < pieces || page.counts.size() < pieces) return damaged();
@@ -374,7 +374,7 @@ class TiffDecoder : public ImageDecoder {
 
   bool unpack(const Page& page, std::uint64_t offset, std::uint64_t count, std::span<std::uint8_t> out) {
     if (page.compression == 1) return out.size() <= count && read_at(offset, out);
-    // no packing makes a piece much larger
+    // no compression expands a piece much
     const std::uint64_t most = 2 * std::uint64_t{out.size()} + (1 << 16);
     packed_.resize(static_cast<std::size_t>(std::min(count, most)));
     if (!read_at(offset, packed_)) return false;
@@ -388,7 +388,7 @@ class TiffDecoder : public ImageDecoder {
     }
   }
 
-  // each value is its difference from the one before in its row
+  // reverses horizontal differencing: each value is stored as the difference from its predecessor in the row
   void undo_prediction(const Page& page, std::span<std::uint8_t> bytes) const {
     if (page.predictor != 2) return;
     const auto samples = static_cast<std::size_t>(page.samples_of_piece()),
@@ -456,7 +456,7 @@ class TiffDecoder : public ImageDecoder {
             break;
           }
           default:
-            // what comes after the first sample is transparency, or another channel
+            // further samples are transparency or other channels, and are ignored
             if (plane > 0) break;
             to[i] = sample(0);
             if (page.photometric == Photometric::kWhiteIsZero && !page.is_float)
@@ -468,7 +468,7 @@ class TiffDecoder : public ImageDecoder {
 
   ImageBytes bytes_;
   bool swap_ = false, big_ = false;
-  std::vector<Page> layouts_;  // of pages_
+  std::vector<Page> layouts_;  // layouts of pages_
   std::vector<std::uint8_t> packed_;
 };
 

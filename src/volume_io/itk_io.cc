@@ -11,7 +11,7 @@ namespace palpate::volume_io {
 namespace {
 
 itk::ImageIOBase::Pointer create(ItkFormat format) {
-  // warnings would go straight to stderr
+  // ITK would print warnings to stderr
   itk::Object::SetGlobalWarningDisplay(false);
   switch (format) {
     case ItkFormat::kNrrd:
@@ -24,7 +24,7 @@ itk::ImageIOBase::Pointer create(ItkFormat format) {
   return itk::MetaImageIO::New().GetPointer();
 }
 
-// the innermost reason in an exception's many lines
+// last line of an exception's text, which gives the actual reason
 std::string reason(const std::exception& exception) {
   std::string_view text = exception.what();
   std::string last;
@@ -35,7 +35,7 @@ std::string reason(const std::exception& exception) {
   return last.substr(0, 200);
 }
 
-// a volume with fewer than three axes lies in the plane of the first ones
+// a volume with fewer than three axes lies in the plane of the first axes
 ItkGrid grid_of(const itk::ImageIOBase& io) {
   ItkGrid grid;
   const unsigned axes = std::min(io.GetNumberOfDimensions(), 3u);
@@ -126,7 +126,7 @@ Result<void> itk_write(ItkFormat format, const std::filesystem::path& file, cons
 }  // namespace palpate::volume_io
 
 #ifdef __SANITIZE_ADDRESS__
-// the libraries under ITK's image IO keep their state when they fail, for example on a full disk
+// the libraries below ITK's image IO leak their state when they fail, for example on a full disk
 extern "C" const char* __lsan_default_suppressions();
 extern "C" const char* __lsan_default_suppressions() {
   return "leak:libITK\n";

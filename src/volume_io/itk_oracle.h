@@ -8,7 +8,8 @@
 
 namespace palpate::testing {
 
-/// Every voxel value as ITK's own reader gives it, or nothing when it cannot: what ours is compared with.
+/// All voxel values as read by ITK's own reader, the reference for palpate's reader; nullopt if ITK cannot
+/// read the file.
 std::optional<std::vector<double>> itk_voxels(volume_io::ItkFormat format, const std::filesystem::path& file);
 
 }  // namespace palpate::testing

@@ -12,7 +12,7 @@
 namespace palpate::volume_io {
 namespace {
 
-/// Raised by whoever changes which values come out of the same packed bytes.
+/// To be incremented whenever the values decoded from the same compressed bytes change.
 constexpr std::uint32_t kUnpackingVersion = 1;
 
 timespec changed_at(const InputFile& file) {
@@ -20,10 +20,10 @@ timespec changed_at(const InputFile& file) {
   return ::fstat(file.descriptor(), &status) == 0 ? status.st_ctim : timespec{};
 }
 
-// whole numbers of 16 bits, as scanners make them, in half the room
+// true if all values are 16-bit integers, as produced by scanners, which halves the size of the entry
 bool fit_into_16_bits(const std::vector<float>& voxels) {
   for (const float voxel : voxels) {
-    // first, so that the conversion is defined
+    // tested first, so that the conversion is defined
     if (!(voxel >= -32768.f && voxel <= 32767.f)) return false;
     const float back = static_cast<float>(static_cast<std::int16_t>(voxel));
     if (std::memcmp(&back, &voxel, sizeof voxel) != 0) return false;
@@ -82,7 +82,7 @@ void KeptVoxels::keep_labels(const std::vector<std::vector<LabelId>>& layers) co
   for (const std::vector<LabelId>& layer : layers) out.put_values(std::span(layer));
   cache::keep(*key_, out.bytes());
 } catch (const std::bad_alloc&) {
-  // they are unpacked again
+  // out of memory: the values are decompressed again next time
 }
 
 bool KeptVoxels::find_scan(std::vector<float>& voxels, std::uint64_t& replaced) const try {
@@ -101,7 +101,7 @@ bool KeptVoxels::find_scan(std::vector<float>& voxels, std::uint64_t& replaced) 
     for (std::size_t n = 0; n < count; ++n) found[n] = whole[n];
   } else {
     in.get_values(std::span(found));
-    // reading leaves none
+    // the reader leaves no NaN or infinity
     for (const float voxel : found)
       if (!std::isfinite(voxel)) return false;
   }
@@ -125,7 +125,7 @@ void KeptVoxels::keep_scan(const std::vector<float>& voxels, std::uint64_t repla
     out.put_values(std::span(voxels));
   cache::keep(*key_, out.bytes());
 } catch (const std::bad_alloc&) {
-  // they are unpacked again
+  // out of memory: the values are decompressed again next time
 }
 
 bool KeptVoxels::file_has_changed() const {

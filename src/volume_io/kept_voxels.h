@@ -11,19 +11,19 @@
 
 namespace palpate::volume_io {
 
-/// A volume's values, unpacked before: found by the packed bytes and by what the header says of their
-/// meaning, not by the rest of the header, which may say who it is. Values that are not packed are as soon
-/// read.
+/// Cache entry of a volume's decompressed values. The key covers the compressed bytes and the part of the
+/// header that determines their interpretation, but not the rest of the header, which may identify a patient.
+/// Uncompressed values are not cached, because reading them is as fast.
 class KeptVoxels {
  public:
-  /// @param kind  what is made of the values
+  /// @param kind  what is derived from the values; part of the key
   KeptVoxels(const VolumeReader& reader, std::string_view kind, Unpacked unpacked);
 
-  /// Empty where they are not kept.
+  /// Cached layers; empty if there are none.
   std::vector<std::vector<LabelId>> find_labels(std::size_t layers) const;
-  /// Nothing where the file has changed since it was first looked at.
+  /// Stores the layers, unless the file has changed since it was opened.
   void keep_labels(const std::vector<std::vector<LabelId>>& layers) const;
-  /// @param replaced  how many values were no numbers
+  /// @param replaced  number of NaN values that were replaced
   bool find_scan(std::vector<float>& voxels, std::uint64_t& replaced) const;
   void keep_scan(const std::vector<float>& voxels, std::uint64_t replaced) const;
 

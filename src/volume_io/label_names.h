@@ -11,17 +11,17 @@ namespace palpate::volume_io {
 
 struct TableBeside {
   std::filesystem::path file;
-  bool has_own_name = false;                  ///< that of the label map
-  std::vector<std::filesystem::path> others;  ///< volumes in the folder that the table may belong to as well
+  bool has_own_name = false;                  ///< It has the label map's own name.
+  std::vector<std::filesystem::path> others;  ///< Other volumes in the folder to which the table may belong.
 };
-/// The table of names beside a label map: one of the same name, or else the single .ctbl or .tsv in its
-/// folder; nothing when there is none, or more than one.
-/// @param scan  file that is no label map
+/// Table of names in the folder of a label map: one of the same name, otherwise the single .ctbl or .tsv in
+/// the folder; nullopt if there is none or more than one.
+/// @param scan  file that is not a label map
 std::optional<TableBeside> table_beside(const std::filesystem::path& file,
                                         const std::optional<std::filesystem::path>& scan);
 
-/// What a file of one structure is called after: the words of its name that are known to be anatomy; none in
-/// "labels", "seg_01" or the name of a patient.
+/// Structure name by the file name: the words that are known to be anatomy; empty for "labels", "seg_01" or a
+/// patient's name.
 AnatomyInName name_of_mask(const std::filesystem::path& file);
 
 }  // namespace palpate::volume_io

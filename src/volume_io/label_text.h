@@ -6,18 +6,18 @@
 #include <string_view>
 #include <vector>
 
-/// What the parsers of names and headers share.
+/// Text functions shared by the parsers of names and headers.
 namespace palpate::volume_io {
 
-/// The next line, without its end (\n or \r\n), taken off `text`.
+/// Removes the next line from `text` and returns it without its line end (\n or \r\n).
 std::string_view take_line(std::string_view& text);
 
 std::string_view trimmed(std::string_view text);
 std::string lower_case(std::string_view text);
-std::vector<std::string_view> split_at(std::string_view text, char separator);  ///< keeps empty fields
-std::vector<std::string_view> split_spaces(std::string_view text);              ///< no empty fields
+std::vector<std::string_view> split_at(std::string_view text, char separator);  ///< Keeps empty fields.
+std::vector<std::string_view> split_spaces(std::string_view text);              ///< No empty fields.
 
-/// The whole of `text` as a decimal number, or nothing.
+/// Parses all of `text` as a decimal number; nullopt otherwise.
 template <class T>
 std::optional<T> parse_number(std::string_view text) {
   T value{};
@@ -26,8 +26,8 @@ std::optional<T> parse_number(std::string_view text) {
   return value;
 }
 
-/// Why a text may not name a structure, or nothing: names go to terminals and web pages, so they are
-/// UTF-8 without control characters, 1 to 256 bytes.
+/// Why a text is invalid as a structure name, or nullopt. Names are shown on terminals and web pages, so they
+/// must be UTF-8 without control characters, 1 to 256 bytes.
 std::optional<std::string> name_fault(std::string_view name);
 
 }  // namespace palpate::volume_io

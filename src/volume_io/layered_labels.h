@@ -15,25 +15,26 @@
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"
 
-/// What the readers of labels share that make their voxels themselves, slice by slice, and whose structures
-/// may overlap: segmentations and structure sets of DICOM, surfaces and masks. In the process that reads.
+/// Shared by the readers of labels that generate voxels slice by slice and whose structures may overlap:
+/// DICOM segmentations and structure sets, surfaces and masks. Runs in the reader process.
 namespace palpate::volume_io {
 
-/// Of labels, background included.
+/// Number of label values, including background.
 constexpr std::size_t kNumbers = 65536;
 
-/// Which of some segments, by their indices, are in one voxel, and in how many voxels that is so
+/// Pairs of segment indices that share a voxel, and the number of voxels with more than one segment.
 struct Meetings {
   std::set<std::pair<int, int>> pairs;
   std::uint64_t voxels = 0;
 };
 
+/// Finds all overlapping pairs of segments.
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
-/// @param look        called now and then; false: nobody listens any more, and the rest is left out
+/// @param look        called regularly; false: the parent has gone, and the rest is skipped
 template <class ReadSlice, class Look>
 Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
   Meetings meetings;
-  // many meet in many voxels: most pairs are known
+  // Many pairs share many voxels, so most pairs found are known already.
   constexpr int kKnown = 1024;
   std::vector<bool> known(std::size_t{kKnown} * kKnown);
   const auto meet = [&](int a, int b) {
@@ -47,7 +48,7 @@ Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_s
   constexpr std::size_t kLookEvery = 4096;
   std::size_t taken = 0;
   bool heard = true;
-  // of each voxel the segments that it is in
+  // segments of each voxel
   std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
                                    static_cast<std::size_t>(grid.dims[1]));
   for (int k = 0; k < grid.dims[2]; ++k) {
@@ -65,24 +66,23 @@ Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_s
   return meetings;
 }
 
-/// Puts segments into layers in which they do not meet, and says where they do.
+/// Distributes segments over layers in which they do not overlap, and notes their overlaps in `file`.
 std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file);
 
-/// Labels on a grid, of which the voxels are sent by send_layers().
+/// Label volume whose voxels are sent by send_layers().
 VolumeFile labels_in_slices(const GridGeometry& grid, const std::filesystem::path& named);
 
-/// The fields of a segment as Slicer has them.
-/// @param name    empty: without one
-/// @param colour  as colour_of_segment(); empty: without one
+/// Adds a segment in the form of Slicer's fields.
+/// @param name    empty: unnamed
+/// @param colour  as returned by colour_of_segment(); empty: none
 void put_segment(VolumeFile& file, std::size_t n, const std::string& name, int number, int layer,
                  const std::string& colour);
 
-/// Names of structures, as many as a line bears.
+/// List of structure names, as many as fit a line.
 std::string names_in_words(const std::vector<std::string>& names);
 
-/// Layer after layer, slice after slice.
-/// @param read_slice  (layer, k, take): calls take(voxel of the slice, label) for each voxel that has one
-/// there
+/// Sends the voxels layer by layer, slice by slice.
+/// @param read_slice  (layer, k, take): calls take(voxel of the slice, label) for each voxel with a label
 template <class ReadSlice>
 Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice, VoxelSink& sink) {
   const auto& dims = header.geometry.dims;
@@ -106,7 +106,7 @@ Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice
   return {};
 }
 
-/// What is read of one file of labels: first what it says, then its voxels as often as they are wanted.
+/// Reader process for one label file: sends its description, then its voxels at each request.
 template <class Understood, class Send>
 bool read_labels_for(reader::ParentEnd& parent, const std::filesystem::path& named,
                      const Result<Understood>& understood, const Send& send) {
@@ -122,7 +122,7 @@ bool read_labels_for(reader::ParentEnd& parent, const std::filesystem::path& nam
   return false;
 }
 
-/// Tells the parent that there is some progress
+/// Callback that tells the parent that the reader is alive.
 inline auto sign_of_life(reader::ParentEnd& parent) {
   return [&parent] {
     const std::uint32_t begun = 0;

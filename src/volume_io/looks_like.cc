@@ -14,20 +14,20 @@ namespace {
 
 constexpr std::size_t kLabelValues = std::size_t{std::numeric_limits<LabelId>::max()} + 1;
 
-/// What one thread has counted.
+/// Counts of one worker.
 struct ValueCounts {
   std::size_t equal = 0, unequal = 0, near = 0;
   std::vector<std::uint64_t> voxels = std::vector<std::uint64_t>(kLabelValues),
                              runs = std::vector<std::uint64_t>(kLabelValues);
 
-  /// Each of these voxels with the one before it. False where one of them is no label.
+  /// Compares each of these voxels with its predecessor. Returns false if one is not a valid label.
   template <class T>
   bool add(const std::vector<T>& values, std::size_t begin, std::size_t end) {
     T before = begin > 0 ? values[begin - 1] : T{0};
     for (std::size_t n = begin; n < end; ++n) {
       const T value = values[n];
       if constexpr (!std::is_same_v<T, LabelId>) {
-        // first, so that the conversion is defined
+        // tested first, so that the conversion is defined
         if (!(value >= 0 && value < static_cast<T>(kLabelValues)) || value != std::floor(value)) return false;
       }
       if (value != 0) {
@@ -59,7 +59,7 @@ struct ValueCounts {
     for (std::size_t value = 1; value < kLabelValues; ++value) {
       if (voxels[value] == 0) continue;
       all.is_present[value] = 1;
-      // a piece may begin within a run
+      // a run may continue from the previous piece
       mean_runs.push_back(static_cast<double>(voxels[value]) /
                           static_cast<double>(std::max<std::uint64_t>(runs[value], 1)));
     }
@@ -93,7 +93,7 @@ ValueStatistics statistics_of(const std::vector<float>& voxels) {
 
 VolumeContent content_by_values(const ValueStatistics& s) {
   using Kind = VolumeContent::Kind;
-  // fewer values than these tell nothing by their steps; more than those are rare in a label map
+  // up to kFew values, step sizes are not informative; more than kMany are rare in a label map
   constexpr std::size_t kFew = 8, kMany = 64;
   if (!s.only_whole) return {Kind::kScan, "it holds values other than whole numbers in 0 ... 65535"};
   if (s.distinct == 0) return {Kind::kScan, "it holds nothing but 0"};
@@ -105,7 +105,7 @@ VolumeContent content_by_values(const ValueStatistics& s) {
     if (unequal_often && (in_small_steps || (s.distinct > kMany && 2 * s.near > s.unequal)))
       return {Kind::kScan, values + "change by small steps"};
     if (s.median_run < 1.5) return {Kind::kScan, values + "mostly stand in single voxels"};
-    // structures that touch do so in a few voxels of a row
+    // adjacent structures touch in few voxels of a row
     if (in_small_steps && (s.distinct > kMany || 8 * s.unequal > s.equal))
       return {Kind::kUnclear, values + "lie in patches and change by small steps"};
   }

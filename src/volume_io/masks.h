@@ -5,19 +5,20 @@
 
 #include "volume_io/structure_files.h"
 
-/// A folder with a mask for each structure, as TotalSegmentator writes them: volumes on one grid. The
-/// structure is where a mask is not 0. Read by a process of its own (structure_files.h).
+/// Folder with one mask per structure, as written by TotalSegmentator: volumes on one grid, where non-zero
+/// voxels form the structure. Read by a confined process (structure_files.h).
 namespace palpate::volume_io {
 
-/// The volumes that stand in a folder, by their names, in order; of two files one. Links that lead out of it,
-/// and may not, are none.
+/// Volumes in a folder, ordered by name; a volume of two files is listed once. Links that leave the folder
+/// are skipped unless they are allowed.
 std::vector<std::filesystem::path> volumes_in(const std::filesystem::path& folder);
-/// Whether it is a folder in which volumes stand, two at least, and no DICOM.
+/// True for a folder that contains at least two volumes and no DICOM.
 bool is_masks(const std::filesystem::path& folder);
 
-/// @param folder  of which is_masks() holds
-/// Errors: a file that is no mask (a scan, several labels), has another grid than the first, or its voxels in
-/// another file; interrupted.
+/// Starts a reader process for a folder of masks.
+/// @pre is_masks(folder)
+/// Errors: a file that is no mask (a scan, several labels), has another grid than the first, or stores its
+/// voxels in another file; interrupted.
 Result<LabelReader> open_masks(const std::filesystem::path& folder, const Placing& placing,
                                const Progress& progress);
 

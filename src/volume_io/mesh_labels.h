@@ -10,32 +10,32 @@
 #include "volume_io/voxel_runs.h"
 #include "volume_io/winding_number.h"
 
-/// A surface on a grid: a voxel is in where the surface winds around its centre by more than a half,
-/// in either direction: one whose triangles all run clockwise is taken as well.
+/// Rasterises a surface on a grid: a voxel is inside if the absolute winding number of the surface around its
+/// centre exceeds 1/2, so a surface with all triangles clockwise is accepted too.
 namespace palpate::volume_io {
 
-/// A mesh in which equal points are one, and that says where it is open.
+/// Mesh with equal points merged and its holes closed.
 ///
-/// Wherever edges are that triangles do not share in both directions, they form loops, because the border of
-/// a surface has none. A fan over each loop, from the middle of its corners, closes the surface: of the
-/// closed one the winding number is whole everywhere, and that of the open one is less by what the fans have,
-/// of whatever shape they are.
+/// Edges that are not shared by triangles in both directions form loops, because the boundary of a surface
+/// has no boundary. A fan over each loop, from the mean of its corners, closes the surface: the winding
+/// number of the closed surface is an integer everywhere, and that of the open surface is smaller by the
+/// contribution of the fans, whatever their shape.
 struct ClosedMesh {
   std::vector<Eigen::Vector3d> points;
-  std::vector<MeshTriangle> triangles;  ///< those of the mesh, then the fans
-  std::size_t own = 0;                  ///< how many are the mesh's
+  std::vector<MeshTriangle> triangles;  ///< Triangles of the mesh, then the fans.
+  std::size_t own = 0;                  ///< Number of triangles of the mesh.
   std::size_t open_edges = 0, loops = 0;
 };
 ClosedMesh closed_mesh(const TriangleMesh& mesh);
 
-/// The voxels of a mesh, row by row.
+/// Voxels of a mesh, scan line by scan line.
 ///
-/// Of the closed mesh: cut by the plane of a slice, which leaves closed polygons, then by the row, which the
-/// polygons cross; an entrance counts 1, an exit -1, and so the number of turns is known everywhere. A point
-/// on the surface belongs to one side by rule, so that meshes which share a wall share no voxel and leave
-/// none. Where a mesh is open, the winding number of its fans, where they can be seen as half of all
-/// directions, is taken off (FastWinding); what is in is within the mesh's own box.
-/// @param look  called before each row; false: nobody listens any more, and the rest is left out
+/// The closed mesh is intersected with the plane of each slice, which yields closed polygons, and these with
+/// each row; an entry counts 1 and an exit -1, which gives the winding number everywhere. A point on the
+/// surface is assigned to one side by rule, so that adjacent meshes share no voxel and leave none out. Near
+/// holes, the winding number of the fans (FastWinding) is subtracted where it can reach one half; voxels
+/// outside the mesh's own bounding box are outside.
+/// @param look  called before each row; false: the parent has gone, and the rest is skipped
 VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid, const std::function<bool()>& look);
 
 }  // namespace palpate::volume_io

@@ -12,21 +12,21 @@
 #include "palpate/volume_io/volume_io.h"
 #include "volume_io/mesh.h"
 
-/// Where a mesh lies in the patient. Its file says neither unit nor, as a rule, axes: they are said by
-/// whoever reads it, or follow from a scan, in which only one reading of the numbers may lie.
+/// Position of a mesh in the patient. A mesh file specifies neither its unit nor, usually, its axes: they are
+/// given by the user, or inferred from a scan within which only one interpretation of the numbers lies.
 namespace palpate::volume_io {
 
-/// The units that are tried where none is asked for, mm.
+/// Units tried if none is given; mm.
 inline constexpr std::array<double, 3> kMeshUnits_mm{1, 10, 1000};
 
-/// A point in a file's own numbers, in LPS mm.
+/// Converts a point from file coordinates to LPS mm.
 Eigen::Vector3d in_patient(const Eigen::Vector3d& point, MeshSpace space, double unit_mm);
 
-/// What is known of the points of one or several meshes.
+/// Statistics of the points of one or several meshes.
 class MeshSurvey {
  public:
-  /// @param scan     null: none; outlives this
-  /// @param unit_mm  the only one that is tried
+  /// @param scan     null: none; must outlive this object
+  /// @param unit_mm  the only unit to try
   explicit MeshSurvey(const GridGeometry* scan, std::optional<double> unit_mm = {}) : scan_(scan) {
     if (unit_mm) units_mm_ = {*unit_mm};
   }
@@ -35,9 +35,10 @@ class MeshSurvey {
   std::span<const double> units_mm() const { return units_mm_; }
   bool has_scan() const { return scan_ != nullptr; }
   std::uint64_t points() const { return points_; }
-  /// The part of all points, 0 ... 1, that lie within the scan's voxels if read so; unit by its index.
+  /// Fraction of all points, 0 ... 1, that lie within the scan's voxels under an interpretation; `unit` is an
+  /// index of units_mm().
   double within(MeshSpace space, std::size_t unit) const;
-  /// The largest extent in the file's own numbers.
+  /// Largest extent in file coordinates.
   double extent() const { return points_ == 0 ? 0 : (high_ - low_).maxCoeff(); }
   const GridGeometry* scan() const { return scan_; }
 
@@ -52,15 +53,16 @@ class MeshSurvey {
 struct PlacedMeshes {
   MeshSpace space = MeshSpace::kLps;
   double unit_mm = 1;
-  bool space_is_known = true;  ///< false: nobody says it and there is no scan
-  std::string note;            ///< what is taken, and why: "is read as LPS mm: ..."
+  bool space_is_known = true;  ///< False: neither the user, the file nor a scan determines it.
+  std::string note;            ///< Interpretation used, and why: "is read as LPS mm: ...".
 };
 
-/// @param survey  that has tried the unit that is asked for, or all
-/// @param asked   by the user
-/// @param stated  by the file
-/// Errors, without `where`: read in no way do half of the points lie within the scan; in several units they
-/// do, more than a speck, or either way around, so that it must be asked for.
+/// Chooses coordinate system and unit.
+/// @param survey  survey with the given unit, or with all
+/// @param asked   values given by the user
+/// @param stated  value stated by the file
+/// Errors, without `where`: less than half of the points lie within the scan under every interpretation;
+/// several units, or both coordinate systems, fit, so that the user must decide.
 Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& asked,
                                   std::optional<MeshSpace> stated);
 

@@ -6,11 +6,11 @@
 
 namespace palpate::volume_io {
 
-/// Gives each segment its id: its value where that is free, else the lowest number above every value
-/// and id, in order of (layer, value); sorts by id. False when 65535 ids are not enough.
+/// Assigns each segment an id: its value if that is free, otherwise the lowest number above all values and
+/// ids, in order of (layer, value); sorts the segments by id. Returns false if 65535 ids do not suffice.
 bool number_segments(std::vector<Segment>& segments);
 
-/// A colour that tells neighbours in a picture apart, for a segment that has none.
+/// Colour for a segment without one; segments with successive ids are distinguishable.
 Rgb colour_for(LabelId id);
 
 }  // namespace palpate::volume_io

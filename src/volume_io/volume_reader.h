@@ -14,76 +14,77 @@
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"
 
-/// A volume is read by a process of its own (reader_process.h): its header by us and ITK, its voxels through
-/// zlib and libbz2. This process takes the header's fields and the stored values (volume_message.h), which it
-/// copies piece by piece out of memory that both have: a volume is held once.
+/// Reads a volume by a confined process (reader_process.h): palpate and ITK parse the header, zlib and libbz2
+/// decompress the voxels. The parent receives the header's fields and the stored values (volume_message.h),
+/// which it copies piece by piece from shared memory: the volume is held in memory once.
 ///
-///   this process                                    the process that reads
-///     opens the file, starts it                       may open this file alone
-///                          ◄─ volume, wish, refusal ─ reads the header
-///     a wish: finds the other file, opens
-///     it, and starts anew with both
-///     the voxels are wanted ─ word ─────────────────► for each piece:
-///                          ◄─ "slot n is filled" ──── fills slot n, which is free at first
+///   parent                                            reader process
+///     opens the file, starts it                       may open this file only
+///                          ◄─ volume, request,
+///                             refusal ─────────────── parses the header
+///     on a request: locates and opens the
+///     other file, restarts with both
+///     requests the voxels ─ word ───────────────────► for each piece:
+///                          ◄─ "slot n is filled" ──── fills slot n, initially free
 ///     copies it, "it is free" ─ word ───────────────►
-///     makes of the values what is wanted
+///     converts the values
 namespace palpate::volume_io {
 
-/// Receives consecutive stored values, in the machine's byte order: the index of the first in the file
-/// and their bytes. An Error stops the reading and is returned from it.
+/// Receives consecutive stored values, in the machine's byte order: the index of the first in the file and
+/// their bytes. A returned Error aborts the read, which returns it.
 using TakeVoxels = std::function<Result<void>(std::uint64_t first, std::span<const std::byte> values)>;
 
-/// One volume, for as long as its files stay open.
+/// A volume; its files stay open while this object lives.
 class VolumeReader {
  public:
-  /// Understands the header. Errors: missing, not a plain file, unknown format, and all that is wrong with
-  /// the header.
-  /// @param progress  stays where it is as long as this object lives
-  /// @param number    of the volume, where the file or the folder is DICOM's
-  /// @param grid      for contours, which have none of their own; null: those are an error. For surfaces too
-  /// @param placing   of surfaces, stacks of pictures and NIfTI
-  /// @param colours   what those of pictures mean
+  /// Parses the header. Errors: missing; not a regular file; unknown format; invalid header.
+  /// @param progress  must outlive this object at the same address
+  /// @param number    number of the volume, if the file or folder is DICOM
+  /// @param grid      grid for contours, which have none of their own; null: those are an error. Used for
+  ///                  surfaces too
+  /// @param placing   for surfaces, image stacks and NIfTI
+  /// @param colours   interpretation of colour images
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
                                    std::optional<int> number = {}, const GridGeometry* grid = nullptr,
                                    const Placing& placing = {}, ImageColours colours = ImageColours::kLabels);
 
   const VolumeFile& file() const { return volume_; }
-  /// The file that the voxels stand in, as it was opened; of no DICOM, whose files are many.
+  /// File that contains the voxels, as it was opened; not available for DICOM, which may consist of many.
   const InputFile& voxel_file() const;
-  /// Streams every voxel, as often as it is called; after an error never again.
-  /// Errors: data that end early or are damaged, surplus data, interrupted, and those of `take`.
+  /// Streams every voxel; may be called repeatedly, but not after an error. Errors: truncated or damaged
+  /// data; surplus data; interrupted; those of `take`.
   Result<void> stream(const TakeVoxels& take);
 
  private:
   explicit VolumeReader(const Progress& progress) : progress_(&progress) {}
 
   const Progress* progress_;
-  // the one that the user named first
+  // the file named by the user first
   std::vector<std::filesystem::path> names_;
   std::vector<InputFile> files_;
   std::unique_ptr<reader::ReaderProcess> process_;
   VolumeFile volume_;
 };
 
-/// Pieces of values on their way between the two processes, in ReaderProcess::shared(). Sixteen were no
-/// faster than four, which stay in a cache.
+/// Number of slots for pieces of values in ReaderProcess::shared(). Sixteen slots were not faster than four,
+/// which fit into a cache.
 constexpr std::size_t kSlots = 4;
 constexpr std::size_t kSlotBytes = kPieceValues * sizeof(double);
 
-/// Starts a process that may open these, and reads in it.
+/// Starts a reader process with access to `descriptors`, and runs `work` in it.
 Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
                                                             std::size_t shared_bytes,
                                                             const Progress& progress,
                                                             const reader::ReaderProcess::Work& work);
 
-/// In the process that reads: the slots in turn. Throws where the parent takes no more.
+/// Shared-memory slots in the reader process, filled in turn. Throws if the parent accepts no more data.
 class VoxelSlots : public VoxelSink {
  public:
   explicit VoxelSlots(reader::ParentEnd& parent) : parent_(parent) {}
   std::span<std::byte> room() override;
   void put(std::size_t bytes) override;
   void still_reading() override { say(kStillReading); }
-  /// Returns when the parent has copied all of them.
+  /// Returns once the parent has copied all slots.
   void drain();
 
  private:
@@ -94,11 +95,11 @@ class VoxelSlots : public VoxelSink {
   std::size_t next_ = 0, filled_ = 0;
 };
 
-/// This process's half of VolumeReader::stream(). It believes nothing of what the other one sends.
+/// Parent's half of VolumeReader::stream(). Validates everything that the reader process sends.
 Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
                          const Progress& progress, const TakeVoxels& take);
 
-/// The first unpacked bytes of a file that gzip has packed, read by such a process; none where there is none.
+/// First decompressed bytes of a gzip file, read by a reader process; empty if there are none.
 std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes);
 
 }  // namespace palpate::volume_io

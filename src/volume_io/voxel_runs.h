@@ -7,13 +7,13 @@
 
 namespace palpate::volume_io {
 
-/// The voxels of a structure, slice by slice, as runs of consecutive ones.
+/// Voxels of a structure as runs of consecutive indices, slice by slice.
 class VoxelRuns {
  public:
-  /// @param first_slice  below which there are none
+  /// @param first_slice  lowest slice that may contain voxels
   explicit VoxelRuns(int first_slice = 0) : first_slice_(first_slice) {}
 
-  /// Voxel i + j * dims[0] of the slice that is being written; they ascend.
+  /// Adds voxel i + j * dims[0] of the current slice, in ascending order.
   void add(std::uint32_t voxel) {
     const std::size_t begin = ends_.empty() ? 0 : ends_.back();
     if (runs_.size() > begin && runs_.back().first + runs_.back().count == voxel)
@@ -40,7 +40,7 @@ class VoxelRuns {
     std::uint32_t first = 0, count = 0;
   };
   int first_slice_;
-  std::vector<std::size_t> ends_;  // of the slices from the first on
+  std::vector<std::size_t> ends_;  // end of each slice in runs_, from first_slice_ on
   std::vector<Run> runs_;
   std::uint64_t count_ = 0;
 };

@@ -7,46 +7,47 @@
 
 #include "palpate/geometry/geometry.h"
 
-/// How often a surface winds around a point: 1 inside of a closed one, 0 outside, and between them where it
-/// has holes. Jacobson, Kavan, Sorkine-Hornung 2013, Robust Inside-Outside Segmentation using Generalized
-/// Winding Numbers; fast: Barill, Dickson, Schmidt, Levin, Jacobson 2018, Fast Winding Numbers for Soups and
-/// Clouds.
+/// Generalised winding number of a triangle mesh: 1 inside a closed surface, 0 outside, and fractional near
+/// holes. Jacobson, Kavan, Sorkine-Hornung 2013, Robust Inside-Outside Segmentation using Generalized Winding
+/// Numbers; fast approximation: Barill, Dickson, Schmidt, Levin, Jacobson 2018, Fast Winding Numbers for
+/// Soups and Clouds.
 namespace palpate::volume_io {
 
 using MeshPoints = std::span<const Eigen::Vector3d>;
 using MeshTriangle = std::array<std::uint32_t, 3>;
 using MeshTriangles = std::span<const MeshTriangle>;
 
-/// The solid angle of a triangle seen from a point, over 4 pi; positive from behind, -0.5 ... 0.5. On its
-/// plane 0. Van Oosterom, Strackee 1983.
+/// Signed solid angle of a triangle seen from a point, divided by 4 pi: -0.5 ... 0.5, positive from behind, 0
+/// on its plane. Van Oosterom, Strackee 1983.
 double winding_of_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
                            const Eigen::Vector3d& from);
 
-/// The sum over all triangles: slow, and what the fast one is tested against.
+/// Exact sum over all triangles: slow, the reference for FastWinding.
 double winding_number(MeshPoints points, MeshTriangles triangles, const Eigen::Vector3d& from);
 
-/// The same from a tree of triangles, those far away taken together: as a dipole in their middle, with the
-/// first moment around it (Barill's expansion of second order).
+/// Approximation by a tree of triangles. Distant nodes are represented by a dipole at their centre and its
+/// first moment (Barill's second-order expansion).
 class FastWinding {
  public:
   FastWinding() = default;
-  /// Keeps neither.
+  /// Stores no reference to either.
   FastWinding(MeshPoints points, MeshTriangles triangles);
 
   bool empty() const { return nodes_.empty(); }
-  /// Off by some 0.002 on whatever meshes it was tested on.
+  /// Winding number at a point. The error was about 0.002 on the meshes tested.
   double at(const Eigen::Vector3d& from) const;
-  /// More than |at()| anywhere in a sphere; up to `enough`, where it stops to count.
+  /// Upper bound of |at()| within a sphere; summation stops once it reaches `enough`.
   double most_within(const Eigen::Vector3d& middle, double radius, double enough) const;
 
  private:
   struct Node {
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // the areas' centroid
-    Eigen::Vector3d dipole = Eigen::Vector3d::Zero();  // the sum of area times normal
-    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();  // of (centroid - middle) area normal^T
-    double radius = 0;                                 // of all that is in it, around the middle
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // area-weighted centroid
+    Eigen::Vector3d dipole = Eigen::Vector3d::Zero();  // sum of area times normal
+    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();  // sum of (centroid - middle) area normal^T
+    double radius = 0;                                 // of a sphere around `middle` that contains all
+                                                       // triangles
     double area = 0;
-    std::uint32_t first = 0, last = 0;  // of the triangles
+    std::uint32_t first = 0, last = 0;  // range of triangles
     std::uint32_t left = 0, right = 0;  // children; 0: none
   };
   std::uint32_t build(std::vector<std::uint32_t>& order, std::uint32_t first, std::uint32_t last,

@@ -26,8 +26,7 @@ struct Error {
   std::string where;   ///< File, or file:line, or option; may be empty.
   std::string remedy;  ///< What the user can do about it; may be empty.
 
-  /// Text "where: what
-  ///   remedy", as every verb prints it.
+  /// Text "where: what\n  remedy", as every verb prints it.
   std::string message() const {
     std::string text = where.empty() ? what : where + ": " + what;
     if (!remedy.empty()) text += "\n  " + remedy;

@@ -10,31 +10,34 @@
 #include "palpate/base/result.h"
 #include "palpate/volume/volume.h"
 
-/// What palpate gives to a PACS: labels as a segmentation (SEG), pictures as Secondary Capture. Each with
-/// identifiers of its own and without a patient, unless it is attached to a study. All say that they are not
+/// Export of DICOM objects for a PACS: labels as a segmentation (SEG), images as Secondary Capture. Unless an
+/// object is attached to a study it gets new identifiers and no patient. Every object states that it is not
 /// for clinical use.
 namespace palpate {
 
-/// The study that an object is to belong to: its patient, its study and the frame of reference of one of its
-/// volumes are then named in it, and so are that volume's images.
+/// Study to which an exported object belongs. The object then names that study, its patient, and the frame of
+/// reference and the images of one of its volumes.
 struct DicomAttachment {
-  std::filesystem::path study;  ///< a file of DICOM, or a folder
-  std::optional<int> volume;    ///< its number (list_volumes), where several can be used
+  std::filesystem::path study;  ///< DICOM file or folder.
+  std::optional<int> volume;    ///< Number of the volume as in list_volumes(); required if several can be
+                                ///< used.
 };
 
-/// Each segment that has a voxel becomes one of the SEG, numbered from 1 on in the order of their ids, with
-/// its name, its colour and, where its name is one that palpate knows, its code of SNOMED CT. Binary; a frame
-/// for each slice that a segment is in, and for the first and the last slice, so that the grid stays whole.
-/// Left-handed grids are written with their slices in the other order. The file appears whole or not at all.
-/// Errors: kOutput; kBadInput for axes that are not square to each other, which SEG cannot hold, for no voxel
-/// in any segment, and what is wrong with the study; kUnavailable: DCMTK is missing.
+/// Writes labels as a binary DICOM segmentation (SEG). Each segment with at least one voxel becomes a segment
+/// of the file, numbered from 1 in order of ascending id, with its name, its colour and, if palpate knows the
+/// name, its SNOMED CT code. One frame is written for each slice that a segment occupies, and for the first
+/// and the last slice, so that the extent of the grid is preserved. For left-handed grids the slice dimension
+/// runs against k. The file appears complete or not at all. Errors: kOutput; kBadInput for axes that are not
+/// orthogonal, which SEG cannot represent, for labels without any voxel, and for an unusable study;
+/// kUnavailable if DCMTK is missing.
 Result<void> write_dicom_segmentation(const std::filesystem::path& file, const LabelMap& labels,
                                       const std::optional<DicomAttachment>& attached = {},
                                       const Progress& progress = {});
 
-/// A picture in colours, 3 bytes a pixel, row by row.
-/// @param description  of the series; says nothing of a patient
-/// Errors: as above.
+/// Writes a colour image as Secondary Capture.
+/// @param rgb          3 bytes per pixel, row by row
+/// @param description  series description; must not contain patient data
+/// Errors: as for write_dicom_segmentation().
 Result<void> write_secondary_capture(const std::filesystem::path& file, int width, int height,
                                      std::span<const std::uint8_t> rgb, const std::string& description,
                                      const std::optional<DicomAttachment>& attached = {},

@@ -10,212 +10,219 @@
 #include "palpate/base/progress.h"
 #include "palpate/volume/volume.h"
 
-/// Untrusted bytes become volumes in LPS millimetres. NRRD (.nrrd, .nhdr, Slicer's .seg.nrrd), NIfTI
-/// (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM's images (CT, MR and others with a place in
-/// the patient; a file, or a folder of them, by their content; a segmentation or a structure set, one file),
-/// stacks of pictures (PNG, TIFF, JPEG; a folder of them, or a TIFF of several pages), grey as scans and in
-/// colours as labels, surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a folder with one for each
-/// structure), and a folder with a mask for each structure (volumes on one grid) as labels. Every error names
-/// the file, what is wrong and how to mend it; short data are an error, never zeros. Text fields of a file
-/// other than segment names and colours are dropped on reading: they may name a patient.
+/// Reads untrusted files as volumes in LPS millimetres. Supported are NRRD (.nrrd, .nhdr, Slicer's
+/// .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM images (CT, MR and others
+/// with a position in the patient; a file or a folder of them, recognised by their content; a segmentation or
+/// a structure set, one file); image stacks (PNG, TIFF, JPEG; a folder of them, or a multi-page TIFF), in
+/// grey as scans and in colour as labels; surfaces as labels (STL, OBJ, PLY, VTK polydata; a file, or a
+/// folder with one per structure); and a folder with one mask per structure (volumes on one grid) as labels.
+/// Every error names the file, what is wrong and how to correct it; truncated data are an error and never
+/// filled with zeros. Text fields other than segment names and colours are dropped on reading, because they
+/// may identify a patient.
 ///
-/// Each reading starts a process of its own, a copy of the program that can do nothing but read this file; it
-/// ends with the reading, and with the thread that reads. Copying takes 1 ms and some 50 ms more for each GiB
-/// that the program has taken, and leaves it a fault for each page that it then changes: read before a servo
-/// ticks, or in another program. Errors further to those named below: kUnavailable, no process is to be had.
+/// Each read starts a process of its own, a confined copy of the program that can only read this file; it
+/// ends with the read and with the calling thread. The copy takes 1 ms plus about 50 ms for each GiB of the
+/// program's memory, and causes a page fault for each page that the program modifies afterwards: read before
+/// a servo loop starts, or in another program. In addition to the errors listed below: kUnavailable if no
+/// process can be started.
 namespace palpate {
 
-/// What a file says that its values are.
+/// Kind of values that a file declares.
 enum class ValueMeaning {
-  kUnsaid,
-  kLabels,    ///< NIfTI's intent LABEL
-  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors; DICOM's images
+  kUnsaid,    ///< Not declared.
+  kLabels,    ///< NIfTI's intent LABEL.
+  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors; DICOM images.
 };
 
-/// What a file's header says.
+/// Contents of a file's header.
 struct VolumeHeader {
   std::string format;  ///< "NRRD", "Slicer segmentation (NRRD)", "NIfTI", "MetaImage", "DICOM ..."
-  /// Of the file: "uint8", "int16", "float32", ...; of DICOM float32 where its slices have scales of their
-  /// own or padding.
+  /// Component type in the file: "uint8", "int16", "float32", ...; for DICOM float32 if its slices have
+  /// individual scales or padding.
   std::string component_type;
   GridGeometry geometry;
-  int layers = 1;             ///< > 1 for overlapping segments
-  bool has_geometry = true;   ///< false: the file does not say how it lies in the patient, LPS is assumed
-  bool has_segments = false;  ///< the file itself names segments
+  int layers = 1;             ///< Number of layers; more than 1 for overlapping segments.
+  bool has_geometry = true;   ///< False: the file does not specify its position in the patient, and LPS is
+                              ///< assumed.
+  bool has_segments = false;  ///< The file itself names segments.
   ValueMeaning meaning = ValueMeaning::kUnsaid;
-  /// Of a NIfTI whose qform and sform differ by a mirror or by more than a voxel: both readings, and which
-  /// was taken unasked; else empty.
+  /// For a NIfTI whose qform and sform differ by a mirror or by more than a voxel: both readings, and which
+  /// one is used by default; otherwise empty.
   std::string placement_doubt = {};
 };
 
 struct ScanFile {
   VolumeHeader header;
-  Volume<float> scan;  ///< integers up to 24 bits are exact
+  Volume<float> scan;  ///< Integers up to 24 bits are represented exactly.
   std::string evidence =
-      {};  ///< why read_volume() took it as a scan: "its 205 values change from voxel to voxel"
+      {};  ///< Why read_volume() classified it as a scan: "its 205 values change from voxel to voxel".
 };
 
-/// Where the names of a label map are from.
+/// Source of the names of a label map.
 enum class NameSource {
   kNone,
-  kFile,        ///< the file itself
-  kFileName,    ///< words of its file's name, or of each file's in a folder of them
-  kGivenTable,  ///< the table that the caller named
-  kOwnTable,    ///< a table beside it with its name
-  /// The only table in its folder, where no other label map stands there and it names nine in ten values.
+  kFile,        ///< The file itself.
+  kFileName,    ///< Anatomical words of the file name, or of each file name in a folder.
+  kGivenTable,  ///< A table given by the caller.
+  kOwnTable,    ///< A table in the same folder with the label map's own name.
+  /// The only table in the folder, provided that no other label map is there and the table names nine in ten
+  /// values.
   kOnlyTable,
 };
-/// "a table beside it with its name"; without any file's name, which may be a patient's.
+/// Text for the user, such as "a table beside it with its name"; without file names, which may contain a
+/// patient's name.
 std::string_view words_of(NameSource source);
 
 struct LabelFile {
   VolumeHeader header;
   LabelMap labels;
-  std::vector<LabelId> unnamed;  ///< labels present in the voxels and named nowhere
+  std::vector<LabelId> unnamed;  ///< Labels that occur in the voxels and have no name.
   NameSource name_source = NameSource::kNone;
-  std::optional<std::filesystem::path> names_table = {};  ///< of a table
-  std::string evidence = {};  ///< why read_volume() took it as labels: "its 3 values lie in patches"
+  std::optional<std::filesystem::path> names_table = {};  ///< File of the table, if the names come from one.
+  std::string evidence = {};  ///< Why read_volume() classified it as labels: "its 3 values lie in patches".
 };
-/// "2 of 3 labels have names from knee.tsv, a table beside it with its name"
+/// Text for the user: "2 of 3 labels have names from knee.tsv, a table beside it with its name".
 std::string origin_of_names(const LabelFile& labels);
 
-/// Whether voxels that take a while to unpack are kept unpacked for the next reading, and taken from there
-/// (palpate/cache/cache.h). Header, names and warnings are those of the files in either case.
+/// Use of the cache of decompressed voxels (palpate/cache/cache.h) for voxels that take a while to
+/// decompress: kKept stores them and reads them from there, kAnew does not. Header, names and warnings come
+/// from the files in either case.
 enum class Unpacked { kAnew, kKept };
 
-/// The axes that the numbers of a surface's file mean.
+/// Coordinate system of a surface file.
 enum class MeshSpace { kLps, kRas };
 
-/// How surfaces are to be read, which their files do not say. What is not given here is what the file says
-/// (3D Slicer's "SPACE=LPS"), else what the scan shows: of LPS and RAS, and of mm, cm and m, that in which
-/// the points lie within it and otherwise do not; where several do, an error that asks. Without a scan LPS,
-/// whose sides are then unknown, and mm.
+/// Coordinate system and unit of surfaces, which their files do not specify. A value that is not given here
+/// is taken from the file (3D Slicer's "SPACE=LPS"), otherwise inferred from the scan: the one of LPS and
+/// RAS, and of mm, cm and m, for which the points lie within the scan; if several fit, an error asks the
+/// user. Without a scan LPS, with sides unconfirmed, and mm.
 struct MeshPlacing {
   std::optional<MeshSpace> space;
-  std::optional<double> unit_mm;  ///< > 0
+  std::optional<double> unit_mm;  ///< Length of a unit of the file; mm, > 0.
 };
 
-/// The two placements that a NIfTI may hold.
+/// The two transforms that a NIfTI may contain.
 enum class NiftiForm { kQform, kSform };
 
-/// How volumes lie in the patient where their files do not say it, or say two things.
+/// Position of volumes in the patient where their files leave it open or contradict themselves.
 struct Placing {
   MeshPlacing mesh = {};
-  /// Between the columns, the rows and the slices of a stack of pictures (PNG, TIFF, JPEG); > 0.
+  /// Spacing of columns, rows and slices of an image stack (PNG, TIFF, JPEG); > 0.
   std::optional<Eigen::Vector3d> image_spacing_mm = {};
-  /// Which placement of a NIfTI counts that has both; without it the sform.
+  /// Transform to use for a NIfTI that has both; unset: the sform.
   std::optional<NiftiForm> nifti_form = {};
-  /// More than half of the labels may lie outside the scan, which shows a part of what they are of.
+  /// Accept labels of which more than half lie outside the scan, because the scan shows only a part of the
+  /// anatomy.
   bool scan_is_cropped = false;
 };
-/// For the whole process, as palpate/base/reading.h; what a scene says comes before it.
+/// Sets the placing for the whole process, as palpate/base/reading.h does for limits; settings of a scene
+/// take precedence.
 void set_placing(const Placing& placing);
 const Placing& placing();
 
-/// Where the axes of a grid point, as "LPS": the assignment of patient directions to axes that fits best.
+/// Patient directions of a grid's axes, such as "LPS": the assignment of directions to axes that fits best.
 std::string axis_codes(const Eigen::Matrix3d& direction);
 
-/// Reads only the header. Same errors as reading the file, short voxel data excepted.
-/// @param volume  of DICOM, which can hold several, the number that list_volumes() gives it; needed where
-/// several
-///                can be used. An error, kUsage, with any other format. The same holds below.
+/// Reads only the header. Errors: those of reading the whole file except truncated voxel data.
+/// @param volume  for DICOM, which can contain several volumes, the number that list_volumes() assigns;
+///                required if several can be used. kUsage with any other format. The same applies to the
+///                functions below.
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume = {});
-/// Whether it is pictures that are slices: a TIFF file, or a folder in which PNG, TIFF or JPEG files stand
-/// and neither DICOM nor other volumes nor surfaces. They take a spacing (Placing::image_spacing_mm).
+/// True for images that are slices of a volume: a TIFF file, or a folder that contains PNG, TIFF or JPEG
+/// files but neither DICOM nor other volumes nor surfaces. They need a spacing (Placing::image_spacing_mm).
 bool is_image_stack(const std::filesystem::path& file);
 
-/// Whether a file is one of these volumes by its name or its first bytes, or a folder of DICOM; false where
-/// it cannot be read.
+/// True for a file that is one of these volumes by its name or its first bytes, or for a folder of DICOM;
+/// false if it cannot be read.
 bool is_volume(const std::filesystem::path& file);
-/// Whether it is a DICOM image, whatever its name, or a folder with one in it or below it.
+/// True for a DICOM image, whatever its name, or a folder with one in it or below it.
 bool is_dicom(const std::filesystem::path& file);
 
-/// What volumes a DICOM file or a folder of them holds. Nothing in it comes from a text of the files: no
-/// name, no date, no identifier.
+/// Volumes of a DICOM file or a folder of them. Contains no text from the files: no name, date or identifier.
 struct VolumeList {
   struct Item {
-    std::string what;         ///< "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm"
-    std::string fault;        ///< why it cannot be used, and which slice; empty: it can
-    std::string remedy = {};  ///< how to mend that, in an imperative
+    std::string what;         ///< Description: "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm".
+    std::string fault;        ///< Why it cannot be used, naming the slice; empty if it can.
+    std::string remedy = {};  ///< How to correct that, as an imperative.
   };
-  std::vector<Item> volumes;       ///< the first has the number 1
-  std::vector<std::string> notes;  ///< what else stands there, what was left out
+  std::vector<Item> volumes;       ///< Numbered from 1.
+  std::vector<std::string> notes;  ///< Other contents, and files that were left out.
 };
-/// @param file  is_dicom() holds of it
-/// Errors: no image that can be read; interrupted.
+/// Lists the volumes of a DICOM file or folder.
+/// @pre is_dicom(file)
+/// Errors: no readable image; interrupted.
 Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress = {});
 
-/// A scan and the labels that belong to it.
+/// A scan and the labels that were made on it.
 struct Study {
   std::filesystem::path scan;
-  std::optional<int> volume;                    ///< the scan's number, where it is DICOM's
-  std::optional<std::filesystem::path> labels;  ///< none: the scan stands alone
-  std::vector<std::string> notes;               ///< how they belong together, and what is not known of that
-  /// Whether labels of DICOM say by images, series or frame of reference that they were made on the scan; of
-  /// other labels nothing could, and it is true.
+  std::optional<int> volume;                    ///< Number of the scan's volume, if it is DICOM.
+  std::optional<std::filesystem::path> labels;  ///< Unset: a scan without labels.
+  std::vector<std::string> notes;               ///< How the two are related, and what is unknown about that.
+  /// True if DICOM labels reference images, series or frame of reference of the scan, or if the labels are in
+  /// a format that cannot reference a scan.
   bool is_said = true;
 };
-/// Of DICOM's images and a segmentation of DICOM the volume that the segmentation was made on, by the images,
-/// the series and the frame of reference that it names; their identifiers are compared in the process that
-/// reads. Other files as they are given.
+/// Finds the volume among DICOM images on which a DICOM segmentation was made, by the images, the series and
+/// the frame of reference that it references; identifiers are compared in the reader process. Files of other
+/// formats are returned as given.
 /// @param scan    any volume
-/// @param labels  without them, where `scan` is a folder of DICOM, the one segmentation in it or below it
-/// @param volume  of the scan, the one that is meant in any case
+/// @param labels  unset: if `scan` is a DICOM folder, the only segmentation in it or below it
+/// @param volume  number of the scan's volume, which overrides the search
 /// Errors: a folder with several segmentations; a segmentation of other images, of a volume that cannot be
-/// used or of several alike; interrupted.
+/// used or of several equally related ones; interrupted.
 Result<Study> find_study(const std::filesystem::path& scan,
                          const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
                          const Progress& progress = {});
 
-/// What a file or a folder is, and the way from there to a volume, where it is known to be something else:
-/// DICOM, a surface, a picture, an archive, a folder, ...; nothing for a volume, a text and what is not
-/// known.
+/// Describes a file or folder that is known to be something else than a volume (DICOM, a surface, an image,
+/// an archive, a folder, ...), and how to get from it to a volume; nullopt for a volume, a text file and
+/// unknown content.
 std::optional<Error> something_else(const std::filesystem::path& file);
 
-/// How read_volume() takes a file, whatever its values are like.
+/// Classification that read_volume() uses regardless of the values.
 enum class ReadAs { kByContent, kLabels, kScan };
-/// For the whole process, as set_placing().
+/// Sets the classification for the whole process, as set_placing().
 void set_read_as(ReadAs kind);
 ReadAs read_as();
 
-/// What a volume holds, unless read_as() says it: labels where its header or a table beside it says so, or
-/// where its values are whole, not negative and in patches.
-/// @param names  as for read_labels; given, whole numbers are enough
-/// Errors: also where the values leave open which it is.
+/// Reads a volume as scan or labels. Unless read_as() decides, it is labels if its header or a table in its
+/// folder says so, or if its values are non-negative integers in contiguous patches.
+/// @param names  as for read_labels; if given, integer values suffice
+/// Errors: those of reading; also if the values leave the classification open.
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
                                                       const Progress& progress = {}, const Warn& warn = {},
                                                       Unpacked unpacked = Unpacked::kAnew,
                                                       std::optional<int> volume = {});
 
-/// Reads any 3-D (or 2-D, as one slice) scalar volume as a scan.
+/// Reads a 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
                            const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew,
                            std::optional<int> volume = {}, const Placing& placing = {});
 
-/// Whether a scan's values are what labels are: by what its file says of them, else whole and in patches.
+/// True if a scan's values look like labels: by the meaning that its file declares, otherwise integers in
+/// contiguous patches.
 bool looks_like_labels(const ScanFile& file);
-/// Whether labels are what a scan's values are: more than 64 that change from voxel to voxel, that mostly
-/// stand in single voxels, or that change by small steps from every third voxel on.
+/// True if labels look like a scan's values: more than 64 values that change from voxel to voxel, that mostly
+/// occur in single voxels, or that change by small steps at every third voxel or more often.
 bool looks_like_scan(const LabelMap& labels);
 
-/// What becomes of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
-/// names for half of them says to be labels.
+/// Treatment of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
+/// names for half of them declares to be labels.
 enum class Doubtful { kRefused, kWarnedOf };
 
-/// Reads a segmentation. Voxel values must be whole and in 0 ... 65535. DICOM's images are none.
-/// @param names  a table that names the labels, see read_label_names; without one, and when the file itself
-///               names none, a table with the file's own name is used, else a single .ctbl or .tsv standing
-///               in the same folder, where no other label map stands there and it names nine in ten values. A
-///               single label that is named nowhere is called after the words of its file's name that are
-///               known to be anatomy (structure_in_name). A given table that names none of the labels is an
-///               error.
-/// @param scan_grid  that of the scan, which the contours of a DICOM structure set are laid on; without one
-/// such a file is
-///                   an error. Surfaces are laid on it too, and without one on a grid of their own. Other
-///                   label maps have theirs.
-/// @param placing  what it leaves open is as placing() has it
-/// @param scan     file of the scan, which is no other label map in the folder
+/// Reads a segmentation. Voxel values must be integers in 0 ... 65535. DICOM images are rejected.
+/// @param names      a table of label names, see read_label_names. If unset, and if the file itself contains
+///                   no names: a table with the file's own name, otherwise a single .ctbl or .tsv in the same
+///                   folder, provided that no other label map is there and it names nine in ten values. A
+///                   single label without a name is named by the words of its file name that are known to be
+///                   anatomy (structure_in_name). A given table that names none of the labels is an error.
+/// @param scan_grid  grid of the scan, on which the contours of a DICOM structure set are rasterised;
+///                   required for such a file. Surfaces are rasterised on it too, or on a grid of their own
+///                   if null. Other label maps have their own grid.
+/// @param placing    values that it leaves unset are those of placing()
+/// @param scan       file of the scan, which does not count as another label map in the folder
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
@@ -223,51 +230,51 @@ Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const GridGeometry* scan_grid = nullptr, const Placing& placing = {},
                               const std::optional<std::filesystem::path>& scan = {});
 
-/// One line of a colour table.
+/// One row of a label table.
 struct NamedLabel {
   LabelId value = 0;
   std::string name;
   std::optional<Rgb> colour;
 };
 
-/// Parses Slicer's colour table: "value name r g b a", '#' comments, underscores for spaces kept as
-/// they stand. `source` names the text in errors, which carry the line.
+/// Parses Slicer's colour table: "value name r g b a", '#' comments; underscores in names are preserved.
+/// `source` names the text in errors, which include the line number.
 Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const std::string& source);
-/// Parses a tab-separated table with a header line that has "value" (or "index", "label", "id") and
-/// "name", and optionally "r","g","b" or "color" (#rrggbb) columns, as BIDS dseg.tsv.
+/// Parses a tab-separated table with a header line that contains "value" (or "index", "label", "id") and
+/// "name", and optionally "r","g","b" or "color" (#rrggbb) columns, as in BIDS dseg.tsv.
 Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source);
-/// The same columns between commas or semicolons, a field perhaps in quotation marks; 3D Slicer's
-/// "LabelValue" and "Color_R" mean the same.
+/// Parses the same columns separated by commas or semicolons, with optional quotation marks; 3D Slicer's
+/// column names "LabelValue" and "Color_R" are accepted too.
 Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source);
 /// Parses ITK-SNAP's label descriptions: value r g b opacity visible mesh "name".
 Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const std::string& source);
-/// Parses {"1": "femur"} or {"femur": 1}, by itself, under "labels" or as the one table of a task
-/// (TotalSegmentator, nnU-Net, MONAI); lists of segments as dcmqi and 3D Slicer write them; 3D Slicer's
-/// terminologies where their types have numbers.
+/// Parses {"1": "femur"} or {"femur": 1}, at top level, under "labels" or as the only table of a task
+/// (TotalSegmentator, nnU-Net, MONAI); segment lists as written by dcmqi and 3D Slicer; and 3D Slicer's
+/// terminologies whose types have numbers.
 Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source);
-/// Reads any of them by its ending: .ctbl, .txt and .lut (FreeSurfer's) are colour tables or, where the first
-/// line says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
+/// Reads a table by its extension: .ctbl, .txt and .lut (FreeSurfer) are colour tables or, if the first line
+/// says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
 Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file);
 
-/// What of a file's name may name a structure without naming a patient: the words in it that are known to be
-/// anatomy (those of the tissue presets, TotalSegmentator and FreeSurfer), as "femur_left" of
-/// "doe_femur_left"; empty where there are none.
+/// Part of a file name that may name a structure without naming a patient: the words that are known to be
+/// anatomy (those of the tissue presets, TotalSegmentator and FreeSurfer), such as "femur_left" of
+/// "doe_femur_left"; empty if there are none.
 std::string structure_in_name(std::string_view text);
 
-/// Slicer's SegmentN_* fields (key, value pairs of an NRRD header) become segments.
-/// Keys of other software are ignored. `source` names the file in errors.
+/// Parses Slicer's SegmentN_* fields (key, value pairs of an NRRD header) into segments. Keys of other
+/// software are ignored. `source` names the file in errors.
 Result<std::vector<Segment>> parse_segment_fields(
     const std::vector<std::pair<std::string, std::string>>& fields, int layers, const std::string& source);
 
-/// Writes by the file's ending; NRRD and MetaImage in LPS, NIfTI in RAS as its standard asks, so that
-/// other software sees the same geometry. The file appears whole or not at all (written beside and
-/// renamed). Compressed. Errors are kOutput.
+/// Writes a volume in the format of the file's extension, compressed; NRRD and MetaImage in LPS, NIfTI in RAS
+/// as its standard requires, so that other software obtains the same geometry. The file appears complete or
+/// not at all (a temporary is renamed). Errors: kOutput.
 Result<void> write_volume(const std::filesystem::path& file, const Volume<float>& volume);
 Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint8_t>& volume);
 Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint16_t>& volume);
 Result<void> write_volume(const std::filesystem::path& file, const Volume<std::int16_t>& volume);
-/// Labels; a name that ends in .seg.nrrd keeps names, colours and layers in Slicer's fields. Several
-/// layers into any other format is an error.
+/// Writes labels; the extension .seg.nrrd stores names, colours and layers in Slicer's fields. Errors:
+/// several layers in any other format.
 Result<void> write_labels(const std::filesystem::path& file, const LabelMap& labels);
 
 }  // namespace palpate
