@@ -43,8 +43,8 @@ struct NiftiHeader {
   std::vector<std::int64_t> axes;
   bool has_geometry = false;
   bool separate = false;  ///< The voxels are in a file of their own (.img).
-  /// Voxel index to RAS mm: the sform, or the qform if requested; for a NIfTI-2 without either, from qform or
-  /// voxel sizes.
+  /// Voxel index to RAS mm: the sform, or the qform if that is requested; in a NIfTI-2 without an sform, from
+  /// its qform or voxel sizes. Unset: left to ITK.
   std::optional<Eigen::Matrix<double, 3, 4>> affine;
   /// The transform that is not used, if the file has both and none was requested.
   std::optional<Eigen::Matrix<double, 3, 4>> other_affine;

@@ -13,7 +13,7 @@ using namespace volume_io;
 
 namespace {
 
-// Names are only ever looked for a few levels down; what is deeper is refused.
+// Deepest nesting of any supported table; deeper text is rejected before it is parsed.
 constexpr int kDeepest = 12;
 
 bool nests_too_deep(std::string_view text) {
@@ -36,7 +36,7 @@ bool nests_too_deep(std::string_view text) {
 constexpr const char* kRemedy =
     R"(give numbers with names, {"1": "femur"} or {"femur": 1}, or what dcmqi or 3D Slicer writes of segments)";
 
-/// Collects names, each number once.
+/// Collects names, at most one per label.
 class Names {
  public:
   explicit Names(const std::string& source) : source_(source) {}
@@ -80,7 +80,7 @@ const Json* find(const Json& object, std::initializer_list<const char*> keys) {
   return nullptr;
 }
 
-// a whole number in 0 ... 65535, written as one or as a text of digits
+// integer in 0 ... 65535, given as a number or as a string of digits
 std::optional<LabelId> value_of(const Json& json) {
   if (json.is_string()) return parse_number<LabelId>(json.text());
   if (!json.is_number()) return std::nullopt;
@@ -89,7 +89,7 @@ std::optional<LabelId> value_of(const Json& json) {
   return static_cast<LabelId>(value);
 }
 
-// [r, g, b] in 0 ... 255, or in 0 ... 1 where a part is no whole number
+// [r, g, b] in 0 ... 255, or in 0 ... 1 if a component is not an integer
 std::optional<Rgb> colour_of(const Json* json) {
   if (json == nullptr || !json->is_array() || json->size() < 3) return std::nullopt;
   double part[3];
@@ -110,12 +110,12 @@ std::string text_of(const Json* json) {
   return json != nullptr && json->is_string() ? json->get<std::string>() : "";
 }
 
-// the words of a coded concept: "Kidney" of {"CodeValue": "64033007", "CodeMeaning": "Kidney", ...}
+// meaning of a coded concept: "Kidney" of {"CodeValue": "64033007", "CodeMeaning": "Kidney", ...}
 std::string meaning_of(const Json* concept_code) {
   return concept_code == nullptr ? "" : text_of(find(*concept_code, {"CodeMeaning"}));
 }
 
-// a segment as dcmqi, 3D Slicer and others describe it
+// segment as described by dcmqi, 3D Slicer and others
 void add_segment(const Json& segment, Names& names) {
   const Json* number = find(segment, {"labelID", "3dSlicerIntegerLabel", "labelValue", "LabelValue",
                                       "label_value", "value", "index", "label", "id"});
@@ -124,7 +124,7 @@ void add_segment(const Json& segment, Names& names) {
   std::string name = text_of(
       find(segment, {"SegmentLabel", "3dSlicerLabel", "name", "Name", "label_name", "SegmentDescription"}));
   if (name.empty()) {
-    // by its codes: what it is, and of which side
+    // name from its codes: type and laterality
     name = meaning_of(find(segment, {"SegmentedPropertyTypeCodeSequence"}));
     if (name.empty()) name = text_of(find(segment, {"CodeMeaning"}));
     const std::string side = meaning_of(find(segment, {"SegmentedPropertyTypeModifierCodeSequence"}));
@@ -140,7 +140,7 @@ void add_segments(const Json& json, Names& names) {
   for (const Json& item : json) add_segments(item, names);
 }
 
-// a terminology of 3D Slicer's: categories of types, some with modifiers
+// terminology of 3D Slicer: categories of types, some with modifiers
 void add_terminology(const Json& codes, Names& names) {
   const auto each = [](const Json* list, const auto& body) {
     if (list != nullptr && list->is_array())
@@ -150,7 +150,7 @@ void add_terminology(const Json& codes, Names& names) {
     each(find(category, {"Type"}), [&](const Json& type) {
       add_segment(type, names);
       each(find(type, {"Modifier"}), [&](const Json& modifier) {
-        // of "Left" alone nobody knows what
+        // "Left" alone does not name a structure
         if (!text_of(find(modifier, {"3dSlicerLabel"})).empty()) return add_segment(modifier, names);
         Json whole = modifier;
         const std::string side = text_of(find(modifier, {"CodeMeaning"})),
@@ -174,9 +174,9 @@ void add_pairs(const Json& object, Names& names) {
   }
 }
 
-// nnU-Net's regions, {"whole": [1, 2, 3], "tumour": [2]}: a label is called after the smallest region that
-// holds it, in the maps that a network learns from and in those that it predicts. The latter have other
-// values where regions_class_order does not ascend. Labels with names of their own keep them.
+// nnU-Net's regions, {"whole": [1, 2, 3], "tumour": [2]}: a label is named by the smallest region that
+// contains it, for training maps and for predicted maps alike. If regions_class_order does not ascend,
+// predicted maps use other values, which is an error. Labels with names of their own keep them.
 void add_regions(const Json& regions, const Json* order, Names& names) {
   if (!regions.is_object()) return;
   std::map<LabelId, std::pair<std::size_t, std::string>> smallest;
@@ -202,8 +202,8 @@ void add_regions(const Json& regions, const Json* order, Names& names) {
   for (const auto& [value, region] : smallest) names.add_unless_known(value, region.second);
 }
 
-// niivue's colour maps of labels: {"R": [...], "G": [...], "B": [...], "I": [0, 5], "labels": ["air",
-// "liver"]}, numbered from 0 without I
+// niivue's label colour maps: {"R": [...], "G": [...], "B": [...], "I": [0, 5], "labels": ["air", "liver"]},
+// numbered from 0 without "I"
 void add_list(const Json& map, const Json& list, Names& names) {
   const Json* indices = find(map, {"I"});
   const auto at = [](const Json* array, std::size_t n) -> const Json* {
@@ -232,7 +232,7 @@ bool is_list_of_texts(const Json& list) {
   return list.is_array() && list.size() > 0 && list[0].is_string();
 }
 
-// the one table of several tasks, {"total": {"1": "spleen", ...}}
+// the only table in an object of tasks, {"total": {"1": "spleen", ...}}
 const Json* only_table(const Json& json) {
   const Json* table = nullptr;
   for (const auto& [key, value] : json.items()) {

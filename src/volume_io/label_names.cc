@@ -12,7 +12,7 @@ using namespace volume_io;
 
 namespace {
 
-// ITK-SNAP's have the name in quotation marks
+// ITK-SNAP's format has names in quotation marks
 bool is_snap(std::string_view text) {
   while (!text.empty()) {
     const std::string_view line = trimmed(take_line(text));
@@ -34,7 +34,7 @@ constexpr Table kTables[] = {{".ctbl", parse_text_table}, {".tsv", parse_label_t
                              {".lut", parse_text_table},  {".json", parse_label_json},
                              {".txt", parse_text_table}};
 
-// the name without the ending of its format
+// file name without the extensions of its format
 std::string stem_of(const std::filesystem::path& file) {
   std::string name = file.filename().string();
   for (const std::string_view ending : {".gz", ".nii", ".seg", ".nrrd", ".nhdr", ".hdr", ".img", ".mha",
@@ -72,7 +72,7 @@ std::optional<TableBeside> table_beside(const std::filesystem::path& file,
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
   std::error_code failed;
   for (const Table& table : kTables) {
-    // a text of that name may be about anything
+    // a .txt file of that name may contain anything
     if (table.ending == ".txt") continue;
     const auto beside = folder / (stem_of(file) + std::string(table.ending));
     if (std::filesystem::is_regular_file(beside, failed)) return TableBeside{beside, true, {}};

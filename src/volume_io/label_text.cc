@@ -5,13 +5,14 @@ namespace {
 
 constexpr std::string_view kSpaces = " \t\r\n\v\f";
 
-// bytes of the UTF-8 character at the front, or 0 when it is none (RFC 3629)
+// size of the UTF-8 character at the front; bytes, 0 if it is invalid (RFC 3629)
 std::size_t character_bytes(std::string_view text) {
   const auto at = [&](std::size_t n) { return static_cast<unsigned char>(text[n]); };
   const unsigned char lead = at(0);
   if (lead < 0x80) return 1;
   std::size_t bytes = 0;
-  unsigned char low = 0x80, high = 0xBF;  // bounds of the second byte: no overlong forms, no surrogates
+  unsigned char low = 0x80, high = 0xBF;  // bounds of the second byte, excluding overlong forms and
+                                          // surrogates
   if (lead >= 0xC2 && lead <= 0xDF) bytes = 2;
   if (lead >= 0xE0 && lead <= 0xEF) bytes = 3;
   if (lead >= 0xF0 && lead <= 0xF4) bytes = 4;
@@ -76,7 +77,7 @@ std::optional<std::string> name_fault(std::string_view name) {
     if (bytes == 0) return "the name is not UTF-8 text";
     if (static_cast<unsigned char>(name[0]) < 0x20 || name[0] == 0x7f)
       return "the name holds a control character";
-    // the second half of the control characters, U+0080 to U+009F
+    // the C1 control characters, U+0080 to U+009F
     if (bytes == 2 && static_cast<unsigned char>(name[0]) == 0xC2 &&
         static_cast<unsigned char>(name[1]) < 0xA0)
       return "the name holds a control character";

@@ -12,13 +12,13 @@ namespace {
 
 constexpr std::size_t kNowhere = ~std::size_t{0};
 
-// which column holds what
+// column indices
 struct Columns {
   std::size_t value = kNowhere, name = kNowhere, r = kNowhere, g = kNowhere, b = kNowhere, colour = kNowhere;
   std::size_t count = 0;
 };
 
-// the columns of a line: a tab-separated one as it stands, of others what is between quotation marks too
+// splits a line into columns; with quotation marks for CSV only
 using Split = Result<std::vector<std::string>> (*)(std::string_view line, char separator,
                                                    const std::string& where);
 
@@ -28,7 +28,7 @@ Result<std::vector<std::string>> split_plain(std::string_view line, char separat
   return fields;
 }
 
-// RFC 4180, a row a line
+// RFC 4180 with one row per line
 Result<std::vector<std::string>> split_quoted(std::string_view line, char separator,
                                               const std::string& where) {
   std::vector<std::string> fields(1);
@@ -90,7 +90,7 @@ std::optional<Rgb> parse_hex_colour(std::string_view text) {
   return Rgb{part[0], part[1], part[2]};
 }
 
-// nothing where the row gives none ("n/a" in BIDS)
+// colour of a row; nullopt without one ("n/a" in BIDS)
 Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vector<std::string>& fields,
                                         const std::string& where) {
   const auto missing = [](std::string_view text) { return text.empty() || text == "n/a"; };
@@ -158,7 +158,7 @@ Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std
 
 Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source) {
   text = without_byte_order_mark(text);
-  // where a comma is the decimal point, spreadsheets write semicolons
+  // spreadsheets write semicolons in locales with a decimal comma
   const std::string_view heading = text.substr(0, text.find('\n'));
   const bool semicolons =
       heading.find(',') == std::string_view::npos && heading.find(';') != std::string_view::npos;

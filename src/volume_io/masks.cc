@@ -16,10 +16,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// of which each may meet each in every voxel
+// maximum number of masks: any two may overlap in every voxel
 constexpr std::size_t kMostMasks = 1024;
 
-// of a header and its voxels the header
+// a volume of two files is represented by its header
 bool is_named_as_volume(const fs::path& file) {
   return format_of(file).ok() && !has_ending(file, ".img") && !has_ending(file, ".img.gz");
 }
@@ -28,14 +28,14 @@ StructureFiles find_masks(const fs::path& folder) {
   return find_structure_files(folder, is_named_as_volume, "volume");
 }
 
-// ---- in the process that reads ------------------------------------------------------------------
+// ---- in the reader process ----------------------------------------------------------------------
 
-// whoever reads is gone
+// thrown when the parent has gone
 struct Unheard : std::runtime_error {
   Unheard() : std::runtime_error("nobody reads it") {}
 };
 
-/// Takes the voxels of one file, and keeps where they are not 0.
+/// Receives the voxels of one file and records those that are not 0.
 class MaskSink final : public VoxelSink {
  public:
   MaskSink(const VolumeFile& file, const std::function<bool()>& look)
@@ -53,7 +53,7 @@ class MaskSink final : public VoxelSink {
   void still_reading() override {
     if (!look_()) throw Unheard();
   }
-  /// Why it is no mask; empty: it is one.
+  /// Why the file is not a mask; empty if it is one.
   const std::string& fault() const { return fault_; }
   VoxelRuns take_runs() {
     while (slices_ < file_.header.geometry.dims[2]) end_slice();
@@ -66,7 +66,7 @@ class MaskSink final : public VoxelSink {
     for (std::size_t n = 0; n < bytes / sizeof(T); ++n, ++at_) {
       T typed;
       std::memcpy(&typed, piece_.data() + n * sizeof(T), sizeof(T));
-      // most voxels are as the one before
+      // most voxels equal their predecessor
       if (const auto stored = static_cast<double>(typed); stored != stored_ || at_ == 0) {
         stored_ = stored;
         look_at(file_.voxels.slope * stored + file_.voxels.intercept);
@@ -135,7 +135,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   GridGeometry grid;
   bool has_geometry = true;
   std::vector<std::string> empty, named_in_part;
-  // what the headers tell, before much is read
+  // parse all headers before any voxels are read
   std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
     if (!look()) throw Unheard();

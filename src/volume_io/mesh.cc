@@ -8,7 +8,7 @@
 namespace palpate::volume_io {
 
 void MeshBuilder::begin(std::string_view name) {
-  // one without a triangle gives its place away, so that names alone take no memory
+  // A mesh without triangles is replaced, so that names alone take no memory.
   if (file_.meshes.empty() || !file_.meshes.back().triangles.empty()) file_.meshes.emplace_back();
   points_ -= file_.meshes.back().points.size();
   file_.meshes.back().points.clear();
@@ -86,7 +86,7 @@ Result<MeshFile> MeshBuilder::finish() {
   if (too_many_) return damaged("");
   if (file_.meshes.empty())
     return bad_input(source_, "holds not a single triangle", "export the surface again, as triangles");
-  // what geometry is computed with
+  // limit for the geometric computations
   constexpr double kMostCoordinate = 1e9;
   for (const TriangleMesh& mesh : file_.meshes)
     for (const Eigen::Vector3d& point : mesh.points)

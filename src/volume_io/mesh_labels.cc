@@ -11,9 +11,9 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// ---- closing --------------------------------------------------------------------------------------------
+// ---- closing holes --------------------------------------------------------------------------------------
 
-// equal points become one; triangles that have two equal corners are no more
+// merges equal points, and drops triangles with two equal corners
 void merge_points(const TriangleMesh& mesh, ClosedMesh& closed) {
   std::vector<std::uint32_t> order(mesh.points.size()), merged(mesh.points.size());
   std::iota(order.begin(), order.end(), 0u);
@@ -36,9 +36,9 @@ void merge_points(const TriangleMesh& mesh, ClosedMesh& closed) {
 
 using DirectedEdge = std::pair<std::uint32_t, std::uint32_t>;
 
-// those that go more often one way than the other, as often as that is so
+// edges traversed more often in one direction than in the other, repeated by the difference
 std::vector<DirectedEdge> open_edges(const std::vector<MeshTriangle>& triangles) {
-  // the lower corner first, then whether it runs that way
+  // low corner first; `way` is 1 if the edge runs from low to high, otherwise -1
   struct Edge {
     std::uint32_t low, high;
     std::int32_t way;
@@ -66,13 +66,13 @@ std::vector<DirectedEdge> open_edges(const std::vector<MeshTriangle>& triangles)
   return open;
 }
 
-// Open edges as loops: at each corner as many arrive as leave.
+// Decomposes open edges into loops; at each corner the numbers of incoming and outgoing edges are equal.
 std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges) {
   std::ranges::sort(edges);
   std::vector<char> used(edges.size());
   std::vector<std::uint32_t> path;
-  // where on the path a corner stands, + 1
-  std::vector<std::pair<std::uint32_t, std::size_t>> starts;  // of each corner its first edge
+  // on_path: position of a corner on the path + 1, 0 if it is not on it
+  std::vector<std::pair<std::uint32_t, std::size_t>> starts;  // first outgoing edge of each corner
   for (std::size_t n = 0; n < edges.size(); ++n)
     if (n == 0 || edges[n].first != edges[n - 1].first) starts.emplace_back(edges[n].first, n);
   std::vector<std::size_t> next(starts.size()), on_path(starts.size());
@@ -92,7 +92,7 @@ std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges
       const std::size_t corner = corner_of(at);
       while (next[corner] < edges.size() && edges[next[corner]].first == at && used[next[corner]])
         ++next[corner];
-      // nothing leaves: the path is back at its beginning
+      // no outgoing edge is left: the path is back at its start
       if (next[corner] == edges.size() || edges[next[corner]].first != at) break;
       used[next[corner]] = 1;
       at = edges[next[corner]].second;
@@ -102,7 +102,7 @@ std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges
         on_path[reached] = path.size();
         continue;
       }
-      // a corner that is met again closes a loop
+      // a corner reached again closes a loop
       const std::size_t first = on_path[reached] - 1;
       loops.emplace_back(path.begin() + static_cast<std::ptrdiff_t>(first), path.end());
       for (std::size_t n = first + 1; n < path.size(); ++n) on_path[corner_of(path[n])] = 0;
@@ -113,13 +113,13 @@ std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges
   return loops;
 }
 
-// ---- cutting --------------------------------------------------------------------------------------------
+// ---- intersecting ---------------------------------------------------------------------------------------
 
 struct Cut {
   double x, y;
 };
 
-// Where an edge crosses the plane of a slice: the same numbers from whichever triangle it is asked.
+// Intersection of an edge with the plane of a slice; bit-identical for both triangles that share the edge.
 Cut cut_at(const Vec3& from, const Vec3& to, double z) {
   const bool upwards = from.z() < to.z();
   const Vec3 &low = upwards ? from : to, &high = upwards ? to : from;
@@ -127,7 +127,8 @@ Cut cut_at(const Vec3& from, const Vec3& to, double z) {
   return {low.x() + part * (high.x() - low.x()), low.y() + part * (high.y() - low.y())};
 }
 
-// turns along rows of one slice: added at the voxel from which on they count
+// Changes of the winding number along the rows of a slice, each stored at the first voxel to which it
+// applies.
 class SliceTurns {
  public:
   SliceTurns(int columns, int rows)
@@ -135,11 +136,11 @@ class SliceTurns {
         rows_(rows),
         turns_(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)) {}
 
-  // a piece of the polygons of a slice, in the direction in which the inside lies to its left
+  // adds a segment of the slice's polygons, directed such that the inside is to its left
   void add(const Cut& from, const Cut& to) {
     const bool upwards = from.y < to.y;
     const Cut &low = upwards ? from : to, &high = upwards ? to : from;
-    // rows above `low` and not above `high`
+    // rows above `low`, up to and including `high`
     const double first = std::max(std::floor(low.y) + 1, 0.0),
                  last = std::min(std::floor(high.y), rows_ - 1.0);
     for (double row = first; row <= last; ++row) {
@@ -170,11 +171,11 @@ void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mi
     (from_above ? falling : rising) = cut_at(from, to, z);
   }
   if (!falling || !rising) return;
-  // a grid whose axes are left-handed sees the mesh in a mirror
+  // a left-handed grid mirrors the mesh
   mirrored ? turns.add(*rising, *falling) : turns.add(*falling, *rising);
 }
 
-// Which blocks of voxels see so little of the fans that they change nothing there.
+// Marks the blocks of voxels in which the fans can affect the result.
 class FanBlocks {
  public:
   static constexpr int kSize = 8;
@@ -184,7 +185,7 @@ class FanBlocks {
     radius_ = 0.5 * kSize * grid.spacing_mm.norm();
     matter_.resize(static_cast<std::size_t>(across_) * static_cast<std::size_t>(down_));
   }
-  // before the first slice, and before each that begins a layer of blocks
+  // to be called before each slice; resets the marks at the start of a layer of blocks
   void begin_slice(int k) {
     if (k / kSize == layer_) return;
     layer_ = k / kSize;
@@ -197,7 +198,7 @@ class FanBlocks {
       constexpr double kHalf = 0.5 * (kSize - 1);
       const Point<Patient> middle =
           X_ * Point<Voxel>(i / kSize * kSize + kHalf, j / kSize * kSize + kHalf, layer_ * kSize + kHalf);
-      // where they come to less than this they do not bring a whole number over a half
+      // below this the fans cannot move an integer winding number across 1/2
       constexpr double kLittle = 0.49;
       known = fans_.most_within(middle.eigen(), radius_, kLittle) >= kLittle ? Matters::kYes : Matters::kNo;
     }
@@ -241,7 +242,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   points.reserve(mesh.points.size());
   for (const Vec3& point : mesh.points) points.push_back((X_VoxelPatient * Point<Patient>(point)).eigen());
 
-  // the box of the mesh itself, in the grid
+  // bounding box of the mesh without its fans, in voxels
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (std::size_t n = 0; n < mesh.own; ++n)
     for (const std::uint32_t corner : mesh.triangles[n]) {
@@ -261,7 +262,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.own));
   if (!look()) return voxels;
   FanBlocks blocks(fans, grid);
-  // triangles by the slice at which they begin, and those that the present one may meet
+  // triangles sorted by their lowest slice, and those that may intersect the current slice
   std::vector<std::uint32_t> order(mesh.triangles.size()), active;
   std::iota(order.begin(), order.end(), 0u);
   const auto lowest = [&](std::uint32_t n) {
@@ -285,7 +286,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
       cut_triangle(points[a], points[b], points[c], k, mirrored, turns);
     }
     if (!fans.empty()) blocks.begin_slice(k);
-    // a voxel around the box as well, where what is cut may lie by rounding
+    // one voxel more around the box, into which rounding may move intersections
     for (int j = std::max(first[1] - 1, 0); j <= std::min(last[1] + 1, grid.dims[1] - 1); ++j) {
       if (!look()) return voxels;
       const auto row = turns.row(j);

@@ -24,11 +24,12 @@ std::string name_of_unit(double unit_mm) {
 }
 
 std::string percent(double part) {
-  // what is not all of it is not said to be
+  // 100 % only if it is all of them
   return std::to_string(part >= 1 ? 100 : static_cast<int>(std::min(99.0, std::round(100 * part)))) + " %";
 }
 
-// so many points lie within a scan that a mesh was made on, and so many may at most by mistake
+// Fractions of points within the scan that decide the coordinate system: minimum for the correct one and
+// maximum for a wrong one.
 constexpr double kMost = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
 
 bool proves(double this_way, double other_way) {
@@ -54,7 +55,7 @@ void MeshSurvey::see(const TriangleMesh& mesh) {
       for (std::size_t unit = 0; unit < units_mm_.size(); ++unit) {
         const Eigen::Vector3d voxel = (X * Point<Patient>(in_patient(point, space, units_mm_[unit]))).eigen();
         bool within = true;
-        // a surface around the outermost voxels lies half a voxel out, or one where it is smoothed
+        // a surface around the outermost voxels lies half a voxel outside, or one voxel if it is smoothed
         for (int a = 0; a < 3; ++a)
           within = within && voxel[a] >= -1 && voxel[a] <= scan_->dims[static_cast<std::size_t>(a)];
         within_[static_cast<std::size_t>(space)][unit] += within;
@@ -83,8 +84,8 @@ Result<PlacedMeshes> place_meshes(const MeshSurvey& survey, const MeshPlacing& a
     return placed;
   }
 
-  // the units in which the meshes lie in the scan and are more than a speck there: a scan that holds the
-  // origin holds what is read too small as well
+  // Units in which the meshes lie in the scan and exceed a minimum size: a scan that contains the origin also
+  // contains a mesh read too small.
   constexpr double kSpeck_voxels = 2;
   std::vector<std::size_t> fitting;
   std::string fitting_units;

@@ -10,10 +10,11 @@
 namespace palpate::volume_io {
 namespace {
 
-// of a line, beyond which its words take too much memory: a face of as many corners as are read is shorter
+// Longest line accepted, to limit the memory for its words: a face with the maximum number of corners is
+// shorter.
 constexpr std::size_t kLongestMeshLine = std::size_t{1} << 25;
 
-// a plain number of `bytes`, which are as many as it has
+// number of type T at the beginning of `bytes`
 template <class T>
 T number_at(std::string_view bytes, bool big_endian) {
   std::array<char, sizeof(T)> raw;
@@ -41,7 +42,7 @@ Result<MeshFile> parse_binary_stl(std::string_view bytes, MeshBuilder builder) {
   const std::size_t there = (bytes.size() - kStlHeader) / kStlTriangle;
   if (there < promised) return builder.damaged(counted_of(there, promised, "triangles"));
   for (std::uint32_t n = 0; n < promised; ++n) {
-    // a normal, three corners, two bytes that mean nothing
+    // a normal, three corners, two unused bytes
     const std::string_view triangle = bytes.substr(kStlHeader + kStlTriangle * n, kStlTriangle);
     for (std::size_t corner = 0; corner < 3; ++corner) {
       Eigen::Vector3d point;
@@ -68,7 +69,7 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
     const std::string word = lower_case(words[0]);
     if (word == "solid") {
       builder.space_from(text);
-      // programs write a title of their own where a name should stand
+      // some programs write a title instead of a name
       const std::string_view name = trimmed(text.substr(5));
       builder.begin(name.find("SPACE=") == std::string_view::npos ? name : "");
       open = true;
@@ -120,7 +121,7 @@ std::optional<PlyType> ply_type(std::string_view name) {
 struct PlyProperty {
   std::string name;
   PlyType type{};
-  std::optional<PlyType> count;  // of a list
+  std::optional<PlyType> count;  // type of the length, for a list
 };
 
 struct PlyElement {
@@ -131,7 +132,7 @@ struct PlyElement {
 
 enum class PlyBytes { kAscii, kLittle, kBig };
 
-// the values of a body, one after the other
+// values of the body, in order
 class PlyValues {
  public:
   PlyValues(std::string_view bytes, PlyBytes order) : bytes_(bytes), order_(order) {}
@@ -186,7 +187,7 @@ struct PlyHeader {
   std::vector<PlyElement> elements;
 };
 
-// takes the header off `bytes`
+// parses the header and removes it from `bytes`
 Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder) {
   PlyHeader header;
   bool has_format = false;
@@ -240,7 +241,7 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
 }  // namespace
 
 Result<MeshFile> parse_stl(std::string_view bytes, MeshBuilder builder) {
-  // a binary one may begin with "solid" as well: its size tells
+  // a binary file may begin with "solid" too: its size decides
   const bool has_header = bytes.size() >= kStlHeader;
   const bool as_long_as_it_says =
       has_header && bytes.size() == kStlHeader + kStlTriangle * std::uint64_t{number_at<std::uint32_t>(
@@ -252,10 +253,10 @@ Result<MeshFile> parse_stl(std::string_view bytes, MeshBuilder builder) {
 }
 
 Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
-  // corners count through the whole file: each object takes those points that it uses
+  // vertices are numbered across the file: each object gets those that it uses
   std::vector<Eigen::Vector3d> points;
-  std::vector<std::uint32_t> index_in_mesh;  // + 1; of the points that the present object has
-  std::vector<bool> taken;                   // by an object
+  std::vector<std::uint32_t> index_in_mesh;  // index + 1 in the current object; 0: not used
+  std::vector<bool> taken;                   // used by some object
   std::vector<std::size_t> used;
   std::vector<std::int64_t> corners;
   bool objects = false, parted = false;
@@ -270,7 +271,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
   while (!bytes.empty()) {
     std::string_view text = take_line(bytes);
     ++line;
-    // a line that goes on in the next one
+    // a line continued on the next one
     joined.clear();
     while (text.ends_with('\\') && !bytes.empty()) {
       joined += std::string(text.substr(0, text.size() - 1)) + " ";
@@ -301,11 +302,11 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     } else if (words[0] == "f") {
       corners.clear();
       if (words.size() < 4) return builder.damaged(at_line(line, "is a face of less than three corners"));
-      // its type and a corner more than a fan of that many has triangles
+      // the keyword, and two corners more than the resulting fan has triangles
       if (words.size() > kMostTriangles + 3) return builder.too_many();
       for (std::size_t n = 1; n < words.size(); ++n) {
         const auto number = parse_number<std::int64_t>(words[n].substr(0, words[n].find('/')));
-        // from 1 on, or back from the last one by less than 0
+        // 1-based, or negative: relative to the end
         const auto count = static_cast<std::int64_t>(points.size());
         const std::int64_t point = !number ? -1 : *number > 0 ? *number - 1 : count + *number;
         if (!number || *number == 0 || point < 0 || point >= count)
@@ -315,7 +316,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
           builder.add_point(points[at]);
           index_in_mesh[at] = static_cast<std::uint32_t>(builder.points());
           used.push_back(at);
-          // groups that share points are parts of one surface, of its materials perhaps; objects are not
+          // groups that share points are parts of one surface, for example by material; objects are not
           parted = parted || taken[at];
           taken[at] = true;
         }
@@ -323,7 +324,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       }
       if (!builder.add_polygon(corners)) return builder.damaged(at_line(line, "is no face"));
     }
-    // normals, textures, materials and lines say nothing of the surface
+    // normals, texture coordinates, materials and lines do not affect the surface
   }
   if (parted && !objects) builder.join();
   return builder.finish();
@@ -354,7 +355,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
       return builder.damaged("its points lack an x, y or z");
     if (is_faces && face < 0) return builder.damaged("its faces lack their vertex_indices");
     if (is_faces && !has_points) return builder.damaged("its faces come before its points");
-    // what has no value takes no bytes, and could be as many as it likes
+    // elements without properties take no bytes, so their count is unlimited
     if (element.properties.empty()) continue;
     for (std::uint64_t n = 0; n < element.count; ++n) {
       Eigen::Vector3d point = Eigen::Vector3d::Zero();
@@ -376,7 +377,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
         corners.clear();
         for (double corner = 0; corner < *first; ++corner) {
           const auto value = values.next(property.type);
-          // other lists, of colours or textures, may hold what is no number
+          // other lists, such as colours or texture coordinates, may contain NaN
           if (!value || (is_face && !(std::abs(*value) < 1e18))) return ends();
           if (is_face) corners.push_back(static_cast<std::int64_t>(*value));
         }

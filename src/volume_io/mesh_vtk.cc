@@ -15,17 +15,17 @@ namespace palpate::volume_io {
 namespace {
 
 constexpr std::string_view kBlank = " \t\r\n";
-// of one array, which as many triangles as are read need
+// maximum size of one array: the points of the maximum number of triangles
 constexpr std::uint64_t kMostNumbers = 9 * kMostTriangles;
 
-// ---- what both formats share ------------------------------------------------------------------------------
+// ---- shared by both formats -------------------------------------------------------------------------------
 
 struct VtkType {
   std::size_t bytes = 0;
   bool is_float = false, is_signed = true;
 };
 
-// by the words of the legacy format and of the XML one
+// type names of the legacy and of the XML format
 std::optional<VtkType> vtk_type(std::string_view name) {
   const std::string word = lower_case(name);
   struct Named {
@@ -50,7 +50,7 @@ std::optional<VtkType> vtk_type(std::string_view name) {
   return std::nullopt;
 }
 
-// a number of at most 8 bytes
+// value of a number of at most 8 bytes
 double vtk_value(const char* bytes, VtkType type, bool big_endian) {
   std::array<unsigned char, 8> raw{};
   std::memcpy(raw.data(), bytes, type.bytes);
@@ -65,7 +65,7 @@ double vtk_value(const char* bytes, VtkType type, bool big_endian) {
   return static_cast<double>(static_cast<std::int64_t>(bits << unused) >> unused);
 }
 
-// an index among values, or -1
+// a value as an index; -1 if it is invalid
 std::int64_t as_index(double value) {
   return value >= 0 && value < 1e15 ? static_cast<std::int64_t>(value) : -1;
 }
@@ -78,7 +78,7 @@ bool add_points(MeshBuilder& builder, const std::vector<double>& values) {
 
 enum class Cells { kPolygons, kStrips };
 
-// Corners `first` to before `last` of some connectivity.
+// adds a polygon or strip, given its corners
 bool add_cell(MeshBuilder& builder, Cells cells, std::span<const double> corners, std::int64_t first_point) {
   std::vector<std::int64_t> indices;
   for (const double corner : corners) {
@@ -88,14 +88,14 @@ bool add_cell(MeshBuilder& builder, Cells cells, std::span<const double> corners
   }
   if (cells == Cells::kPolygons) return builder.add_polygon(indices);
   for (std::size_t n = 2; n < indices.size(); ++n) {
-    // every second triangle of a strip runs the other way
+    // every second triangle of a strip has the opposite orientation
     const bool odd = n % 2 == 1;
     if (!builder.add_triangle(indices[n - 2 + odd], indices[n - 1 - odd], indices[n])) return false;
   }
   return true;
 }
 
-// @param offsets  of each cell where the next one begins
+// @param offsets  end of each cell in `corners`
 bool add_cells(MeshBuilder& builder, Cells cells, const std::vector<double>& offsets,
                const std::vector<double>& corners, std::int64_t first_point) {
   std::int64_t begin = 0;
@@ -114,17 +114,17 @@ bool add_cells(MeshBuilder& builder, Cells cells, const std::vector<double>& off
 
 // ---- legacy -------------------------------------------------------------------------------------------
 
-// the sections of a legacy file
+// tokenizer for the sections of a legacy file
 class LegacyReader {
  public:
   explicit LegacyReader(std::string_view bytes) : bytes_(bytes) {}
 
   std::string_view line() { return take_line(bytes_); }
   bool binary = false;
-  bool too_many = false;  // numbers at once
+  bool too_many = false;  // an array exceeded kMostNumbers
   bool at_end() const { return bytes_.empty(); }
 
-  // the next word, which a line may end
+  // next word, across line ends
   std::string_view word() {
     const auto begin = bytes_.find_first_not_of(kBlank);
     if (begin == std::string_view::npos) {
@@ -138,7 +138,7 @@ class LegacyReader {
   }
   std::optional<std::uint64_t> count() { return parse_number<std::uint64_t>(word()); }
 
-  // so many numbers, which begin on the next line where they are binary
+  // reads an array of `count` numbers; binary ones begin on the next line
   bool numbers(VtkType type, std::uint64_t count, std::vector<double>& values) {
     values.clear();
     if (binary) {
@@ -160,7 +160,7 @@ class LegacyReader {
     }
     return true;
   }
-  // texts of a field: a line each, or with their lengths before them
+  // skips strings of a field: one per line, or preceded by their lengths
   bool skip_texts(std::uint64_t count) {
     line();
     for (std::uint64_t n = 0; n < count; ++n) {
@@ -182,7 +182,7 @@ class LegacyReader {
     }
     return true;
   }
-  // to the empty line that ends what describes an array
+  // skips to the empty line that ends an array's metadata
   void skip_metadata() {
     line();
     while (!bytes_.empty() && !trimmed(line()).empty()) {
@@ -194,7 +194,7 @@ class LegacyReader {
 };
 
 bool read_legacy_field(LegacyReader& in) {
-  in.word();  // its name
+  in.word();  // field name
   const auto arrays = in.count();
   if (!arrays) return false;
   std::vector<double> values;
@@ -219,7 +219,8 @@ bool read_legacy_field(LegacyReader& in) {
   return true;
 }
 
-// from version 5.1 on where each cell begins, with the end of the last; before 5 a number before each cell
+// from version 5.1 on, the offset of each cell and the end of the last; before, each cell is preceded by its
+// number of corners
 bool read_legacy_cells(LegacyReader& in, MeshBuilder& builder, Cells cells, bool in_two_arrays) {
   const auto first = in.count(), second = in.count();
   if (!first || !second) return false;
@@ -248,7 +249,7 @@ bool read_legacy_cells(LegacyReader& in, MeshBuilder& builder, Cells cells, bool
   return true;
 }
 
-// passes over verts and lines
+// skips vertices and lines
 bool skip_legacy_cells(LegacyReader& in, bool in_two_arrays) {
   const auto first = in.count(), second = in.count();
   if (!first || !second) return false;
@@ -265,7 +266,7 @@ bool skip_legacy_cells(LegacyReader& in, bool in_two_arrays) {
 
 // ---- XML ----------------------------------------------------------------------------------------------
 
-// A tag of XML, as far as VTK's files need it.
+// An XML tag, as far as VTK's files need it.
 struct XmlTag {
   std::string_view name, attributes;
   bool closes = false, empty = false;
@@ -279,7 +280,7 @@ struct XmlTag {
       const auto open = attributes.find_first_not_of(kBlank, after + 1);
       if (open == std::string_view::npos || (attributes[open] != '"' && attributes[open] != '\'')) continue;
       const auto end = attributes.find(attributes[open], open + 1);
-      // without an end there is none for any that follows
+      // an unterminated value leaves no attributes after it
       if (end == std::string_view::npos) return {};
       return attributes.substr(open + 1, end - open - 1);
     }
@@ -291,7 +292,7 @@ class XmlReader {
  public:
   explicit XmlReader(std::string_view bytes) : bytes_(bytes) {}
 
-  // the next tag; nothing at the end, or where one is cut short
+  // next tag; nullopt at the end, or if it is truncated
   std::optional<XmlTag> tag() {
     while (true) {
       const auto begin = bytes_.find('<', at_);
@@ -302,7 +303,7 @@ class XmlReader {
         at_ = end + 3;
         continue;
       }
-      // a '>' within quotation marks ends nothing
+      // a '>' in quotation marks does not end the tag
       std::size_t end = begin + 1;
       char quote = 0;
       for (; end < bytes_.size() && (quote != 0 || bytes_[end] != '>'); ++end) {
@@ -324,7 +325,7 @@ class XmlReader {
       return tag;
     }
   }
-  // what stands between the last tag and the next
+  // text between the last tag and the next
   std::string_view text() const { return bytes_.substr(at_, bytes_.find('<', at_) - at_); }
   std::string_view rest() const { return bytes_.substr(at_); }
 
@@ -333,12 +334,12 @@ class XmlReader {
   std::size_t at_ = 0;
 };
 
-// Bytes as they stand, or from base64, in which each part may be padded by itself.
+// Raw bytes, or decoded base64, in which each part may have its own padding.
 class ByteStream {
  public:
   ByteStream(std::string_view text, bool base64) : text_(text), base64_(base64) {}
 
-  // the next so many; false: there are not as many
+  // reads `count` bytes; false if there are fewer
   bool read(std::size_t count, std::string& bytes) {
     bytes.clear();
     if (!base64_) {
@@ -356,7 +357,7 @@ class ByteStream {
     }
     return true;
   }
-  // what is left of the last four letters was padding
+  // discards the padding of the last group of four letters
   void end_part() { kept_.clear(); }
 
  private:
@@ -392,10 +393,10 @@ class ByteStream {
 
 struct XmlSettings {
   bool big_endian = false, wide_header = false;
-  bool packed = false;  // by zlib
+  bool packed = false;  // compressed by zlib
 };
 
-// a number of the header of some data
+// number of a data header
 std::optional<std::uint64_t> header_number(ByteStream& in, const XmlSettings& settings) {
   std::string bytes;
   const VtkType type{settings.wide_header ? std::size_t{8} : std::size_t{4}, false, false};
@@ -406,8 +407,9 @@ std::optional<std::uint64_t> header_number(ByteStream& in, const XmlSettings& se
   return static_cast<std::uint64_t>(value);
 }
 
-// the bytes of an array: their number and they, or blocks packed each by itself
-// @param left  how many there may be of all arrays together: several may name the same ones
+// Bytes of an array: its size and contents, or blocks that are compressed individually.
+// @param left  limit for all arrays together, because several may refer to the same bytes; reduced by the
+//              size
 std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& settings, std::uint64_t& left) {
   const std::uint64_t most = left;
   std::string bytes;
@@ -434,7 +436,7 @@ std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& setting
     if (!in.read(sizes[n], packed)) return std::nullopt;
     const bool partial = n + 1 == *first && *last > 0;
     const std::size_t expected = partial ? *last : *block;
-    // packed bytes become 1032 times as many at most
+    // zlib expands data at most 1032 times
     constexpr std::size_t kMostGain = 1100, kLeast = 64;
     if (expected > kLeast + kMostGain * packed.size() || bytes.size() + expected > most) return std::nullopt;
     const std::size_t before = bytes.size();
@@ -450,12 +452,12 @@ std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& setting
   return bytes;
 }
 
-// a DataArray whose values are still to be read
+// a DataArray whose values have not been read yet
 struct XmlArray {
   std::string section, name;  // "Points"; "connectivity"
   VtkType type;
-  bool text = false;      // numbers in words
-  bool appended = false;  // else in `body`
+  bool text = false;      // numbers as text
+  bool appended = false;  // in the appended data; otherwise in `body`
   std::string_view body;
   std::uint64_t offset = 0;
   std::size_t piece = 0;
@@ -467,8 +469,8 @@ struct XmlFile {
   std::string_view appended;
   bool appended_base64 = false;
   std::size_t pieces = 0;
-  std::uint64_t bytes_left = std::uint64_t{1} << 28;  // of all arrays
-  bool too_many = false;                              // numbers in one of them
+  std::uint64_t bytes_left = std::uint64_t{1} << 28;  // limit for all arrays
+  bool too_many = false;                              // an array exceeded kMostNumbers
 };
 
 std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& array) {
@@ -499,7 +501,7 @@ std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& a
   return values;
 }
 
-// the tags; errors, without a source
+// parses the tags; errors have no source
 Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
   XmlFile file;
   XmlReader in(bytes);
@@ -529,7 +531,7 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       const auto mark = in.rest().find('_');
       if (mark == std::string_view::npos) return builder.damaged("its appended data do not begin");
       file.appended = in.rest().substr(mark + 1);
-      // they end the file, and may look like tags
+      // appended data end the file, and may look like tags
       const auto end = file.appended.rfind("</AppendedData>");
       if (end == std::string_view::npos) return builder.damaged("its appended data do not end");
       file.appended = file.appended.substr(0, end);
@@ -609,7 +611,7 @@ Result<MeshFile> parse_vtk_legacy(std::string_view bytes, MeshBuilder builder) {
     } else if (word == "VERTICES" || word == "LINES") {
       if (!skip_legacy_cells(in, in_two_arrays)) return damaged_at();
     } else if (word == "POINT_DATA" || word == "CELL_DATA") {
-      // what the points and the cells are like follows, to the end
+      // attributes of points and cells follow, up to the end
       break;
     } else {
       return builder.damaged("it has a part that VTK's files do not have");
@@ -638,7 +640,7 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
                  : builder.damaged("the data of its array '" + array.section + "' are not as they say");
     };
     if (const XmlArray* space = find("FieldData", "SPACE")) {
-      // letters as numbers
+      // characters as numbers
       const auto letters = array_values(*file, *space);
       if (!letters) return damaged_array(*space);
       std::string text = "SPACE=";

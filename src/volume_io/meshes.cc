@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ---- which files there are ----------------------------------------------------------------------
+// ---- finding files ------------------------------------------------------------------------------
 
 struct FoundMeshes {
   StructureFiles found;
@@ -41,7 +41,7 @@ FoundMeshes find_meshes(const fs::path& named) {
   return meshes;
 }
 
-// ---- in the process that reads ------------------------------------------------------------------
+// ---- in the reader process ----------------------------------------------------------------------
 
 Result<MeshFile> parse_file(const fs::path& file, MeshFormat format) {
   const auto bytes = palpate::read_file(file, kMostMeshBytes);
@@ -49,13 +49,14 @@ Result<MeshFile> parse_file(const fs::path& file, MeshFormat format) {
   return parse_mesh(*bytes, format, file.string());
 }
 
-// the words of anatomy in its own name where a file holds several, else those in its file's, numbered
+// Anatomical words of the mesh's own name if the file contains several meshes, otherwise those of the file
+// name, numbered.
 StructureName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t meshes, const fs::path& file,
                            bool only_file, const std::vector<std::string>& others) {
-  // read_labels() calls a single structure after its file
+  // read_labels() names a single structure by its file
   if (meshes == 1 && only_file) return {"", false};
   if (meshes == 1) return name_of_structure(file, others);
-  // whoever saved the file wrote this name as well
+  // the mesh's own name is as unreliable as a file name
   const AnatomyInName own = anatomy_in(mesh.name);
   if (!own.name.empty() && !name_fault(own.name)) return {told_apart(own.name, others), own.left_out};
   const AnatomyInName words = name_of_mask(file);
@@ -70,12 +71,12 @@ std::string as_text(double value) {
   return text;
 }
 
-// axes along the patient's, as many voxels as memory and time bear, and a margin around
+// grid aligned with the patient's axes, limited in memory and time, with a margin
 GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
   constexpr double kVoxels = 8e6, kMostAlong = 2000, kMargin = 4;
   const Eigen::Vector3d extent = high - low;
   const double longest = std::max(extent.maxCoeff(), 1e-3);
-  // of a flat one as if it were a hundredth as thick
+  // a flat mesh is treated as if its thickness were a hundredth of its length
   const Eigen::Vector3d thick = extent.cwiseMax(longest / 100);
   GridGeometry grid;
   const double spacing_mm = std::max(std::cbrt(thick.prod() / kVoxels), longest / kMostAlong);
@@ -89,14 +90,14 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
   return grid;
 }
 
-// of all files together: each is compared with those that it meets
+// maximum number of meshes in all files: each is compared with those that it overlaps
 constexpr std::size_t kMostMeshes = 1024;
 
-// @param look  called now and then; false: nobody listens any more
+// @param look  called regularly; false: the parent has gone
 Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
                                        const GridGeometry* scan, const MeshPlacing& asked,
                                        const std::function<bool()>& look, double& share) {
-  // what their points say of how they lie; of files that say their axes each for itself
+  // survey the points of all files, and the coordinate systems that the files state
   MeshSurvey survey(scan, asked.unit_mm);
   std::optional<MeshSpace> stated;
   bool first = true, alike = true;
@@ -201,7 +202,7 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
 std::optional<MeshFormat> mesh_format_of(const fs::path& file) {
   std::error_code failed;
   if (!fs::is_regular_file(file, failed)) return std::nullopt;
-  // a volume's name says what it is
+  // the extension of a volume takes precedence
   if (format_of(file)) return std::nullopt;
   const auto kind = content_of(file, unpacked_front);
   return kind ? kind->mesh : std::nullopt;
@@ -210,7 +211,7 @@ std::optional<MeshFormat> mesh_format_of(const fs::path& file) {
 bool is_meshes(const fs::path& file) {
   std::error_code failed;
   if (!fs::is_directory(file, failed)) return mesh_format_of(file).has_value();
-  // by their names alone, before any file is opened
+  // tested by names only, before any file is opened
   if (!volumes_in(file).empty()) return false;
   return !find_meshes(file).found.files.empty() && !is_dicom(file);
 }

@@ -9,7 +9,7 @@ namespace {
 
 using MetaFields = std::map<std::string, std::string>;
 
-// the lines up to the one that says where the voxels are, which is the last
+// lines up to ElementDataFile, which is the last one
 Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, const std::string& source) {
   constexpr std::size_t kLongestName = 100, kLongestLine = 4000;
   MetaFields fields;
@@ -53,7 +53,7 @@ bool is_true(const std::string* text) {
          (text->front() == 'T' || text->front() == 't' || text->front() == '1');
 }
 
-// nothing unless there are `count` finite numbers
+// nullopt unless there are exactly `count` finite numbers
 std::optional<std::vector<double>> parse_numbers(const std::string& text, std::size_t count) {
   std::vector<double> numbers;
   for (const std::string_view part : split_spaces(text)) {
@@ -79,7 +79,7 @@ Result<std::vector<std::int64_t>> parse_axes(const MetaFields& fields, const std
     axes.push_back(*size);
   }
   const auto count = parse_number<std::uint32_t>(*dimensions);
-  // MetaIO keeps at most ten
+  // MetaIO supports at most ten
   if (!count || *count != axes.size() || *count == 0 || *count > 10)
     return bad_input(source, "its NDims does not agree with its DimSize");
   return axes;

@@ -27,7 +27,7 @@ GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::a
   return geometry;
 }
 
-// What a person should know where two placements of one file differ by a mirror or by more than a voxel; else
+// Note for the user if the two transforms of a file differ by a mirror or by more than a voxel; otherwise
 // empty.
 std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform) {
   const bool mirrored = sform.right_handed() != qform.right_handed();
@@ -55,11 +55,11 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
          " (LPS); --form q or s says which counts, in a scene file: nifti_form";
 }
 
-// names of labels from the file's extensions; a table of them that cannot be read is noted
+// label names from the file's extensions; an unreadable table is noted
 Result<void> read_label_names_of(const std::filesystem::path& file, Encoding encoding,
                                  const NiftiHeader& header, VolumeFile& volume) {
   constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 20;
-  // of a header by itself they end with the file
+  // extensions of a separate header end with the file
   const std::uint64_t end = header.separate ? kMostBytes : std::min(header.voxels.skip, kMostBytes);
   if (end <= header.header_bytes + 4) return {};
   const auto bytes = read_front(file, encoding, static_cast<std::size_t>(end));
@@ -107,8 +107,8 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
     volume.voxels.encoding = *data_encoding;
   }
 
-  // ITK takes voxel sizes from pixdim even where the sform says otherwise, and then prefers the qform;
-  // nibabel, FSL and FreeSurfer go by the sform when there is one, and so do we
+  // ITK takes voxel sizes from pixdim even if the sform contradicts them, and then prefers the qform;
+  // nibabel, FSL and FreeSurfer use the sform if there is one, and so does palpate.
   const auto geometry = header->affine ? checked(from_affine(*header->affine, *dims), source)
                                        : itk_geometry(ItkFormat::kNifti, file, *dims);
   if (!geometry) return geometry.error();

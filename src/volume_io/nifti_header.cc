@@ -9,7 +9,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// fields by their place in the header, in the byte order of the file
+// fields by their offset in the header, in the file's byte order
 class Bytes {
  public:
   Bytes(std::string_view bytes, bool swap) : bytes_(bytes), swap_(swap) {}
@@ -56,7 +56,7 @@ std::optional<Component> component_of(std::int16_t datatype) {
 
 constexpr std::int32_t kNifti1Bytes = 348, kNifti2Bytes = 540;
 
-// the header's version and byte order from its first field, which is its size
+// version and byte order, from the first field, which is the header's size
 struct Version {
   bool second = false, swap = false;
 };
@@ -76,7 +76,7 @@ Result<Version> version_of(std::string_view bytes, const std::string& source) {
   return bad_input(source, "is not a NIfTI file", "is its name right?");
 }
 
-// what both versions say, in the wider types of the second
+// fields common to both versions, in the wider types of NIfTI-2
 struct Fields {
   std::string_view magic;
   std::int64_t dim[8];
@@ -134,20 +134,21 @@ Fields second_version(std::string_view text, const Bytes& bytes) {
   return f;
 }
 
-// a label, or the number of a neuroanatomical name; statistics, estimates, vectors; 0 says nothing
+// labels and neuroanatomical names; all other positive codes are statistics, estimates and vectors; 0:
+// unspecified
 ValueMeaning meaning_of(std::int32_t intent_code) {
   constexpr std::int32_t kLabel = 1002, kNeuroName = 1003;
   if (intent_code == kLabel || intent_code == kNeuroName) return ValueMeaning::kLabels;
   return intent_code > 0 ? ValueMeaning::kMeasured : ValueMeaning::kUnsaid;
 }
 
-// voxel index to RAS mm, as the standard's method 2 has it
+// voxel index to RAS mm by the standard's method 2
 Eigen::Matrix<double, 3, 4> from_qform(const Fields& f) {
   const Eigen::Vector3d v(f.quaternion[0], f.quaternion[1], f.quaternion[2]);
   const double square = v.squaredNorm();
   const Eigen::Quaterniond q =
       square < 1 ? Eigen::Quaterniond(std::sqrt(1 - square), v.x(), v.y(), v.z())
-                 : Eigen::Quaterniond(0, v.x(), v.y(), v.z()).normalized();  // a half turn, rounded
+                 : Eigen::Quaterniond(0, v.x(), v.y(), v.z()).normalized();  // a half turn, with rounding
   const double handedness = f.pixdim[0] < 0 ? -1 : 1;
   Eigen::Matrix<double, 3, 4> affine;
   affine.leftCols<3>() =
@@ -156,7 +157,7 @@ Eigen::Matrix<double, 3, 4> from_qform(const Fields& f) {
   return affine;
 }
 
-// voxel sizes alone: axes are taken as LPS, as ITK takes them of the first version
+// from voxel sizes only: axes are taken as LPS, as ITK does for NIfTI-1
 Eigen::Matrix<double, 3, 4> from_voxel_sizes(const Fields& f) {
   Eigen::Matrix<double, 3, 4> affine = Eigen::Matrix<double, 3, 4>::Zero();
   affine.leftCols<3>() = Eigen::Vector3d(-f.pixdim[1], -f.pixdim[2], f.pixdim[3]).asDiagonal();
@@ -188,7 +189,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
     if (comparable) header.other_affine = from_qform(f);
     return {};
   }
-  // voxel sizes count only where no sform holds them
+  // voxel sizes matter only without an sform
   Fields sized = f;
   for (std::size_t a = 0; a < 3; ++a) {
     double& size = sized.pixdim[a + 1];
@@ -202,7 +203,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
     return bad_input(source, "its qform holds something that is not a number",
                      "set it from the scan it came from");
-  // ITK does this for the first version where there is no sform, and does not read the second
+  // ITK handles NIfTI-1 without an sform, and does not read NIfTI-2
   if (second || f.sform_code > 0)
     header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
   return {};
@@ -244,8 +245,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   header.voxels.may_have_more = true;
   header.meaning = meaning_of(f.intent_code);
 
-  // the standard asks for 352 (of the second version 544) or more when the voxels stand in the same file;
-  // some writers leave it 0
+  // The standard requires 352 (NIfTI-2: 544) or more for voxels in the same file; some writers leave it 0.
   if (!std::isfinite(f.offset) || f.offset < 0 || f.offset > 1e9)
     return bad_input(source, "its vox_offset is damaged");
   header.voxels.skip = static_cast<std::uint64_t>(f.offset);
@@ -254,7 +254,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   if (!header.separate && header.voxels.skip < header.header_bytes)
     header.voxels.skip = header.header_bytes + 4;
 
-  // slope 0 means that the values stand as they are
+  // slope 0 means no scaling
   if (std::isfinite(f.slope) && f.slope != 0) {
     header.voxels.slope = f.slope;
     if (std::isfinite(f.intercept)) header.voxels.intercept = f.intercept;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr const char* kRemedy = "name the labels in a table (--names)";
 
-// the text of an element: CDATA as it stands, else with XML's five entities replaced
+// text of an element: CDATA unchanged, otherwise with XML's five entities replaced
 std::optional<std::string> element_text(std::string_view text) {
   text = trimmed(text);
   constexpr std::string_view kOpen = "<![CDATA[", kClose = "]]>";
@@ -33,7 +33,7 @@ std::optional<std::string> element_text(std::string_view text) {
   return plain;
 }
 
-// the value of name="value" or name='value' in the tag of an element; empty where it is not there
+// value of name="value" or name='value' in a tag; empty if it is missing
 std::string_view attribute(std::string_view tag, std::string_view name) {
   for (auto at = tag.find(name); at != std::string_view::npos; at = tag.find(name, at + 1)) {
     const std::size_t equals = at + name.size();
@@ -57,14 +57,15 @@ std::uint32_t word_at(std::string_view bytes, std::size_t at, bool swap) {
 }  // namespace
 
 std::string_view find_caret_extension(std::string_view bytes, std::size_t header_bytes, bool swap) {
-  // four bytes, of which the first tells whether there are any, then each with its size and code before it
+  // four bytes, the first of which is non-zero if extensions follow; each extension begins with its size and
+  // code
   constexpr std::size_t kFlag = 4, kSizeAndCode = 8;
   if (bytes.size() < header_bytes + kFlag || bytes[header_bytes] == 0) return {};
   for (std::size_t at = header_bytes + kFlag; at + kSizeAndCode <= bytes.size();) {
     const std::uint32_t size = word_at(bytes, at, swap);
     if (size < kSizeAndCode || size > bytes.size() - at) return {};
     const std::string_view data = bytes.substr(at + kSizeAndCode, size - kSizeAndCode);
-    // by its content: TotalSegmentator gives it the code 0, Connectome Workbench 30
+    // identified by content: TotalSegmentator uses code 0, Connectome Workbench 30
     if (data.find("<CaretExtension") != std::string_view::npos) return data;
     at += size;
   }

@@ -5,7 +5,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// the place after `lines` more line ends
+// offset after `lines` line ends
 Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_t offset, int lines) {
   if (lines == 0) return offset;
   const auto bytes = read_front(file, Encoding::kRaw, offset + kMostHeaderBytes);
@@ -19,7 +19,8 @@ Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_
   return offset;
 }
 
-/// A negative byte skip that leads before the front of the file: ITK would only say that it cannot seek.
+/// Rejects a negative byte skip that points before the beginning of the file, for which ITK would only report
+/// a failed seek.
 Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<int, 3>& dims, int layers,
                                     const std::string& source) {
   if (voxels.encoding != Encoding::kRaw || !voxels.bytes_after) return {};
@@ -49,7 +50,7 @@ Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& o
   const auto dims = volume_dims(header->axes, source);
   if (!dims) return dims.error();
 
-  // where the voxels are
+  // location of the voxels
   VolumeFile volume;
   volume.voxels = header->voxels;
   volume.voxels.file = file;

@@ -7,14 +7,14 @@
 namespace palpate::volume_io {
 namespace {
 
-// the lines of a header, names in lower case
+// header lines, with field names in lower case
 struct Lines {
   std::map<std::string, std::string> fields;
   std::vector<std::pair<std::string, std::string>> segment_fields;
   std::size_t end = 0;
 };
 
-// in key:=value pairs a line end is written \n and a backslash is doubled
+// key:=value pairs encode a line end as \n and double the backslash
 std::string unescaped(std::string_view text) {
   std::string plain;
   for (std::size_t n = 0; n < text.size(); ++n) {
@@ -41,13 +41,13 @@ Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
       return bad_input(where, "is no line of an NRRD header", "is the file whole?");
 
     if (line.substr(colon, 2) == ":=") {
-      // of the free pairs only Slicer's are kept; the others may name a patient
+      // of the key/value pairs only Slicer's are kept; others may identify a patient
       if (line.substr(0, 7) == "Segment")
         lines.segment_fields.emplace_back(std::string(trimmed(line.substr(0, colon))),
                                           unescaped(line.substr(colon + 2)));
       continue;
     }
-    // "space origin" and "spaceorigin" are both in use
+    // "space origin" and "spaceorigin" are both common
     std::string name = lower_case(trimmed(line.substr(0, colon)));
     std::erase(name, ' ');
     if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
@@ -112,7 +112,7 @@ std::optional<Encoding> parse_encoding(const std::string& name) {
   return std::nullopt;
 }
 
-// "(a,b,c)" or "none", one for each axis; nothing when the text is something else
+// "(a,b,c)" or "none" for each axis; nullopt for any other text
 using AxisVector = std::optional<std::vector<double>>;
 std::optional<std::vector<AxisVector>> parse_vectors(std::string_view text) {
   std::vector<AxisVector> vectors;
@@ -151,7 +151,7 @@ class Parser {
   }
 
  private:
-  // a field's text, or nothing
+  // text of a field, or nullptr
   const std::string* field(const char* name, const char* other = "") const {
     auto found = lines_.fields.find(name);
     if (found == lines_.fields.end()) found = lines_.fields.find(other);
@@ -176,7 +176,7 @@ class Parser {
     return {};
   }
 
-  // the axis that holds several values for each voxel, taken out of the axes
+  // removes the axis of multiple values per voxel from the axes
   Result<void> layer_axis() {
     const std::string* kinds = field("kinds");
     if (kinds == nullptr) return {};
@@ -291,7 +291,7 @@ class Parser {
       const auto skip = parse_number<std::int64_t>(*text);
       if (!skip || *skip > (std::int64_t{1} << 40) || *skip < -(std::int64_t{1} << 40))
         return bad("its byte skip is not a number of bytes");
-      // -1: the voxels end the file; -5: they end 4 bytes before its end
+      // -1: the voxels end at the end of the file; -5: they end 4 bytes before it
       if (*skip < 0)
         header_.voxels.bytes_after = static_cast<std::uint64_t>(-(*skip + 1));
       else

@@ -28,7 +28,7 @@ Placing& placing_of_process() {
   return placing;
 }
 
-// what is said of these files, else of all
+// settings of this read, completed by those of the process
 Placing over_process(Placing placing) {
   const Placing& all = placing_of_process();
   if (!placing.mesh.space) placing.mesh.space = all.mesh.space;
@@ -49,8 +49,8 @@ void for_each_value(std::uint64_t first, std::span<const std::byte> bytes, const
   }
 }
 
-// Memory for all voxels is asked for and not yet taken: what a header promises and the file does not hold is
-// never taken. grow_to() takes it, from the front on.
+// Reserves memory for all voxels without touching it, so that a header that promises more than the file
+// contains does not consume memory. grow_to() commits it progressively from the front.
 template <class T>
 std::vector<T> unfilled(const GridGeometry& geometry) {
   std::vector<T> voxels;
@@ -72,7 +72,7 @@ ReadAs& read_as_of_process() {
   return kind;
 }
 
-// Segments in the file, or a table that names half of the labels, say that they are labels however they look.
+// Declared to be labels: by segments or the intent in the file, or by names for more than half of the labels.
 bool says_labels(const LabelFile& file) {
   return file.header.has_segments || file.header.meaning == ValueMeaning::kLabels ||
          2 * file.unnamed.size() < file.labels.segments.size();
@@ -95,7 +95,7 @@ Error out_of_memory(const std::filesystem::path& file) {
                    "close other programs, or crop the volume first");
 }
 
-// turns what is not a number into the lowest value of the scan; false when there is nothing else
+// Replaces NaN and infinity by the lowest value of the scan; false if no value is finite.
 bool replace_non_finite(std::vector<float>& voxels, std::size_t& replaced) {
   float lowest = std::numeric_limits<float>::infinity();
   replaced = 0;
@@ -112,10 +112,10 @@ bool replace_non_finite(std::vector<float>& voxels, std::size_t& replaced) {
   return true;
 }
 
-// what a label may be, background included
+// number of label values, including background
 constexpr std::size_t kValues = 65536;
 
-// puts the values of a label file into the layers, and notes which there are
+// distributes the values of a label file over the layers, and records which values occur
 class LabelSink {
  public:
   explicit LabelSink(const VolumeFile& file)
@@ -139,7 +139,7 @@ class LabelSink {
           wrong = n;
         return;
       }
-      // one layer is the rule, and a division for each voxel would show
+      // avoids two divisions per voxel in the usual case of a single layer
       std::uint64_t layer = 0, voxel = n;
       if (layers > 1) {
         layer = file_.layers_first ? n % layers : n / voxels;
@@ -149,17 +149,17 @@ class LabelSink {
       present_[layer][label] = 1;
     });
     if (wrong) return not_a_label(*wrong);
-    // a scan of 32 bits has any number of them
+    // a 32-bit scan may have any number of them
     if (large_ids_.size() > kValues) return has_large_ids();
     return {};
   }
-  /// After the last voxel. Errors: ids above 65535.
+  /// To be called after the last voxel. Errors: ids above 65535.
   Result<void> check_ids() const {
     if (large_ids_.empty()) return {};
     return has_large_ids();
   }
 
-  /// All voxels at once, where they were kept.
+  /// Takes all voxels from the cache; false if they are not cached.
   bool find(const KeptVoxels& kept) {
     auto layers = kept.find_labels(layers_.size());
     if (layers.empty()) return false;
@@ -167,9 +167,9 @@ class LabelSink {
     for (std::size_t layer = 0; layer < layers_.size(); ++layer) see(layers_[layer], present_[layer]);
     return true;
   }
-  /// After the last voxel.
+  /// Stores the voxels in the cache, after the last voxel.
   void keep(const KeptVoxels& kept) const { kept.keep_labels(layers_); }
-  /// After the last voxel.
+  /// Moves the layers out, after the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
     for (auto& voxels : layers_) layers.emplace_back(file_.header.geometry, std::move(voxels));
@@ -178,7 +178,7 @@ class LabelSink {
   bool present(std::size_t layer, LabelId value) const { return present_[layer][value] != 0; }
 
  private:
-  // every layer to where the first `values` of the file reach
+  // grows every layer to cover the first `values` values of the file
   void grow(std::uint64_t values) {
     const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
     for (std::uint64_t layer = 0; layer < layers; ++layer) {
@@ -188,7 +188,7 @@ class LabelSink {
       grow_to(layers_[layer], std::min(here, voxels));
     }
   }
-  // most voxels are as the one before
+  // most voxels equal their predecessor
   static void see(const std::vector<LabelId>& voxels, std::vector<char>& present) {
     LabelId last = 0;
     for (const LabelId label : voxels) {
@@ -207,7 +207,7 @@ class LabelSink {
       }
     }
     double value = file_.voxels.slope * static_cast<double>(stored) + file_.voxels.intercept;
-    // a slope of 32 bits, as NIfTI's, is exact to 6e-8
+    // a 32-bit slope, as in NIfTI, is accurate to 6e-8
     constexpr double kSlopeRounding = 1e-6;
     if (scaled && std::abs(value - std::round(value)) <= kSlopeRounding * std::max(1.0, value))
       value = std::round(value);
@@ -252,17 +252,17 @@ class LabelSink {
 
   const VolumeFile& file_;
   std::vector<std::vector<LabelId>> layers_;
-  std::vector<std::vector<char>> present_;  // by layer and value
-  std::set<std::uint64_t> large_ids_;       // above 65535
+  std::vector<std::vector<char>> present_;  // indexed by layer and value
+  std::set<std::uint64_t> large_ids_;       // ids above 65535
 };
 
-// Whether a line of a table names the segment.
-// @param by_colour  labels are the colours of pictures, which have no numbers of their own
+// True if a row of a table names the segment.
+// @param by_colour  labels are the colours of images, which have no numbers of their own
 bool names_segment(const NamedLabel& named, const Segment& segment, bool by_colour) {
   return by_colour && named.colour ? segment.colour == *named.colour : segment.id == named.value;
 }
 
-// names from a table put over those that the file has
+// applies the names of a table, which override those of the file
 void apply_names(const std::vector<NamedLabel>& names, bool by_colour, std::vector<Segment>& segments) {
   for (const NamedLabel& named : names)
     for (Segment& s : segments) {
@@ -272,12 +272,12 @@ void apply_names(const std::vector<NamedLabel>& names, bool by_colour, std::vect
     }
 }
 
-// segments of the file's own fields, and one without a name for every other value in the voxels
+// segments declared in the file, and an unnamed one for every other value in the voxels
 Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSink& sink) {
   auto declared = parse_segment_fields(file.segment_fields, file.header.layers, file.voxels.file.string());
   if (!declared) return declared.error();
   std::vector<Segment> segments = std::move(*declared);
-  // a label table names whatever there may be, a segmentation what there is
+  // a label table names all possible structures, a segmentation those present
   if (file.header.format == "NIfTI")
     std::erase_if(segments, [&](const Segment& s) {
       return !sink.present(static_cast<std::size_t>(s.layer), s.value);
@@ -299,10 +299,10 @@ struct FoundNames {
   std::vector<NamedLabel> names;
   NameSource source = NameSource::kNone;
   std::optional<std::filesystem::path> table = {};
-  std::vector<std::filesystem::path> others = {};  // volumes that the table may belong to as well
+  std::vector<std::filesystem::path> others = {};  // other volumes to which the table may belong
 };
 
-// the table that may name the labels: the one given, else one that stands beside the file
+// table that may name the labels: a given one, or one in the folder of the file
 Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::path& labels,
                               const std::optional<std::filesystem::path>& given,
                               const std::optional<std::filesystem::path>& scan, const Warn& warn) {
@@ -319,13 +319,13 @@ Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::pat
   if (names)
     return FoundNames{*std::move(names), table->has_own_name ? NameSource::kOwnTable : NameSource::kOnlyTable,
                       table->file, table->others};
-  // nobody asked for this table: it may be about something else
+  // the user did not ask for this table, which may belong to something else
   if (warn && table->others.empty())
     warn(names.error().message() + "\n  the table was not used, the labels stay without names");
   return FoundNames{};
 }
 
-// Whether a volume may be a label map, by its header or else by its first values that are not 0.
+// True if a volume may be a label map, by its header or otherwise by its first non-zero values.
 bool may_be_labels(const std::filesystem::path& file) {
   constexpr std::size_t kEnough = std::size_t{1} << 20;
   const Progress silent;
@@ -336,7 +336,7 @@ bool may_be_labels(const std::filesystem::path& file) {
   if (header.has_segments || header.layers > 1 || header.meaning == ValueMeaning::kLabels) return true;
   if (header.meaning == ValueMeaning::kMeasured) return false;
   std::vector<float> values;
-  // data that end early say enough as well
+  // truncated data are sufficient here
   (void)reader->stream([&](std::uint64_t first, std::span<const std::byte> bytes) -> Result<void> {
     with_type(volume.voxels.component, [&](auto type) {
       for_each_value<decltype(type)>(first, bytes, [&](std::uint64_t, auto stored) {
@@ -366,8 +366,8 @@ std::string some_of(const std::vector<LabelId>& values) {
   return text;
 }
 
-// Whether a table belongs to the label map. What is not used is warned of; one that was given and names
-// nothing is an error.
+// True if a table belongs to the label map. Warns about a table that is not used; a given table that names
+// none of the labels is an error.
 Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& segments, bool by_colour,
                            const std::filesystem::path& labels, const Warn& warn) {
   if (!found.table || segments.empty()) return found.table.has_value();
@@ -405,7 +405,7 @@ Result<bool> check_belongs(const FoundNames& found, const std::vector<Segment>& 
   return true;
 }
 
-// the values of a scan, none of which is not a number
+// finite values of a scan
 struct ScanValues {
   std::vector<float> voxels;
   std::uint64_t replaced = 0;
@@ -463,7 +463,7 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
   return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
 }
 
-// so that whoever expected the name learns why it is not there, and how it may be
+// tells a user who expects the file name as structure name why it is not used, and how to set it
 std::string left_out_of_name(const std::string& name) {
   const std::string taken =
       name.empty() ? "its structure has no name, because its file's has no word that is known to be anatomy"
@@ -511,7 +511,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
                       : !file.header.has_segments                    ? NameSource::kNone
                       : std::filesystem::is_directory(path, unknown) ? NameSource::kFileName
                                                                      : NameSource::kFile;
-  // a mask of one structure is called after its file
+  // a mask of one structure is named by its file
   if (segments->size() == 1 && segments->front().name.empty()) {
     const AnatomyInName own = name_of_mask(path);
     segments->front().name = own.name;
@@ -529,7 +529,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   return result;
 }
 
-// whether a table that stands beside a volume, or was given, says that its values are labels
+// evidence, by a given table or one in the folder, that the values are labels
 std::optional<std::string> evidence_by_table(const ValueStatistics& values, const std::filesystem::path& file,
                                              const std::optional<std::filesystem::path>& given) {
   if (!values.only_whole || values.distinct == 0) return std::nullopt;
@@ -646,7 +646,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
     }
     evidence = content.evidence;
   }
-  // the scan's memory is free again
+  // the memory of the scan has been released
   return labels(evidence);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);

@@ -16,7 +16,7 @@ using namespace volume_io;
 
 namespace {
 
-// what the fields of one SegmentN say
+// fields of one SegmentN
 struct SegmentFields {
   std::string id, name, terminology;
   bool is_auto_named = false;
@@ -25,7 +25,7 @@ struct SegmentFields {
   std::optional<LabelId> value;
 };
 
-// "Segment12_Name" is (12, "Name"); nothing for other keys
+// parses "Segment12_Name" into (12, "Name"); nullopt for other keys
 std::optional<std::pair<int, std::string_view>> parse_key(std::string_view key) {
   constexpr std::string_view kPrefix = "Segment";
   if (key.substr(0, kPrefix.size()) != kPrefix) return std::nullopt;
@@ -50,7 +50,7 @@ std::optional<Rgb> parse_unit_colour(std::string_view text) {
   return Rgb{colour[0], colour[1], colour[2]};
 }
 
-// "TerminologyEntry:...|" among a segment's tags
+// value of "TerminologyEntry:...|" among a segment's tags
 std::string_view entry_of_tags(std::string_view tags) {
   constexpr std::string_view kKey = "TerminologyEntry:";
   for (const std::string_view tag : split_at(tags, '|'))
@@ -58,9 +58,9 @@ std::string_view entry_of_tags(std::string_view tags) {
   return {};
 }
 
-// "Right Kidney" of a terminology entry: a list's name, category, type, its modifier, another list's name,
-// region and its modifier, each between ~, and codes as SCHEME^CODE^MEANING. Empty where it says nothing
-// but tissue.
+// Name such as "Right Kidney" from a terminology entry: context name, category, type, type modifier, anatomic
+// context name, region and region modifier, separated by ~, with codes as SCHEME^CODE^MEANING. Empty if the
+// entry only states that it is tissue.
 std::string name_of_terminology(std::string_view entry) {
   const auto parts = split_at(entry, '~');
   const auto meaning = [&](std::size_t n) -> std::string_view {
@@ -70,7 +70,7 @@ std::string name_of_terminology(std::string_view entry) {
   };
   constexpr std::size_t kType = 2, kRegion = 5;
   std::string_view what = meaning(kType), side = meaning(kType + 1);
-  // what 3D Slicer gives every new segment
+  // 3D Slicer's default for a new segment
   if (what.empty() || what == "Tissue") {
     what = meaning(kRegion);
     side = meaning(kRegion + 1);
@@ -79,7 +79,7 @@ std::string name_of_terminology(std::string_view entry) {
   return side.empty() ? std::string(what) : std::string(side) + " " + std::string(what);
 }
 
-// 3D Slicer's own "Segment_1"
+// 3D Slicer's default name "Segment_1"
 bool is_generic_name(std::string_view name) {
   constexpr std::string_view kPrefix = "Segment_";
   return name.empty() ||
@@ -136,7 +136,7 @@ bool number_segments(std::vector<Segment>& segments) {
 }
 
 Rgb colour_for(LabelId id) {
-  // the "Set2" and "Set3" colours of ColorBrewer that differ enough in lightness on grey
+  // colours of ColorBrewer's "Set2" and "Set3" with sufficient contrast in lightness on grey
   static constexpr std::array<Rgb, 11> kColours{{{102, 194, 165},
                                                  {252, 141, 98},
                                                  {141, 160, 203},
@@ -170,7 +170,7 @@ Result<std::vector<Segment>> parse_segment_fields(
   for (const auto& [number, f] : by_number) {
     const std::string name = "Segment" + std::to_string(number);
     Segment segment;
-    // Slicer before 4.11 wrote no layers and values: one binary layer for each segment, in order
+    // Slicer before 4.11 wrote neither layers nor values: one binary layer per segment, in order
     const bool each_its_layer = layers > 1 || by_number.size() == 1;
     if (!f.value && !each_its_layer)
       return bad_input(source, name + " has no LabelValue",

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// some a second, however often they are asked for
+// limits calls of `sign` to ten per second
 std::function<bool()> now_and_then(const std::function<bool()>& sign) {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kBetween(100);
@@ -58,14 +58,14 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
     if (is_one(named)) found.files.push_back(named);
     return found;
   }
-  // each root is a descriptor of the process that reads
+  // each root is a file descriptor in the reader process
   constexpr std::size_t kMostFiles = 4096, kMostRoots = 256;
   std::size_t looked_at = 0, others = 0, led_out = 0, scattered = 0;
   std::set<fs::path> outside;
   fs::directory_iterator entry(named, failed);
   for (; !failed && entry != fs::directory_iterator() && looked_at < kMostFiles; entry.increment(failed)) {
     std::error_code ignored;
-    // what a system keeps of its own beside files, as macOS in "._liver.nii.gz"
+    // hidden files, such as macOS's "._liver.nii.gz"
     if (!entry->is_regular_file(ignored) || entry->path().filename().string().starts_with('.')) continue;
     ++looked_at;
     if (!is_one(entry->path())) {
@@ -164,7 +164,7 @@ Result<LabelReader> open_sliced_files(
   for (const fs::path& root : found.roots)
     if (const int descriptor = ::open(root.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK); descriptor >= 0)
       descriptors.push_back(descriptor);
-  // whose refusals may name any of them
+  // files that a refusal may name
   std::vector<fs::path> names{named};
   names.insert(names.end(), found.files.begin(), found.files.end());
   auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {

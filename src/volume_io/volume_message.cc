@@ -15,9 +15,9 @@ using reader::Sender;
 
 enum class Answer : std::uint8_t { kRefusal, kVolume, kWish };
 
-// of an error's parts and of a file's name; longer ones are cut
+// maximum length of an error's texts and of a file name; longer ones are truncated
 constexpr std::size_t kMostErrorText = std::size_t{1} << 16;
-// of the header of a segmentation
+// maximum number of segment fields
 constexpr std::size_t kMostFields = std::size_t{1} << 20;
 constexpr int kMostLayers = 4096;
 constexpr std::uint32_t kMostNotes = 100;
@@ -44,7 +44,7 @@ Error get_refusal(Receiver& in, Files files) {
   for (std::string* text : {&refusal.what, &refusal.where, &refusal.remedy}) in.get(*text, kMostErrorText);
   if (refusal.what.empty()) in.fail("its reader does not say how");
   if (!in.ok()) return about(in.error(), files);
-  // it tells of nothing but these files
+  // only the files of this process may be named
   const auto names = [&](const std::filesystem::path& file) {
     return refusal.where.starts_with(file.string());
   };
@@ -52,7 +52,7 @@ Error get_refusal(Receiver& in, Files files) {
   return refusal;
 }
 
-// the fields whose order is the same for both ends; `field` sends one or receives it
+// fields serialised in the same order at both ends; `field` sends or receives one
 template <class Geometry, class Field>
 void visit_geometry(Geometry& geometry, const Field& field) {
   for (int a = 0; a < 3; ++a) {

@@ -51,7 +51,7 @@ bool send_end(reader::ByteTarget& target, const Result<void>& read);
 Result<std::variant<VolumeFile, OtherFile>> receive_answer(reader::ByteSource& source, Files files);
 /// Receives the message that follows kEnd.
 Result<void> receive_end(reader::ByteSource& source, Files files);
-/// Completes an error sent by the process with the file and the remedy; other errors are returned unchanged.
+/// Adds file and remedy to a kBadInput without `where`; other errors are returned unchanged.
 Error about(Error error, Files files);
 /// Error for a message that no valid volume can produce.
 Error nonsense(Files files);

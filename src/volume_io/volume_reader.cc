@@ -18,7 +18,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// ---- in the process that reads ------------------------------------------------------------------
+// ---- in the reader process ----------------------------------------------------------------------
 
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
               const Placing& placing) {
@@ -35,7 +35,7 @@ bool read_for(reader::ParentEnd& parent, const Format& format, Files files, Othe
   return false;
 }
 
-// ---- in this process ----------------------------------------------------------------------------
+// ---- in the parent process ----------------------------------------------------------------------
 
 Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile>& files,
                                                      std::size_t shared_bytes, const Progress& progress,
@@ -45,14 +45,14 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
   return start_reader(descriptors, shared_bytes, progress, work);
 }
 
-// what the header does not say in so many words
+// names of format and type, which the message does not contain
 void name_format(const Format& format, VolumeFile& volume) {
   const bool is_slicer = volume.header.has_segments && format.writer == ItkFormat::kNrrd;
   volume.header.format = is_slicer ? "Slicer segmentation (NRRD)" : format.name;
   volume.header.component_type = name_of(volume.voxels.component);
 }
 
-// what ends the reading of DICOM, with the image that it comes from
+// adds the slice at which reading DICOM failed
 Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
   const GridGeometry& grid = file.header.geometry;
   if (file.voxels.encoding != Encoding::kSlices || error.kind != ErrorKind::kBadInput) return error;
@@ -147,7 +147,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     return reader;
   }
   if (auto error = not_a_file(file)) return *std::move(error);
-  // a pipe, a device, a socket, or nothing that may be read
+  // pipe, device, socket or unreadable file
   auto opened = InputFile::open(file);
   if (!opened) return opened.error();
   if (number)
@@ -163,7 +163,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   reader.names_.push_back(file);
   reader.files_.push_back(*std::move(opened));
   OtherFiles others;
-  // an .img, its .hdr, and the .img that this one asks for
+  // an .img, its .hdr, and the .img that this one requests
   constexpr std::size_t kMostFiles = 3;
   while (true) {
     auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
@@ -179,7 +179,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
       name_format(**format, reader.volume_);
       return reader;
     }
-    // it may read this one too: another process, which may have both
+    // restart with access to this file too
     if (reader.files_.size() == kMostFiles) return nonsense(reader.names_);
     auto& wanted = std::get<OtherFile>(*answer);
     const auto other = find_other_file(file, wanted);
@@ -219,7 +219,7 @@ Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file,
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
-    // a copy, which does not change while it is looked at
+    // a private copy, which the reader process cannot change during validation
     const auto values = std::span(piece).first(bytes);
     std::memcpy(values.data(), process.shared().data() + slot * kSlotBytes, bytes);
     process.go_on();

@@ -64,7 +64,7 @@ Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& so
   if (!geometry.spacing_mm.allFinite() || !geometry.direction.allFinite() || !geometry.origin.all_finite())
     return bad_input(source, "its geometry holds something that is not a number");
   if (geometry.spacing_mm.minCoeff() <= 0) return bad_input(source, "its spacing is not positive");
-  // unit columns: the determinant is the volume of their box, 1 when they are square to each other
+  // columns are unit vectors: the determinant is the volume of their parallelepiped, 1 if they are orthogonal
   constexpr double kFlat = 1e-3;
   if (std::abs(geometry.direction.determinant()) < kFlat)
     return bad_input(source, "its axes lie in one plane, they span no volume",

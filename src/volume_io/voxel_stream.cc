@@ -15,7 +15,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// the file from an offset on, in pieces
+// sequential reads of a file from an offset on
 class FileBytes {
  public:
   Result<void> open(const std::filesystem::path& file, std::uint64_t offset) {
@@ -25,7 +25,7 @@ class FileBytes {
     at_ = offset;
     return {};
   }
-  // fewer bytes than asked for only at the end or after a fault of the disk
+  // returns fewer bytes than requested only at the end or after a read error
   std::size_t read(std::span<std::byte> out) {
     const auto got = file_->read_at(at_, out);
     if (!got) return 0;
@@ -42,7 +42,7 @@ class FileBytes {
 class ByteStream {
  public:
   virtual ~ByteStream() = default;
-  /// Fills `out` as far as the data go; fewer bytes mean that they ended, fault() whether badly.
+  /// Fills `out`; fewer bytes mean the end of the data, and fault() is set if they ended abnormally.
   virtual std::size_t read(std::span<std::byte> out) = 0;
   const std::string& fault() const { return fault_; }
   FileBytes& file() { return file_; }
@@ -98,7 +98,7 @@ class DeflateStream : public ByteStream {
     if (got == 0) stop("the compressed data break off");
     return got != 0;
   }
-  // gzip members may follow each other; anything else after the end is not ours
+  // gzip members may be concatenated; other bytes after the end are ignored
   bool next_member() {
     if (z_.avail_in < 2) {
       std::memmove(in_, z_.next_in, z_.avail_in);
@@ -149,10 +149,10 @@ class Bzip2Stream : public ByteStream {
   char in_[kPiece];
 };
 
-// text in pieces, one character at a time
+// text, read character by character
 class TextStream : public ByteStream {
  protected:
-  // the next character, or -1
+  // next character, or -1
   int next() {
     if (at_ == held_) {
       held_ = file_.read(std::as_writable_bytes(std::span(in_)));
@@ -172,7 +172,8 @@ class NumberStream : public TextStream {
  public:
   explicit NumberStream(Component component) : component_(component), size_(bytes_of(component)) {}
 
-  // whole values only: `out` is a multiple of them except for the one byte that asks "is there more?"
+  // Whole values only: the size of `out` is a multiple of theirs, except for the single byte that tests for
+  // surplus data.
   std::size_t read(std::span<std::byte> out) override {
     std::size_t used = 0;
     while (used < out.size() && fault_.empty()) {
@@ -280,10 +281,10 @@ Error surplus(const VolumeFile& file) {
                    "header of its own needs 'byte skip: -1'");
 }
 
-// where reading stands before the first voxel
+// stream positioned before the first voxel
 struct Positioned {
   std::unique_ptr<ByteStream> stream;
-  std::string fault;  // not empty: the first voxel is never reached
+  std::string fault;  // non-empty: the first voxel cannot be reached
 };
 
 std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes, VoxelSink& sink) {
@@ -306,14 +307,14 @@ Result<std::unique_ptr<ByteStream>> open_stream(const VoxelSource& source) {
   return stream;
 }
 
-// a stream that stands at the first voxel
+// opens a stream and advances it to the first voxel
 Result<Positioned> at_first_voxel(const VolumeFile& file, VoxelSink& sink) {
   const VoxelSource& source = file.voxels;
   auto stream = open_stream(source);
   if (!stream) return stream.error();
   std::uint64_t skip = source.skip;
   if (source.bytes_after) {
-    // counted back from the end, which only decoding tells
+    // an offset from the end requires decoding all data once
     const std::uint64_t total = pass_over(**stream, ~std::uint64_t{0}, sink);
     const std::uint64_t needed = file.value_count() * bytes_of(source.component) + *source.bytes_after;
     if (total < needed || !(*stream)->fault().empty())
@@ -335,9 +336,10 @@ void swap_bytes(std::span<std::byte> values, std::size_t size) {
                  values.begin() + static_cast<std::ptrdiff_t>(n + size));
 }
 
-// the most values that stored bytes can become
+// maximum number of values into which the stored bytes can be decoded
 std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
-  // deflate: 258 bytes for 2 bits. bzip2: 900 000 bytes for some 32, each 5 of them a run of up to 259
+  // Deflate: 258 bytes from 2 bits. bzip2: 900 000 bytes from about 32, each 5 of which encode a run of up to
+  // 259.
   constexpr std::uint64_t kMostDeflate = 1032, kMostBzip2 = 1 << 21;
   const std::uint64_t size = bytes_of(source.component), before = source.bytes_after.value_or(source.skip);
   const auto after_skip = [&](std::uint64_t bytes) { return (bytes - std::min(bytes, before)) / size; };
@@ -375,7 +377,7 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
 }
 
 Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value, std::uint64_t besides) {
-  // its reader has looked at what each image holds
+  // the reader process has already checked the contents of each image
   if (file.voxels.encoding == Encoding::kSlices)
     return allow_memory(file.value_count() * bytes_per_value + besides, file.voxels.file.string());
   std::error_code failed;
@@ -400,7 +402,7 @@ Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
   if (!at->fault.empty()) return ended_early(file, 0, at->fault);
   ByteStream& stream = *at->stream;
 
-  // whole pieces of values, swapped to the machine's order
+  // whole pieces of values, in the machine's byte order
   const std::size_t size = bytes_of(source.component);
   const bool swap = source.encoding != Encoding::kText && size > 1 &&
                     source.big_endian != (std::endian::native == std::endian::big);
@@ -415,7 +417,7 @@ Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
     first += wanted;
   }
 
-  // what follows: the rest of the stream carries its checksum
+  // trailing data: the rest of the stream contains its checksum
   if (source.encoding == Encoding::kRaw && source.may_have_more) return {};
   const std::uint64_t after = source.bytes_after.value_or(0);
   const std::uint64_t more = pass_over(stream, source.may_have_more ? ~std::uint64_t{0} : after + 1, sink);

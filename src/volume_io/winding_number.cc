@@ -13,8 +13,8 @@ using Vec3 = Eigen::Vector3d;
 
 constexpr double kFullAngle = 4 * std::numbers::pi;
 constexpr std::uint32_t kTrianglesOfLeaf = 8;
-// A node is one dipole where it is farther away than so many radii, and what the expansion leaves out, an
-// area of the node's as large as its radius at its distance, is less than this.
+// A node is approximated by a dipole at distances greater than kFar radii, provided that the estimated
+// truncation error, (radius / distance)^2 area / (4 pi distance^2), is below kLeftOut.
 constexpr double kFar = 2, kLeftOut = 2e-5;
 
 }  // namespace
@@ -54,7 +54,7 @@ std::uint32_t FastWinding::build(std::vector<std::uint32_t>& order, std::uint32_
   Node node;
   node.first = first;
   node.last = last;
-  // the middle by area; where there is none, of the corners
+  // area-weighted centre; without area, the mean of the triangles' centroids
   Vec3 weighed = Vec3::Zero(), sum = Vec3::Zero();
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
   const auto of = [&](std::uint32_t n) {
@@ -102,7 +102,7 @@ std::uint32_t FastWinding::build(std::vector<std::uint32_t>& order, std::uint32_
 double FastWinding::at(const Vec3& from) const {
   if (nodes_.empty()) return 0;
   double sum = 0;
-  // as deep as halving goes
+  // sufficient for the depth of the tree
   std::array<std::uint32_t, 128> open;
   std::size_t count = 0;
   open[count++] = 0;
@@ -113,7 +113,7 @@ double FastWinding::at(const Vec3& from) const {
     const double ratio = node.radius / distance;
     if (distance > kFar * node.radius &&
         node.area * ratio * ratio < kLeftOut * kFullAngle * distance * distance) {
-      // the field of a dipole, and its derivative times the moment
+      // dipole term, and its derivative contracted with the moment
       const double cube = distance * distance * distance;
       const double second =
           node.moment.trace() / cube - 3 * r.dot(node.moment * r) / (cube * distance * distance);
@@ -137,12 +137,12 @@ double FastWinding::most_within(const Vec3& middle, double radius, double enough
   open[count++] = 0;
   while (count > 0 && sum < enough) {
     const Node& node = nodes_[open[--count]];
-    // no nearer than this, what is seen of an area is less than area / distance^2
+    // An area at a distance of at least `nearest` subtends less than area / nearest^2.
     const double nearest = (node.middle - middle).norm() - node.radius - radius;
     if (nearest > node.radius || (node.left == 0 && nearest > 0)) {
       sum += node.area / (nearest * nearest) / kFullAngle;
     } else if (node.left == 0) {
-      // half of all directions at most, from each triangle
+      // each triangle contributes at most 1/2
       sum += 0.5 * (node.last - node.first);
     } else {
       open[count++] = node.left;

@@ -18,7 +18,7 @@ Error cannot_write(const std::filesystem::path& file, std::string what, std::str
   return {ErrorKind::kOutput, std::move(what), file.string(), std::move(remedy)};
 }
 
-/// Reads the file back and compares every byte: the libraries below do not always notice a full disk.
+/// Reads the file back and compares every byte, because the libraries do not always detect a full disk.
 bool reads_back(const std::filesystem::path& file, const GridGeometry& geometry, const ItkImage& image) {
   const Progress silent;
   auto reader = VolumeReader::open(file, silent);
@@ -89,7 +89,7 @@ Result<void> write_scalar(const std::filesystem::path& file, const Volume<T>& vo
                      {itk_grid(volume.geometry()), component, 1, volume.voxels().data(), {}});
 }
 
-// Slicer's fields, in the order that it numbers its segments
+// Slicer's fields, with segments numbered as Slicer does
 std::vector<std::pair<std::string, std::string>> segment_fields(const LabelMap& labels) {
   std::vector<std::pair<std::string, std::string>> fields;
   const auto& dims = labels.geometry().dims;
@@ -114,7 +114,7 @@ std::vector<std::pair<std::string, std::string>> segment_fields(const LabelMap& 
   return fields;
 }
 
-// value after value with the layers fastest, as T
+// values of all layers as T, interleaved with the layer as fastest axis
 template <class T>
 std::vector<T> interleaved(const LabelMap& labels) {
   const std::size_t layers = labels.layers.size();

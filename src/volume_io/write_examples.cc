@@ -5,8 +5,8 @@
 #include "palpate/volume_io/volume_io.h"
 #include "volume/test_grids.h"
 
-/// Writes a few awkward volumes into the folder given, for reopen_check.py to read with other software, and
-/// prints the geometry that was meant: "file dims origin columns", columns with their spacing, LPS mm.
+/// Writes some unusual volumes into the given folder, to be read by other software in reopen_check.py, and
+/// prints the intended geometry: "file dims origin columns", columns scaled by the spacing, LPS mm.
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   const std::filesystem::path folder = argv[1];
@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
       volume.voxels()[n] = static_cast<std::int16_t>(static_cast<int>(n) * 7 - 100);
     const bool square = (g.direction.transpose() * g.direction).isIdentity(1e-9);
     for (const char* ending : {".nrrd", ".nii.gz", ".nii", ".mha"}) {
-      // NIfTI as ITK writes it holds only axes that are square to each other
+      // NIfTI as written by ITK supports only orthogonal axes
       const std::string name = "grid" + std::to_string(number) + ending;
       const auto written = palpate::write_volume(folder / name, volume);
       if (!square && name.find(".nii") != std::string::npos) {

@@ -208,8 +208,8 @@ bool looks_like_labels(const ScanFile& file);
 /// occur in single voxels, or that change by small steps at every third voxel or more often.
 bool looks_like_scan(const LabelMap& labels);
 
-/// Treatment of labels that look like a scan (looks_like_scan) and that neither the file nor a table with
-/// names for half of them declares to be labels.
+/// Treatment of labels that look like a scan (looks_like_scan) and that neither the file nor a table that
+/// names more than half of them declares to be labels.
 enum class Doubtful { kRefused, kWarnedOf };
 
 /// Reads a segmentation. Voxel values must be integers in 0 ... 65535. DICOM images are rejected.
