@@ -57,7 +57,7 @@ TEST(AnatomyWords, NamesOfSegmentersStayWhole) {
                                  "common_iliac_artery",
                                  "bladder_wall"}) {
     const AnatomyInName found = anatomy_in(name);
-    // a point between words becomes an underscore
+    // a dot between words becomes an underscore
     const std::string whole = name == "lh.pial" ? "lh_pial" : name;
     EXPECT_EQ(found.name, whole);
     EXPECT_FALSE(found.left_out) << name;
@@ -87,9 +87,9 @@ TEST(AnatomyWords, WhatMightNameAPatientIsLeftOut) {
            {"M\xc3\xbcller_tibia", "tibia", true},
            {"\xff\xfe", "", true},
            {"", "", false},
-           // a word that holds one of anatomy is another word
+           // a word that contains an anatomical word is a different word
            {"Bonenberg", "", true},
-           // people are called so, and it counts beside its own word only
+           // also a family name, which counts only next to its companion word
            {"Magnus_femur", "femur", true},
            {"magnus", "", true},
            {"Hoffa_Lien", "", true},
@@ -107,7 +107,7 @@ TEST(AnatomyWords, WhatMightNameAPatientIsLeftOut) {
 }
 
 TEST(AnatomyWords, NothingComesOutButWordsThatAreKnown) {
-  // whatever stands around it, a name that is no word of anatomy never comes through
+  // a non-anatomical word is dropped in every context
   for (const std::string canary : {"CANARY", "canary", "Canary"})
     for (const std::string around : {"femur", "left", "L5", "_", "12", "rib_4", "^", " ", "white matter"})
       for (const std::string& text :
@@ -120,7 +120,7 @@ TEST(AnatomyWords, NothingComesOutButWordsThatAreKnown) {
       }
 }
 
-// Classes of TotalSegmentator, as its masks are called: two lumina are not one, nor eight segments.
+// TotalSegmentator's classes, as its masks are named: two lumina are distinct, and so are eight segments.
 TEST(AnatomyWords, NamesOfMasksAreKeptAsTheyAreWritten) {
   std::vector<std::string> names;
   std::istringstream words(
@@ -165,7 +165,7 @@ TEST(AnatomyWords, NamesOfMasksAreKeptAsTheyAreWritten) {
   }
 }
 
-// and what may be a person's name or number is not
+// words that may be a person's name or number are dropped
 TEST(AnatomyWords, WhatMayBeAPersonsNameIsLeftOut) {
   for (const auto& [name, kept] : {std::pair("Bridge_Anna_liver", "liver"),
                                    {"head_Crown_19700101", ""},

@@ -31,17 +31,17 @@ TEST(ColourTable, EveryFaultNamesItsLine) {
   for (const std::string bad : {
            "2 tibia 1 2 3",           // no alpha
            "2 tibia left 1 2 3 255",  // a name of two words
-           "x tibia 1 2 3 255",       // no number
-           "-1 tibia 1 2 3 255",      // below
-           "65536 tibia 1 2 3 255",   // above
-           "2.0 tibia 1 2 3 255",     // not whole
-           "2 tibia 256 2 3 255",     // colour above
-           "2 tibia 0.5 2 3 255",     // colour not whole
+           "x tibia 1 2 3 255",       // not a number
+           "-1 tibia 1 2 3 255",      // below the range
+           "65536 tibia 1 2 3 255",   // above the range
+           "2.0 tibia 1 2 3 255",     // not an integer
+           "2 tibia 256 2 3 255",     // colour above the range
+           "2 tibia 0.5 2 3 255",     // colour not an integer
            "1 tibia 1 2 3 255",       // named twice
            "2 ti\x01"
            "bia 1 2 3 255",             // control character
            "2 tibia\xff 1 2 3 255",     // not UTF-8
-           "2 tibia\xc2\x9b 1 2 3 255"  // control character of two bytes
+           "2 tibia\xc2\x9b 1 2 3 255"  // two-byte control character
        }) {
     const auto labels = parse_colour_table(good + bad + "\n" + "3 patella 1 2 3 255\n", "knee.ctbl");
     ASSERT_FALSE(labels) << bad;

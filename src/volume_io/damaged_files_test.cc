@@ -16,7 +16,7 @@ using test::write_text;
 
 constexpr const char* kNames[] = {"v.nrrd", "v.nii", "v.nii.gz", "v.mha", "v.seg.nrrd"};
 
-// one good file of each format; noise, so that compression does not hide where a cut is
+// one valid file of each format; noise, so that compression does not hide a truncation
 void write_good(const TemporaryFolder& folder) {
   std::mt19937 random(3);
   const GridGeometry g = testing::awkward_grids({9, 8, 10})[1];
@@ -31,7 +31,7 @@ void write_good(const TemporaryFolder& folder) {
                                      : write_volume(folder / name, volume));
 }
 
-// the process that reads a file is there for what nobody has thought of: none of this may come to that
+// the confined process is a safeguard for unknown faults: none of these inputs may trigger it
 void expect_understood(const Error& error) {
   EXPECT_FALSE(error.what.empty());
   EXPECT_EQ(error.what.find("its reader"), std::string::npos) << error.message();
@@ -63,10 +63,10 @@ TEST(DamagedFiles, TheErrorSaysHowManySlicesThereAre) {
   EXPECT_TRUE(read_header(folder / "cut.nii")) << "the header is whole";
 }
 
-// flipped, inserted and removed bytes: a volume of the promised size or an error, whatever the bytes
+// flipped, inserted and removed bytes: a volume of the promised size or an error, never a crash
 TEST(DamagedFiles, RandomDamageNeverCrashes) {
   const unsigned seed = 20240601;
-  // a sanitized program takes long to make a process of
+  // starting a process takes long in a sanitized program
   const std::size_t rounds = reader::sanitized() ? 50 : 200;
   std::mt19937 random(seed);
   const TemporaryFolder folder;
@@ -74,7 +74,7 @@ TEST(DamagedFiles, RandomDamageNeverCrashes) {
   std::size_t errors = 0, read = 0;
   for (const std::string name : kNames) {
     const std::string whole = bytes_of_file(folder / name);
-    // mostly in the header, where damage does most
+    // mostly in the header, where damage has the largest effect
     const std::size_t header = std::min<std::size_t>(whole.size(), 500);
     for (std::size_t round = 0; round < rounds; ++round) {
       std::string bytes = whole;
@@ -114,7 +114,7 @@ std::string promise(const std::string& sizes, const std::string& encoding, const
          "\n\n" + data;
 }
 
-// nothing is allocated on the word of a header alone
+// nothing is allocated because of a header alone
 TEST(DamagedFiles, APromiseThatTheFileCannotKeepIsAnErrorBeforeMemoryIsTaken) {
   const TemporaryFolder folder;
   const std::string some(300, 'x');

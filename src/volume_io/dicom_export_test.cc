@@ -33,7 +33,7 @@ GridGeometry oblique_export_grid(bool left_handed) {
   return grid;
 }
 
-// three that overlap, in layers; one is in the middle slices alone, one of no voxel
+// three overlapping segments, in layers; one only in the middle slices, one without voxels
 LabelMap overlapping_labels(bool left_handed) {
   std::mt19937 random(test::test_seed());
   const GridGeometry grid = oblique_export_grid(left_handed);
@@ -104,7 +104,7 @@ TEST(DicomExport, EveryObjectHasIdentifiersOfItsOwnAndNoPatient) {
       EXPECT_NE(row.kind, IdentifierKind::kPatient) << row.what;
       EXPECT_NE(row.kind, IdentifierKind::kPrivate) << row.what;
       EXPECT_NE(row.kind, IdentifierKind::kInstitution) << row.what;
-      // of its making, and of nothing else
+      // dates of the export only
       EXPECT_TRUE(row.kind != IdentifierKind::kDate || row.what.starts_with("Content")) << row.what;
       if (row.what.starts_with("SOPInstanceUID") || row.what.starts_with("StudyInstanceUID") ||
           row.what.starts_with("FrameOfReferenceUID")) {
@@ -141,7 +141,7 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
   ASSERT_TRUE(write_secondary_capture(folder / "picture.dcm", 7, 5, rgb, "Section"));
   const auto report = find_identifiers(folder / "picture.dcm", true);
   ASSERT_TRUE(report) << report.error().message();
-  // nobody has looked
+  // the pixels have not been examined for annotations
   EXPECT_EQ(report->burnt_in_unsaid, 1u);
   const bool marked = std::ranges::any_of(report->rows, [](const IdentifierRow& row) {
     return row.example.find("Not for clinical use") != std::string::npos;
@@ -155,7 +155,7 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
   EXPECT_TRUE(bytes.ends_with(pixels));
 }
 
-// as where a disk is full
+// as on a full disk
 TEST(DicomExport, WhatCannotBeWrittenWholeIsNotThere) {
   const TemporaryFolder folder;
   rlimit before{};
@@ -172,7 +172,7 @@ TEST(DicomExport, WhatCannotBeWrittenWholeIsNotThere) {
   EXPECT_FALSE(std::filesystem::exists(folder / "picture.dcm"));
 }
 
-// ---- whose it is --------------------------------------------------------------------------------
+// ---- patient identity ---------------------------------------------------------------------------
 
 void write_study_of(const std::filesystem::path& folder, const std::string& set, const std::string& name) {
   for (int k = 0; k < 4; ++k) {
@@ -204,7 +204,7 @@ TEST(DicomExport, ANameKeepsItsLettersOrIsAnError) {
   EXPECT_EQ(name_in("ISO_IR 100", "M\xFCller^J"), "M\xC3\xBCller^J");
   EXPECT_EQ(name_in("ISO_IR 192", "M\xC3\xBCller^J"), "M\xC3\xBCller^J");
   EXPECT_THAT(name_in("", "M\xFCller^J"), HasSubstr("character set that cannot be converted"));
-  // which needs DCMTK and its tables: "Lyuks" in Cyrillic
+  // requires DCMTK and its tables: "Lyuks" in Cyrillic
   EXPECT_THAT(name_in("ISO_IR 144", "\xBB\xEE\xDA\xE1"),
               ::testing::AnyOf(HasSubstr("\xD0\x9B\xD1\x8E\xD0\xBA\xD1\x81"),
                                HasSubstr("character set that cannot be converted")));
@@ -228,7 +228,7 @@ TEST(DicomIdentifiers, AreListedByKindAndTag) {
                  {0x0012, 0x0040, "subject 7"}, {0x0040, 0x0010, "room 3"}, {0x0040, 0x0512, "jar 9"}};
   test::write_dicom(folder / "one.dcm", image);
   {
-    // an empty sequence of some maker's, after the pixels
+    // an empty private sequence after the pixels
     std::ofstream more(folder / "one.dcm", std::ios::binary | std::ios::app);
     more << std::string("\xE1\x7F\x01\x10SQ\0\0\0\0\0\0", 12);
   }

@@ -27,7 +27,7 @@ DicomFiles& library() {
   return files;
 }
 
-// bytes under a name that DCMTK can open, as often as it likes
+// bytes under a path that DCMTK can open repeatedly
 class NamedBytes {
  public:
   NamedBytes(const std::uint8_t* data, std::size_t size) : descriptor_(::memfd_create("dicom", MFD_CLOEXEC)) {
@@ -42,7 +42,7 @@ class NamedBytes {
   int descriptor_;
 };
 
-// the same bytes as a structure set, on some grid, and what they say of the images that it was made on
+// the same bytes as a structure set on some grid, and their references
 void look_at_structures(const std::string& name) {
   if (const auto reference = library().read_reference(name); !reference)
     must(!reference.error().what.empty());
@@ -86,13 +86,13 @@ void look_at_segmentation(const std::string& name, const std::string& syntax) {
 
 }  // namespace
 
-// A length that a file claims is asked for before its bytes are missed, as in the confined process, whose
-// limit of memory refuses it.
+// A length claimed by a file is allocated before the data are found missing, as in the confined process,
+// whose memory limit rejects it.
 extern "C" const char* __asan_default_options() {
   return "allocator_may_return_null=1:max_allocation_size_mb=256";
 }
 
-// one file: what it says, what becomes of its frames, and the voxels of the first of them
+// one file: its attributes, all frames, and the voxels of the first frame
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const NamedBytes bytes(data, size);
   if (const auto found = library().read_identifiers(bytes.name()))

@@ -25,7 +25,7 @@ std::string in_words(const Jpeg2000Coding& coding) {
          std::to_string(coding.tile) + ", layers " + std::to_string(coding.layers);
 }
 
-// in all of the range, smooth in places and rough in others
+// samples over the full range, smooth in places and rough in others
 template <class Random>
 Samples samples_of(const Jpeg2000Coding& coding, Random& random) {
   const std::int32_t low = coding.is_signed ? -(1 << (coding.bits - 1)) : 0,
@@ -44,9 +44,9 @@ std::size_t word_bytes_of(int bits) {
   return bits <= 8 ? 1 : bits <= 16 ? 2 : 4;
 }
 
-// the samples as they are in words of a data set; nothing where the frame is refused
+// decompressed samples, as words of a data set; nullopt if the frame is rejected
 std::optional<Codestream> unpacked(const Codestream& packed, std::size_t word_bytes) {
-  // memory of just that size
+  // exactly sized memory, for the sanitizers
   const Codestream exactly(packed);
   const auto header = read_jpeg2000_header(exactly);
   if (!header || header->rows != kRows || header->columns != kColumns || header->components != 1 ||
@@ -102,7 +102,7 @@ TEST(DicomJpeg2000, HeadersSayWhatIsNotRead) {
   std::mt19937 random(2);
   const Jpeg2000Coding coding{12};
   const Codestream packed = test::pack_jpeg2000(kRows, kColumns, samples_of(coding, random), coding);
-  // SOC, SIZ: its length at 4, capabilities at 6, places from 8 on, components at 40
+  // SOC, SIZ: its length at 4, capabilities at 6, positions from 8 on, components at 40
   const auto changed = [&](std::size_t at, int value) {
     Codestream bytes = packed;
     bytes[at] = static_cast<std::uint8_t>(value);
@@ -118,7 +118,7 @@ TEST(DicomJpeg2000, HeadersSayWhatIsNotRead) {
   EXPECT_EQ(read_jpeg2000_header(tiny)->tiles, std::uint64_t{kRows} * kColumns);
   tiny[27] = 0;
   EXPECT_FALSE(read_jpeg2000_header(tiny));
-  // the coding style, after what is there of SIZ
+  // the coding style, after the SIZ segment
   constexpr std::uint8_t kCodingStyle[] = {0xFF, 0x52};
   const auto coding_style =
       std::search(packed.begin(), packed.end(), std::begin(kCodingStyle), std::end(kCodingStyle));
@@ -136,7 +136,7 @@ TEST(DicomJpeg2000, CutAnywhereItIsRefused) {
     const Jpeg2000Coding coding{12, true, false, tile};
     const Samples samples = samples_of(coding, random);
     const Codestream packed = test::pack_jpeg2000(kRows, kColumns, samples, coding);
-    // without its last marker nothing of the image is missing
+    // the end marker is not needed to decode the image
     constexpr std::size_t kEndMarker = 2;
     for (std::size_t length = 0; length + kEndMarker < packed.size(); ++length)
       EXPECT_FALSE(
@@ -145,7 +145,7 @@ TEST(DicomJpeg2000, CutAnywhereItIsRefused) {
   }
 }
 
-// what a sanitizer watches
+// for sanitizers
 TEST(DicomJpeg2000, AnyBytesAreUnpackedOrRefused) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

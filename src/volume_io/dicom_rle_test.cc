@@ -15,7 +15,7 @@ namespace {
 
 using PlainBytes = std::vector<std::uint8_t>;
 
-// PackBits as PS3.5 G.3.1 has it, in pieces of which a random number says how long they are
+// PackBits as in PS3.5 G.3.1, in pieces of random length
 template <class Random>
 PlainBytes pack_bits(const PlainBytes& plain, Random& random) {
   PlainBytes packed;
@@ -23,7 +23,7 @@ PlainBytes pack_bits(const PlainBytes& plain, Random& random) {
     std::size_t same = 1;
     while (at + same < plain.size() && plain[at + same] == plain[at]) ++same;
     const auto most = std::uniform_int_distribution<std::size_t>(1, 128)(random);
-    if (random() % 8 == 0) packed.push_back(0x80);  // which means nothing
+    if (random() % 8 == 0) packed.push_back(0x80);  // a no-op
     if (same >= 2 && most >= 2) {
       const std::size_t run = std::min(same, most);
       packed.push_back(static_cast<std::uint8_t>(257 - run));
@@ -45,7 +45,7 @@ void put_number(PlainBytes& bytes, std::size_t place, std::size_t number) {
     bytes[4 * place + byte] = static_cast<std::uint8_t>(number >> (8 * byte));
 }
 
-// a frame of little-endian words
+// frame of little-endian words
 template <class Random>
 PlainBytes pack_frame(const PlainBytes& words, std::size_t word_bytes, Random& random) {
   PlainBytes packed(64);
@@ -62,7 +62,7 @@ PlainBytes pack_frame(const PlainBytes& words, std::size_t word_bytes, Random& r
   return packed;
 }
 
-// words with stretches that are the same
+// words with constant stretches
 template <class Random>
 PlainBytes random_words(std::size_t bytes, Random& random) {
   PlainBytes words;
@@ -72,7 +72,7 @@ PlainBytes random_words(std::size_t bytes, Random& random) {
   return words;
 }
 
-// unpacked into memory of just that size, so that a sanitizer sees what is beyond
+// decompressed into exactly sized memory, so that sanitizers detect accesses beyond it
 std::optional<PlainBytes> unpacked(const PlainBytes& packed, std::size_t word_bytes, std::size_t bytes) {
   PlainBytes words(bytes);
   const PlainBytes exactly(packed);
@@ -91,7 +91,7 @@ TEST(DicomRle, WhatWasPackedComesBack) {
   }
 }
 
-// the example by which PackBits is known (Apple, Technical Note TN1023)
+// the standard PackBits example (Apple, Technical Note TN1023)
 TEST(DicomRle, TheKnownExample) {
   PlainBytes packed(64);
   put_number(packed, 0, 1);
@@ -124,7 +124,7 @@ TEST(DicomRle, CutAnywhereItIsRefused) {
   for (const std::size_t word_bytes : {1, 2, 4}) {
     const PlainBytes words = random_words(150 * word_bytes, random);
     PlainBytes packed = pack_frame(words, word_bytes, random);
-    // without what pads it
+    // without the padding
     while (unpacked(PlainBytes(packed.begin(), packed.end() - 1), word_bytes, words.size()))
       packed.pop_back();
     for (std::size_t length = 0; length < packed.size(); ++length)
@@ -153,7 +153,7 @@ TEST(DicomRle, HeadersThatPointElsewhereAreRefused) {
   EXPECT_FALSE(unpacked(packed, 16, 160));
 }
 
-// what a sanitizer watches
+// for sanitizers
 TEST(DicomRle, AnyBytesAreUnpackedOrRefused) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

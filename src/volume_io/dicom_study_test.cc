@@ -10,7 +10,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-// a volume of two files, in a series and a frame of reference
+// volume of two files, in a series and a frame of reference
 DicomVolume volume_of_files(std::uint32_t first_file, int series, const std::string& space) {
   DicomVolume volume;
   for (std::uint32_t n = 0; n < 2; ++n) {
@@ -25,7 +25,7 @@ DicomVolume volume_of_files(std::uint32_t first_file, int series, const std::str
 
 const DicomIdentifiers kIdentifiers{{"s0", "s1"}, {"i0", "i1", "i2", "i3", "i4", "i5"}};
 
-// two echoes of a series and another series, which has a space of its own
+// two echoes of a series, and another series with its own frame of reference
 std::vector<DicomVolume> study() {
   return {volume_of_files(0, 0, "f0"), volume_of_files(2, 0, "f0"), volume_of_files(4, 1, "f1")};
 }
@@ -38,7 +38,7 @@ TEST(DicomStudy, TheClosestBondCounts) {
   EXPECT_THAT(bonds({{"s0"}, {}, {"f0"}}), ElementsAre(Bond::kSeries, Bond::kSeries, Bond::kNone));
   EXPECT_THAT(bonds({{}, {}, {"f1"}}), ElementsAre(Bond::kNone, Bond::kNone, Bond::kSpace));
   EXPECT_THAT(bonds({{}, {}, {}}), ElementsAre(Bond::kUnsaid, Bond::kUnsaid, Bond::kUnsaid));
-  // what is said is of another study
+  // references to another study
   EXPECT_THAT(bonds({{"s9"}, {"i9"}, {"f9"}}), ElementsAre(Bond::kNone, Bond::kNone, Bond::kNone));
 }
 
@@ -71,13 +71,13 @@ TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
   const auto other = choose_segmented(study(), {Bond::kNone, Bond::kNone, Bond::kNone}, {});
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().what, HasSubstr("was not made on these images"));
-  // of those that are alike one alone can be used
+  // only one of several equally related volumes can be used
   auto volumes = study();
   volumes[0].fault = "a slice is missing";
   const auto usable = choose_segmented(volumes, {Bond::kSeries, Bond::kSeries, Bond::kNone}, {});
   ASSERT_TRUE(usable);
   EXPECT_EQ(usable->index, 1u);
-  // and the one that it was made on cannot be
+  // the volume on which it was made cannot be used
   const auto broken = choose_segmented(volumes, {Bond::kImages, Bond::kSeries, Bond::kNone}, {});
   ASSERT_FALSE(broken);
   EXPECT_THAT(broken.error().what,

@@ -16,7 +16,7 @@
 #include "palpate/volume_io/volume_io.h"
 #include "volume_io/test_dicom.h"
 
-/// Series written by DCMTK, each with one trap, and the shared ones.
+/// Series written by DCMTK, each with one difficulty, and the shared data sets.
 namespace palpate {
 namespace {
 
@@ -30,7 +30,7 @@ using ::testing::Not;
 constexpr int kSlices = 5;
 constexpr double kStep_mm = 1.25;
 
-// what stands at a voxel, another number everywhere, in 12 bits
+// stored value of a voxel, different everywhere, in 12 bits
 std::uint16_t stored_at(int i, int j, int k) {
   return static_cast<std::uint16_t>((k * 611 + j * 83 + i * 7) % 4096);
 }
@@ -42,7 +42,7 @@ std::vector<std::uint16_t> words_of(const DicomImage& image, int k) {
   return words;
 }
 
-// a slice of a series, k steps along the normal of an axial plane
+// slice of a series, k steps along the normal of an axial plane
 DicomImage slice(int k) {
   DicomImage image;
   image.frames[0].position = {-10, 20, -30 + k * kStep_mm};
@@ -57,7 +57,7 @@ std::string bytes_of(const std::filesystem::path& file) {
 
 class Dicom : public ::testing::Test {
  protected:
-  // slices of a series, each changed
+  // writes the slices of a series, each modified
   template <class Change>
   void write_series(const Change& change, DicomPacking packing = DicomPacking::kExplicit,
                     int slices = kSlices, const std::string& name = "IM") {
@@ -83,7 +83,7 @@ class Dicom : public ::testing::Test {
     EXPECT_THAT(scan.error().remedy, Not(IsEmpty()));
     return scan.error().what;
   }
-  // every voxel, by the value that it should have
+  // compares every voxel with its expected value
   template <class Value>
   void expect_voxels(const Value& value) {
     const auto scan = read();
@@ -106,7 +106,7 @@ class Dicom : public ::testing::Test {
 // ---- geometry -----------------------------------------------------------------------------------
 
 TEST_F(Dicom, SlicesAreSortedByTheirPlacesAlone) {
-  // names, numbers and folders say other things
+  // names, numbers and folders suggest another order
   for (int k = 0; k < kSlices; ++k) {
     DicomImage image = slice(k);
     image.instance_number = 100 - k * k;
@@ -130,7 +130,7 @@ TEST_F(Dicom, SlicesAreSortedByTheirPlacesAlone) {
 }
 
 TEST_F(Dicom, ObliqueSlicesLieWhereTheirFilesSay) {
-  // a sagittal plane turned by 20 degrees, whose normal points to the patient's right
+  // a sagittal plane rotated by 20 degrees, whose normal points to the patient's right
   const double c = std::cos(20 * M_PI / 180), s = std::sin(20 * M_PI / 180);
   const Eigen::Vector3d row(s, c, 0), column(0, 0, -1), normal = row.cross(column);
   write_series([&](DicomImage& image, int k) {
@@ -141,7 +141,7 @@ TEST_F(Dicom, ObliqueSlicesLieWhereTheirFilesSay) {
   expect_voxels();
   const auto header = read_header(folder_.path());
   ASSERT_TRUE(header);
-  // DICOM's own formula, PS3.3 C.7.6.2.1.1
+  // formula of PS3.3 C.7.6.2.1.1
   const Eigen::Vector3d expected =
       Eigen::Vector3d(12, -34, 56) + 4 * 2.5 * normal + 7 * 0.5 * row + 5 * 0.7 * column;
   const Point<Patient> last = header->geometry.X_PatientVoxel() * Point<Voxel>(7, 5, 4);
@@ -160,10 +160,10 @@ TEST_F(Dicom, AMissingSliceIsNamed) {
 TEST_F(Dicom, ADoubledSliceIsNamed) {
   write_series([](DicomImage& image, int k) { image.sop_instance = "1.2.3." + std::to_string(k); });
   const std::string what = "two slices lie at one place: slice 3 of 6, at -27.50 mm";
-  // the same values under another name: nobody says that it is the same image
+  // equal values with another identifier: not known to be the same image
   test::write_dicom(folder_ / "copy", slice(2));
   EXPECT_THAT(refusal(), HasSubstr(what));
-  // the same name and another value
+  // the same identifier with another value
   DicomImage other = slice(2);
   other.sop_instance = "1.2.3.2";
   ++other.frames[0].stored[5];
@@ -173,7 +173,7 @@ TEST_F(Dicom, ADoubledSliceIsNamed) {
 
 TEST_F(Dicom, CopiesOfASliceAreOne) {
   for (const bool compressed : {false, true}) {
-    // a folder that was copied into itself, the copies packed otherwise
+    // a folder copied into itself, the copies compressed differently
     for (int k = 0; k < kSlices; ++k) {
       DicomImage image = slice(k);
       image.sop_instance = "1.2.3." + std::to_string(k);
@@ -220,7 +220,7 @@ TEST_F(Dicom, ATiltedGantryIsAShearedGrid) {
                                HasSubstr("0.25 mm beside the one before")));
   const auto header = read_header(folder_.path());
   ASSERT_TRUE(header) << header.error().message();
-  // every voxel lies where DICOM's own formula has it, PS3.3 C.7.6.2.1.1
+  // every voxel is at the position given by PS3.3 C.7.6.2.1.1
   for (const int k : {0, 3, kSlices - 1}) {
     const Eigen::Vector3d expected(-10 + 7 * 0.5, 20 - 0.25 * k + 5 * 0.7, -30 + k * kStep_mm);
     EXPECT_LT((header->geometry.X_PatientVoxel() * Point<Voxel>(7, 5, k) - Point<Patient>(expected)).norm(),
@@ -243,7 +243,7 @@ TEST_F(Dicom, AnOrientationRoundedToThousandthsIsTaken) {
   }
 }
 
-// LIDC-IDRI as an anonymiser left it
+// LIDC-IDRI after anonymisation
 TEST_F(Dicom, AFrameOfReferenceForEachSliceIsOneVolume) {
   write_series([](DicomImage& image, int k) {
     image.texts = {{0x0020, 0x0052, "1.2.5." + std::to_string(k)}};
@@ -327,7 +327,7 @@ TEST_F(Dicom, TwoEchoesAreTwoVolumes) {
 }
 
 TEST_F(Dicom, TimesOfAHeartAreVolumes) {
-  // its rate changes from place to place, and the files' names say nothing
+  // trigger times vary from position to position, and file names carry no information
   for (int k = 0; k < kSlices; ++k)
     for (int time = 0; time < 3; ++time) {
       DicomImage image = slice(k);
@@ -444,7 +444,7 @@ TEST_F(Dicom, WhatTellsVolumesApart) {
   EXPECT_EQ(volumes(), 6u);
 }
 
-// ---- how voxels are packed ----------------------------------------------------------------------
+// ---- compression --------------------------------------------------------------------------------
 
 TEST_F(Dicom, EveryPackingWithoutLossGivesTheSameVoxels) {
   for (const DicomPacking packing :
@@ -468,9 +468,9 @@ TEST_F(Dicom, Jpeg2000OfAnyBitsWithAndWithoutASign) {
   for (const Case& each :
        {Case{8, 8, false, {}, {}}, Case{8, 8, true, {}, {}}, Case{16, 12, false, {}, {}},
         Case{16, 12, true, {}, {}}, Case{16, 16, false, {}, {}}, Case{16, 16, true, {}, {}},
-        // whole words; a sign that the data set knows and the packer did not, and the other way
+        // whole words; a sign known to the data set but not to the encoder, and the reverse
         Case{16, 12, true, 16, {}}, Case{16, 12, true, {}, false}, Case{16, 16, false, {}, true},
-        // fewer bits than are stored, which are enough
+        // fewer bits than are stored, but sufficient
         Case{16, 16, true, 13, {}}}) {
     SCOPED_TRACE(std::to_string(each.stored) + " bits, sign " + std::to_string(each.is_signed));
     const int most = each.packed_bits ? 12 : each.stored;
@@ -510,7 +510,7 @@ TEST_F(Dicom, Jpeg2000OfOtherBitsOrSizesIsRefused) {
   for (int k = 0; k < kSlices; ++k) {
     const auto file = folder_ / ("IM" + std::to_string(k));
     std::string bytes = bytes_of(file);
-    // 9 columns, of which there are 8
+    // declares 9 columns instead of 8
     const auto at = bytes.find(std::string("\x28\0\x11\0US\2\0\x08\0", 10));
     ASSERT_NE(at, std::string::npos);
     bytes[at + 8] = 9;
@@ -631,7 +631,7 @@ TEST_F(Dicom, WithoutAPreamble) {
   expect_voxels();
 }
 
-// the file with another TransferSyntaxUID in its header
+// replaces the TransferSyntaxUID in the file's header
 void claim_syntax(const std::filesystem::path& file, std::string uid) {
   std::string bytes = bytes_of(file);
   const auto at = bytes.find(std::string("\x02\0\x10\0UI", 6));
@@ -640,7 +640,7 @@ void claim_syntax(const std::filesystem::path& file, std::string uid) {
   if (uid.size() % 2) uid += '\0';
   bytes.replace(at + 8, before, uid);
   bytes[at + 6] = static_cast<char>(uid.size());
-  // the length of the header
+  // length of the header
   bytes[140] = static_cast<char>(static_cast<unsigned char>(bytes[140]) + uid.size() - before);
   std::ofstream(file, std::ios::binary) << bytes;
 }
@@ -660,14 +660,14 @@ TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
 // ---- values -------------------------------------------------------------------------------------
 
 TEST_F(Dicom, BitsThatAreNotStoredDoNotCount) {
-  // 12 bits of 16: what stands above them is something else
+  // 12 bits of 16: the bits above them are unrelated
   write_series([](DicomImage& image, int) {
     image.bits_stored = 12;
     image.high_bit = 11;
     for (std::uint16_t& word : image.frames[0].stored) word |= 0xA000;
   });
   expect_voxels();
-  // and above what is not used below
+  // and bits above if the unused ones are below
   write_series([](DicomImage& image, int) {
     image.bits_stored = 12;
     image.high_bit = 13;
@@ -699,7 +699,7 @@ TEST_F(Dicom, AScaleThatIsNoNumberIsRefused) {
     EXPECT_THAT(refusal(),
                 AllOf(HasSubstr("slice 2 of 5"), HasSubstr("RescaleSlope (0028,1053) that is no number")));
   }
-  // an empty one says nothing
+  // an empty attribute has no effect
   write_series([&](DicomImage& image, int) { image.texts = {{0x0028, 0x1053, ""}}; });
   expect_voxels();
 }
@@ -713,7 +713,7 @@ TEST_F(Dicom, EverySliceHasItsOwnScale) {
 }
 
 TEST_F(Dicom, Monochrome1KeepsItsValues) {
-  // it says how a screen shows them (PS3.3 C.7.6.3.1.2), not what they are
+  // affects only the display (PS3.3 C.7.6.3.1.2), not the values
   write_series([](DicomImage& image, int) { image.photometric = "MONOCHROME1"; });
   expect_voxels();
 }
@@ -737,7 +737,7 @@ TEST_F(Dicom, PaddingIsTheLowestValueAndIsTold) {
 }
 
 TEST_F(Dicom, PaddingMayHaveMoreBitsThanAreStored) {
-  // 12 bits, and -2000 in all 16: what its lowest 12 bits are is a value
+  // 12 bits, and padding of -2000 in all 16: the value of its lowest 12 bits is valid
   constexpr std::uint16_t kPadding = 0xF830, kLow = kPadding & 0xFFF;
   write_series([&](DicomImage& image, int) {
     image.bits_stored = 12;
@@ -785,14 +785,14 @@ TEST_F(Dicom, FramesOfSeveralPieces) {
   for (const int k : {3, 0, 4, 1, 2}) image.frames.push_back(slice(k).frames[0]);
   test::write_dicom(folder_ / "all.dcm", image, DicomPacking::kJpeg2000Lossless);
   expect_voxels();
-  // a table of where frames begin that says something else
+  // a contradictory offset table
   std::string bytes = bytes_of(folder_ / "all.dcm");
   const auto table = bytes.rfind(std::string("\xFE\xFF\0\xE0\x14\0\0\0", 8));
   ASSERT_NE(table, std::string::npos);
   bytes[table + 12] = static_cast<char>(bytes[table + 12] + 2);
   std::ofstream(folder_ / "all.dcm", std::ios::binary) << bytes;
   EXPECT_THAT(refusal(), HasSubstr("damaged PixelData (7FE0,0010)"));
-  // all pieces of the only frame are its own
+  // all fragments belong to the only frame
   for (int k = 0; k < kSlices; ++k) {
     DicomImage one = slice(k);
     one.pieces = 2;
@@ -827,7 +827,7 @@ TEST_F(Dicom, FramesOfAnOddNumberOfBytes) {
 }
 
 TEST_F(Dicom, FramesThatAreNotThereAreMissed) {
-  // 99 frames are said, two are there
+  // 99 frames are declared, two are present
   for (const DicomPacking packing : {DicomPacking::kExplicit, DicomPacking::kRle, DicomPacking::kJpegLs}) {
     SCOPED_TRACE(static_cast<int>(packing));
     DicomImage image = slice(0);
@@ -844,7 +844,7 @@ TEST_F(Dicom, FramesThatAreNotThereAreMissed) {
   }
 }
 
-// ---- what is refused ----------------------------------------------------------------------------
+// ---- rejected files -----------------------------------------------------------------------------
 
 TEST_F(Dicom, WhatLacksIsNamed) {
   write_series([](DicomImage& image, int) { image.spacing_mm.reset(); });
@@ -873,7 +873,7 @@ TEST_F(Dicom, ASliceThatIsCutShortIsNamed) {
 
 TEST_F(Dicom, OnlyAFileThatIsCutShortIsCalledSo) {
   write_series();
-  // bytes after the pixels, as some archives pad files with
+  // bytes after the pixels, as appended by some archives
   const std::string whole = bytes_of(folder_ / "IM2");
   std::ofstream(folder_ / "IM2", std::ios::binary) << whole << "padding of it";
   expect_voxels();
@@ -883,7 +883,7 @@ TEST_F(Dicom, OnlyAFileThatIsCutShortIsCalledSo) {
   std::ofstream(folder_ / "IM2", std::ios::binary) << whole.substr(0, pixels);
   EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 3 of 5"), HasSubstr("has no PixelData (7FE0,0010)"),
                                Not(HasSubstr("cut short"))));
-  // fewer than the rows and columns ask for
+  // fewer than required by rows and columns
   write_series([](DicomImage& image, int k) {
     if (k == 2) image.frames[0].stored.resize(40);
   });
@@ -892,7 +892,7 @@ TEST_F(Dicom, OnlyAFileThatIsCutShortIsCalledSo) {
 }
 
 TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
-  // DCMTK decodes 8 bits into the first half of what 16 bits take, and says nothing
+  // DCMTK decodes 8 bits into the first half of the memory for 16 bits, without an error
   write_series(
       [](DicomImage& image, int) {
         image.bits_allocated = image.bits_stored = 8;
@@ -913,7 +913,7 @@ TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
 }
 
 TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
-  // ImageType's length says some 700 MiB
+  // ImageType declares a length of about 700 MiB
   write_series(DicomPacking::kImplicit);
   std::string bytes = bytes_of(folder_ / "IM0");
   const auto at = bytes.find(std::string("\x08\0\x08\0", 4));
@@ -925,7 +925,7 @@ TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
 }
 
 TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
-  // nothing shows that there was a slice more: it is said wherever the volume is read
+  // nothing indicates that another slice existed: this is reported wherever the volume is read
   write_series();
   std::filesystem::resize_file(folder_ / "IM4", 200);
   EXPECT_EQ(read()->scan.geometry().dims[2], 4);
@@ -937,7 +937,7 @@ TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
 }
 
 TEST_F(Dicom, TheFileThatItsReaderFailsOnIsNamed) {
-  // sequences in each other as deep as no stack goes
+  // sequences nested deeper than any stack allows
   write_series();
   std::string bytes = bytes_of(folder_ / "IM2");
   bytes.resize(bytes.find(std::string("\x28\0\2\0US", 6)));
@@ -1001,7 +1001,7 @@ TEST_F(Dicom, StopsWhenItIsAsked) {
   EXPECT_EQ(scan.error().kind, ErrorKind::kInterrupted);
 }
 
-// ---- who it is ----------------------------------------------------------------------------------
+// ---- patient identity ---------------------------------------------------------------------------
 
 TEST_F(Dicom, NothingSaysWhoItIs) {
   const std::string canary = "DOE^CANARY";
@@ -1026,7 +1026,7 @@ TEST_F(Dicom, NothingSaysWhoItIs) {
   };
   with_patient([](DicomImage&, int) {});
   tell();
-  // the standard's own words are shown, others are not
+  // terms of the standard are shown, others are not
   with_patient([&](DicomImage& image, int k) {
     image.modality = "DOE";
     image.image_type = k < 2 ? "ORIGINAL\\DOE^CANARY" : "ORIGINAL\\PRIMARY";
@@ -1087,9 +1087,9 @@ TEST_F(Dicom, DamagedFilesAreRefusedOrReadAndNothingElse) {
   EXPECT_LT(refused, 100);
 }
 
-// ---- the shared files ---------------------------------------------------------------------------
+// ---- shared data --------------------------------------------------------------------------------
 
-// every voxel of one lies in the other, with the same value
+// every voxel of one volume lies in the other, with the same value
 void expect_same_voxels(const Volume<float>& one, const Volume<float>& other) {
   ASSERT_EQ(one.voxels().size(), other.voxels().size());
   const auto X = other.geometry().X_PatientVoxel().inverse() * one.geometry().X_PatientVoxel();
@@ -1166,7 +1166,7 @@ TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
 
 // ---- segmentations ------------------------------------------------------------------------------
 
-// the places of the voxels of a segment, in voxels of a grid
+// positions of the voxels of a segment, in voxels of a grid
 std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment,
                                        const GridGeometry& grid) {
   std::set<std::array<int, 3>> places;
@@ -1184,7 +1184,7 @@ std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& se
   return places;
 }
 
-// every structure of the masks is a segment, voxel by voxel, and the other way round
+// every structure of the masks is a segment with the same voxels, and vice versa
 void expect_masks(const std::string& segmentation, const std::vector<std::string>& masks,
                   std::size_t layers = 1) {
   SCOPED_TRACE(segmentation);
@@ -1200,7 +1200,7 @@ void expect_masks(const std::string& segmentation, const std::vector<std::string
     const auto labels = read_labels(reference);
     ASSERT_TRUE(labels) << labels.error().message();
     if (!grid) grid = labels->labels.geometry();
-    // 5 stands there where a frame was left out, of which the file says that it is nothing
+    // 5 marks positions of omitted frames, which the file declares as background
     for (const Segment& segment : labels->labels.segments)
       if (segmentation != "sparse-labelmap-ppv5.dcm" || segment.value != 5)
         expected.insert(places_of(labels->labels, segment, *grid));
@@ -1213,7 +1213,7 @@ void expect_masks(const std::string& segmentation, const std::vector<std::string
   EXPECT_TRUE(found == expected);
 }
 
-// of 5 x 7 voxels: 35 bits, so that frames begin at any bit
+// 5 x 7 voxels: 35 bits, so that frames begin at any bit
 std::vector<std::uint16_t> mask_of(int seed) {
   std::vector<std::uint16_t> values(35);
   for (int n = 0; n < 35; ++n) values[static_cast<std::size_t>(n)] = (n * n + seed * 7 + n / 3) % 5 < 2;
@@ -1233,7 +1233,7 @@ class Segmentation : public ::testing::Test {
     EXPECT_THAT(labels.error().remedy, Not(IsEmpty()));
     return labels.error().what;
   }
-  // of a place along z in slices, on an axial grid
+  // at slice k along z, on an axial grid
   static test::DicomMasks::Frame frame(int segment, int k, int seed) {
     return {segment, {-10, 20, -30 + k * 1.25}, mask_of(seed)};
   }
@@ -1262,7 +1262,7 @@ TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
     masks.frames = {frame(1, 5, 5), frame(1, 0, 0), frame(1, 2, 2)};
     for (const std::optional<double> said : {std::optional(1.25), std::optional<double>()}) {
       masks.slice_spacing_mm = said;
-      // without a word the least distance is the one between slices
+      // without a stated distance, the smallest distance is that between slices
       if (!said) masks.frames.push_back(frame(1, 3, 3));
       const auto labels = read(masks, packing);
       ASSERT_TRUE(labels) << labels.error().message();
@@ -1333,7 +1333,7 @@ TEST_F(Segmentation, NamesComeFromLabelsAndCodesWithTheirSides) {
                     {8, "L3", "36470004", "SCT", "L3 vertebra", ""},
                     {9, "ROI 9", "99", "99LOCAL", "Medial meniscus", "7771000"},
                     {10, "what he drew", "99", "99LOCAL", "Medial meniscus", ""},
-                    // a code of another scheme is another one
+                    // a code of another scheme has another meaning
                     {11, "Segment_11", "64033007", "99LOCAL", "", ""}};
   for (int n = 1; n <= 11; ++n) masks.frames.push_back(frame(n, n, n));
   const auto labels = read(masks);
@@ -1386,13 +1386,13 @@ TEST_F(Segmentation, NamesAreReadInTheirCharacterSet) {
   EXPECT_EQ(names("ISO_IR 144", "Femur \xBA", "\xBA\xDE\xE1\xE2\xEC"),
             "Femur \u041A, \u041A\u043E\u0441\u0442\u044C");
   EXPECT_EQ(names("ISO_IR 13", "Femur \xCE\xC8", "\xCE\xC8"), "Femur \uFF8E\uFF88, \uFF8E\uFF88");
-  // what cannot be read is no name, and the code says what it is
+  // unreadable text is not a name; the code determines the structure
   EXPECT_EQ(names("ISO_IR 999", "\xB9\xC9\xB9\xC7", "\xB9\xC9\xB9\xC7"), "femur, Segment_2");
   EXPECT_EQ(names("GB18030", "\xB9", "\xFF\xFF"), "femur, Segment_2");
   EXPECT_EQ(names("", "F\xE9mur", "Patella"), "femur, Patella");
 }
 
-// supplement 243 allows PALETTE COLOR, which highdicom writes
+// Supplement 243 allows PALETTE COLOR, which highdicom writes.
 TEST_F(Segmentation, LabelsWithAPaletteHaveItsColours) {
   test::DicomMasks masks;
   masks.type = "LABELMAP";
@@ -1408,7 +1408,7 @@ TEST_F(Segmentation, LabelsWithAPaletteHaveItsColours) {
   EXPECT_EQ(labels->labels.segments[0].colour, (Rgb{250, 51, 0}));
   EXPECT_EQ(labels->labels.segments[1].colour, (Rgb{0, 102, 255}));
   EXPECT_EQ(labels->labels.layers[0].at(0, 0, 0), 2);
-  // in an image a palette is a picture in colours
+  // in an image a palette means a colour image
   masks.type = "BINARY";
   masks.bits = 1;
   masks.frames[0].segment = 1;
@@ -1418,7 +1418,7 @@ TEST_F(Segmentation, LabelsWithAPaletteHaveItsColours) {
 TEST_F(Segmentation, PositionsWinOverSpacingBetweenSlices) {
   test::DicomMasks masks;
   masks.frames = {frame(1, 0, 0), frame(1, 1, 1), frame(1, 2, 2)};
-  // twice as near, and no whole number
+  // half the distance, and a non-integer multiple
   for (const double said : {0.625, 3.0}) {
     masks.slice_spacing_mm = said;
     warnings_.clear();
@@ -1506,7 +1506,7 @@ TEST_F(Segmentation, AFolderOfFilesIsOneSegmentation) {
   expect_mask(*joined, 1, 0, 1);
   expect_mask(*joined, 1, 2, 2);
 
-  // what is wrong with one of them names it
+  // a fault of one file names that file
   std::filesystem::resize_file(folder / "b", std::filesystem::file_size(folder / "b") - 4);
   const auto cut = read();
   ASSERT_FALSE(cut);
@@ -1543,7 +1543,7 @@ TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
 
 // ---- studies ------------------------------------------------------------------------------------
 
-// two echoes of a series in one frame of reference, and what may have been made on them
+// two echoes of a series in one frame of reference, and objects that may have been made on them
 class StudyOfTwo : public Dicom {
  protected:
   StudyOfTwo() {
@@ -1582,7 +1582,7 @@ TEST_F(StudyOfTwo, TheVolumeThatASegmentationWasMadeOnIsFound) {
   EXPECT_EQ(images->volume, 2);
   EXPECT_THAT(images->notes, ::testing::ElementsAre(AllOf(HasSubstr((elsewhere_ / "seg").string()),
                                                           HasSubstr("was made on volume 2 (series 1: MR"))));
-  // the series alone is that of both
+  // the series alone matches both
   masks.images.clear();
   const auto series = study(masks);
   ASSERT_FALSE(series);
@@ -1602,7 +1602,7 @@ TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   const auto asked = study(masks, 1);
   ASSERT_TRUE(asked);
   EXPECT_THAT(asked->notes, ::testing::ElementsAre(HasSubstr("in another frame of reference than volume 1")));
-  // the same one, and none
+  // the same frame of reference, and none
   masks.frame_of_reference = "1.2.5.9753";
   EXPECT_THAT(study(masks, 1)->notes,
               ::testing::ElementsAre(HasSubstr("lies in the frame of reference of volume 1")));
@@ -1620,13 +1620,13 @@ TEST_F(StudyOfTwo, ASegmentationInTheFolderIsFound) {
   ASSERT_TRUE(found) << found.error().message();
   EXPECT_EQ(found->labels, folder_ / "more" / "a");
   EXPECT_EQ(found->volume, 1);
-  // several of one series in a folder of their own are one segmentation, which is spread over files
+  // several files of one series in a folder of their own are one segmentation
   std::filesystem::copy_file(elsewhere_ / "seg", folder_ / "more" / "b");
   const auto spread = find_study(folder_.path(), {}, {});
   ASSERT_TRUE(spread) << spread.error().message();
   EXPECT_EQ(spread->labels, folder_ / "more");
   EXPECT_EQ(spread->volume, 1);
-  // those of several series may be different readings
+  // files of several series may be different readings
   masks.own_series = "1.2.33";
   std::filesystem::copy_file(write(masks), folder_ / "more" / "c");
   const auto readings = find_study(folder_.path(), {}, {});
@@ -1636,7 +1636,7 @@ TEST_F(StudyOfTwo, ASegmentationInTheFolderIsFound) {
   const auto asked = find_study(folder_.path(), folder_ / "more", {});
   ASSERT_TRUE(asked) << asked.error().message();
   EXPECT_EQ(asked->volume, 1);
-  // nor are those that stand among images
+  // and so may files among the images
   std::filesystem::rename(folder_ / "more" / "c", folder_ / "c");
   const auto several = find_study(folder_.path(), {}, {});
   ASSERT_FALSE(several);
@@ -1702,7 +1702,7 @@ class StructureSet : public Dicom {
       image.texts = {{0x0020, 0x0052, "1.2.5.9753"}};
     });
   }
-  // around the centres of the columns and rows from the first to the last, in a slice
+  // around the centres of the given columns and rows, in a slice
   static test::DicomContours::Contour box(int i0, int i1, int j0, int j1, int k) {
     const double x0 = -10 + (i0 - 0.5) * 0.5, x1 = -10 + (i1 + 0.5) * 0.5, y0 = 20 + (j0 - 0.5) * 0.7,
                  y1 = 20 + (j1 + 0.5) * 0.7, z = -30 + k * kStep_mm;
@@ -1769,7 +1769,7 @@ TEST_F(StructureSet, ContoursBecomeLabelsOnTheScansGrid) {
   EXPECT_EQ(read->labels.segments[0].colour, (Rgb{255, 51, 0}));
   EXPECT_EQ(voxels_of(*read, 1), 24u);
   EXPECT_EQ(voxels_of(*read, 2), 13u) << "with a hole of two";
-  // they meet in a column of three, two of which are in the hole's rows and none in its column
+  // they overlap in a column of three voxels, two of which are in the hole's rows and none in its column
   EXPECT_EQ(read->labels.layers.size(), 2u);
   EXPECT_THAT(warnings_, HasSubstr("segments overlap in 3 voxels"));
   EXPECT_EQ(read->labels.layers[0].at(1, 1, 1), 1);
@@ -1818,7 +1818,7 @@ TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {
   EXPECT_THAT(refusal(contours), HasSubstr("contour 1 of liver is not planar"));
   contours.structures = {{"nothing"}};
   EXPECT_THAT(refusal(contours), HasSubstr("holds no closed contour"));
-  // without the scan that they were drawn on
+  // without the scan on which they were drawn
   test::write_contours(file_, two());
   const auto alone = read_labels(file_);
   ASSERT_FALSE(alone);
@@ -1881,7 +1881,7 @@ TEST_F(StructureSet, DamagedOnesAreRefusedOrReadAndNothingElse) {
   EXPECT_LT(refused, 60);
 }
 
-// a square from -51 to -27 mm, within it a smaller one with its corners cut, in the first of two slices
+// a square from -51 to -27 mm containing a smaller one with cut corners, in the first of two slices
 TEST(SharedStructureSets, AreTheirContours) {
   PALPATE_SHARED_FILE(first, "edge/rtstruct/mock_data/ct_1.dcm");
   PALPATE_SHARED_FILE(second, "edge/rtstruct/mock_data/ct_2.dcm");
@@ -1913,7 +1913,7 @@ TEST(SharedStructureSets, AreTheirContours) {
   EXPECT_EQ(layer.at(low, low, 1), 0);
 }
 
-// What dicom_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/dicom_fuzzer_corpus writes them anew.
+// Seeds of dicom_fuzzer. PALPATE_WRITE_SEEDS=src/volume_io/dicom_fuzzer_corpus writes them again.
 TEST(DicomSeeds, AreUnderstood) {
   const std::filesystem::path folder =
       std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/dicom_fuzzer_corpus";

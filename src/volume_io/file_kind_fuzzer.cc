@@ -1,6 +1,6 @@
 #include "volume_io/file_kind.h"
 
-// the first byte chooses a name, the second whether the size is known
+// the first byte selects a name, the second whether the size is known
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size < 2) return 0;
   static const char* const kNames[] = {"a", "a.stl", "a.obj", "a.mnc", "a.mgz", "a.mrb", "a.nii.gz", "a.dcm"};

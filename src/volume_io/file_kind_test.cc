@@ -16,7 +16,7 @@ std::string kind(const std::string& bytes, const std::string& name = "file", std
   return found->what;
 }
 
-// a DICOM file's beginning: its header, and where that says nothing the data set
+// beginning of a DICOM file: its meta header, and the data set if that is silent
 std::string dicom(const std::string& header_class, const std::string& class_in_data = "") {
   const auto uid = [](const std::string& tag, std::string value) {
     if (value.size() % 2) value += '\0';
@@ -39,7 +39,7 @@ TEST(FileKind, TellsDicomObjectsApart) {
   EXPECT_EQ(kind(dicom("")), "a DICOM file");
   EXPECT_TRUE(kind_of(dicom(storage + "4"), "x", 0)->dicom_image);
   EXPECT_FALSE(kind_of(dicom(storage + "66.4"), "x", 0)->dicom_image);
-  // without its preamble, typed and not
+  // without a preamble, with explicit and implicit types
   EXPECT_EQ(kind("\x08\0\x05\0CS\x0A\0ISO_IR 100 more of it"s), "a DICOM file");
   EXPECT_EQ(kind("\x08\0\x05\0\x0A\0\0\0ISO_IR 100 more of it"s), "a DICOM file");
 }
@@ -95,7 +95,7 @@ TEST(FileKind, ATextIsNone) {
   EXPECT_EQ(kind("title = \"Knee\"\n[data]\n", "scene.toml"), "");
   EXPECT_EQ(kind("value\tname\n", "names.tsv"), "");
   EXPECT_EQ(kind("MMORPG", "notes"), "");
-  // no prefix of what is known is read beyond its end
+  // truncated input is never read beyond its end
   const std::string dicom_file = dicom("1.2.840.10008.5.1.4.1.1.66.4");
   for (std::size_t bytes = 0; bytes <= dicom_file.size(); ++bytes) (void)kind(dicom_file.substr(0, bytes));
 }

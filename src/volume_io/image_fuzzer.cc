@@ -4,7 +4,7 @@
 
 #include "volume_io/image.h"
 
-// one picture from bytes, as far as it is small
+// decodes one image if it is small
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace palpate;
   using namespace palpate::volume_io;

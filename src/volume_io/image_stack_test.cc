@@ -9,7 +9,7 @@
 #include "palpate/volume_io/volume_io.h"
 #include "volume_io/test_images.h"
 
-/// Folders of pictures, and pages, as volumes.
+/// Folders of images, and multi-page images, as volumes.
 namespace palpate {
 namespace {
 
@@ -35,7 +35,7 @@ class ImageStack : public ::testing::Test {
   void write(const std::string& name, const std::string& bytes) {
     std::ofstream(folder_ / "stack" / name, std::ios::binary) << bytes;
   }
-  // slice1.png ... slice12.png, of which "10" comes before "2" as a text
+  // slice1.png ... slice12.png, where "10" precedes "2" alphabetically
   void write_stack(std::uint32_t end, PngKind kind) {
     for (int k = 0; k < kPictures; ++k)
       write("slice" + std::to_string(k + 1) + ".png", test::png_of(slice(end, k), kind));
@@ -75,7 +75,7 @@ TEST(NaturalOrder, NumbersAreCompared) {
   EXPECT_TRUE(natural_less("a1b2", "a1b10"));
   EXPECT_TRUE(natural_less("Slice1", "slice2"));
   EXPECT_TRUE(natural_less("slice", "slice1"));
-  // an order: equal but for zeros is decided, and nothing comes before itself
+  // a strict order: names that differ only by zeros are ordered, and no name precedes itself
   EXPECT_NE(natural_less("s01", "s1"), natural_less("s1", "s01"));
   EXPECT_FALSE(natural_less("s1", "s1"));
 }
@@ -119,7 +119,7 @@ TEST_F(ImageStack, ColoursAreLabelsThatATableNames) {
   for (int k = 0; k < kPictures; ++k) {
     Picture picture = slice(4, k);
     for (std::uint32_t& pixel : picture.pixels) pixel = kColours[pixel];
-    // a palette of its own for each slice, as programs write them
+    // an individual palette for each slice, as written by some programs
     write("slice" + std::to_string(k + 1) + ".png",
           test::png_of(picture, k % 2 ? PngKind::kPalette : PngKind::kRgb));
   }
@@ -138,7 +138,7 @@ TEST_F(ImageStack, ColoursAreLabelsThatATableNames) {
   const auto unasked = read_volume(folder_ / "stack");
   ASSERT_TRUE(unasked) << unasked.error().message();
   EXPECT_TRUE(std::holds_alternative<LabelFile>(*unasked));
-  // given as a scan, it is one by its brightness
+  // read as a scan, by luminance
   const auto grey = scan();
   ASSERT_TRUE(grey) << grey.error().message();
   EXPECT_THAT(warnings_, HasSubstr("by their brightness"));
@@ -180,7 +180,7 @@ TEST_F(ImageStack, TheSpacingIsAskedFor) {
   ASSERT_FALSE(unsaid);
   EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures, which do not say how far apart"));
   EXPECT_THAT(unsaid.error().remedy, HasSubstr("--spacing X,Y,Z"));
-  // what a scene says comes before the program's
+  // settings of a scene take precedence over those of the program
   const auto said = read_scan(folder_ / "stack", {}, {}, Unpacked::kAnew, {},
                               {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
   ASSERT_TRUE(said) << said.error().message();

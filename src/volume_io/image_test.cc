@@ -9,7 +9,7 @@
 
 #include "volume_io/test_images.h"
 
-/// Each kind of picture, written and read again, and damaged ones.
+/// Images of every kind, written and read back, and damaged ones.
 namespace palpate::volume_io {
 namespace {
 
@@ -126,7 +126,7 @@ TEST(Image, TiffOfFloats) {
             Component::kFloat32);
 }
 
-// codes of all widths, and a table that is full
+// all code widths, and a full table
 TEST(Image, LzwOfALongStrip) {
   const auto noise = test::some_picture(65536, 9, 300, 100);
   TiffLayout layout;
@@ -150,7 +150,7 @@ TEST(Image, WhatIsTooLargeTakesNoMemory) {
 
 TEST(Image, PackingsThatAreNotReadAreNamed) {
   std::string bytes = test::tiff_of({test::some_picture(256)}, {});
-  // CCITT group 4 in place of none
+  // CCITT group 4 instead of no compression
   const auto at = bytes.find(std::string("\x03\x01\x03\x00\x01\x00\x00\x00\x01\x00", 10));
   ASSERT_NE(at, std::string::npos);
   bytes[at + 8] = 4;
@@ -160,7 +160,7 @@ TEST(Image, PackingsThatAreNotReadAreNamed) {
   EXPECT_THAT(refused.error().remedy, HasSubstr("tiffcp -c none"));
 }
 
-// 300 cuts and 300 flips of each kind: one message, or some pixels
+// 300 truncations and 300 bit flips of each kind: an error or some pixels
 TEST(Image, DamageIsRefusedOrReadAndNothingElse) {
   const auto grey = test::some_picture(256, 5, 20, 12);
   TiffLayout lzw, deflated, big;

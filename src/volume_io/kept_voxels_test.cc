@@ -17,7 +17,7 @@ class KeptVoxelsTest : public ::testing::Test {
   KeptVoxelsTest() { set_cache({folder_ / "cache"}); }
   ~KeptVoxelsTest() override { set_cache({}); }
 
-  // whether voxels were unpacked, by what was told of it
+  // records whether voxels were decompressed, by the reported progress
   Progress progress() {
     unpacked_ = false;
     return Progress([this](std::string_view stage, double) { unpacked_ = unpacked_ || stage == "reading"; },
@@ -107,7 +107,7 @@ TEST_F(KeptVoxelsTest, TheSameBytesOfAnotherMeaningAreOtherVoxels) {
   ASSERT_TRUE(other.ok()) << other.error().message();
   EXPECT_TRUE(unpacked_);
   EXPECT_EQ(other->scan.at(0, 0, 0), 768.f);
-  // and a scan is no label map
+  // a cached scan is not a label map
   ASSERT_TRUE(labels(folder_ / "a.nrrd").ok());
   EXPECT_TRUE(unpacked_);
 }

@@ -1,6 +1,6 @@
 #include "palpate/volume_io/volume_io.h"
 
-// the formats of names that are neither colour tables nor tab-separated; the first byte chooses one
+// name formats other than colour tables and tab-separated tables; the first byte selects one
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string_view text(reinterpret_cast<const char*>(data) + 1, size - 1);

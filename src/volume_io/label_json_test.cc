@@ -21,17 +21,17 @@ TEST(LabelJson, ReadsNumbersWithNamesEitherWayRound) {
   const Names expected{{1, "spleen"}, {2, "kidney_right"}};
   EXPECT_EQ(names_of(R"({"1": "spleen", "2": "kidney_right"})"), expected);
   EXPECT_EQ(names_of(R"({"spleen": 1, "kidney_right": 2})"), expected);
-  // nnU-Net's data sets, both versions, with a region of two labels
+  // both versions of nnU-Net's data sets, with a region of two labels
   EXPECT_EQ(names_of(R"({"labels": {"1": "spleen", "2": "kidney_right"}, "name": "x", "numTraining": 3})"),
             expected);
   EXPECT_EQ(
       names_of(R"({"labels": {"spleen": 1, "kidney_right": 2, "all": [1, 2]}, "file_ending": ".nii.gz"})"),
       expected);
-  // a class map of TotalSegmentator's, under its task
+  // a class map of TotalSegmentator, under its task
   EXPECT_EQ(names_of(R"({"total": {"1": "spleen", "2": "kidney_right"}})"), expected);
 }
 
-// of labels that a network learns only in groups
+// labels that a network learns only in groups
 TEST(LabelJson, ReadsRegionsOfNnUNet) {
   const std::string whole = R"({"channel_names": {"0": "MR"}, "labels": {"background": 0, "whole": [1, 2, 3],
       "tumour": [2]}, "regions_class_order": [1, 2], "numTraining": 3, "file_ending": ".nii.gz"})";
@@ -39,7 +39,7 @@ TEST(LabelJson, ReadsRegionsOfNnUNet) {
   EXPECT_EQ(names_of(R"({"labels": {"background": 0, "whole": [1, 2, 3], "core": [2, 3], "enhancing": 3},
       "regions_class_order": [1, 2, 3]})"),
             (Names{{0, "background"}, {1, "whole"}, {2, "core"}, {3, "enhancing"}}));
-  // in another order a prediction has other values than what is learnt from
+  // in another order, predicted values differ from training values
   const std::string swapped = R"({"labels": {"whole": [1, 2], "core": [2]}, "regions_class_order": [2, 1]})";
   EXPECT_NE(names_of(swapped)[-1].find("regions_class_order does not ascend"), std::string::npos);
   EXPECT_EQ(names_of(R"({"labels": {"whole": [1, 2], "core": [2]}})"), (Names{{1, "whole"}, {2, "core"}}));

@@ -31,7 +31,7 @@ TEST(LabelNames, ATableIsReadByItsEnding) {
   const std::string snap = "# ITK-SnAP\n1 1 2 3 1 1 1 \"femur\"\n";
   EXPECT_EQ(read_label_names(write_text(folder / "a.label", snap))->size(), 1u);
   EXPECT_EQ(read_label_names(write_text(folder / "snap.txt", snap))->front().name, "femur");
-  // FreeSurfer's
+  // FreeSurfer's format
   const std::string lut = "#No. Label Name:   R   G   B   A\n\n17  Left-Hippocampus   220 216 20  0\n";
   EXPECT_EQ(read_label_names(write_text(folder / "FreeSurferColorLUT.txt", lut))->front().name,
             "Left-Hippocampus");
@@ -69,13 +69,13 @@ TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabelsWhereItNamesAll) {
   EXPECT_EQ(all->name_source, NameSource::kOnlyTable);
   EXPECT_EQ(all->names_table, names);
 
-  // of two tables neither is taken unless it is named
+  // with two tables, neither is used unless it is given
   const auto other = write_text(folder / "other.tsv", "value\tname\n3\tpatella\n");
   EXPECT_EQ(read_labels(file)->unnamed, (std::vector<LabelId>{1, 2, 3}));
   EXPECT_EQ(read_labels(file, other)->unnamed, (std::vector<LabelId>{1, 2}));
 }
 
-// where two volumes stand in a folder its table may be that of either
+// with two volumes in a folder, its table may belong to either
 TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   const TemporaryFolder folder;
   const auto file = write_labels_file(folder);
@@ -90,7 +90,7 @@ TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   const auto warn = [&](const std::string& said) { warning = said; };
   EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u);
   EXPECT_NE(warning.find("that of other.nrrd"), std::string::npos) << warning;
-  // the scan is no label map
+  // the scan is not a label map
   const auto of_scan =
       read_labels(file, {}, {}, warn, Doubtful::kRefused, Unpacked::kAnew, nullptr, {}, other);
   EXPECT_TRUE(of_scan->unnamed.empty());
@@ -115,7 +115,7 @@ TEST(LabelNames, ATableThatNamesNothingIsAnErrorThatSaysWhy) {
     ASSERT_FALSE(none.ok()) << name;
     EXPECT_NE(none.error().what.find("names no label"), std::string::npos) << none.error().message();
   }
-  // one that lies there with the map's name is warned of
+  // a table with the map's own name causes a warning
   write_text(folder / "labels.ctbl", "95 femur 1 2 3 255\n");
   std::string warning;
   EXPECT_EQ(read_labels(file, {}, {}, [&](const std::string& said) { warning = said; })->unnamed.size(), 3u);
@@ -168,7 +168,7 @@ TEST(LabelNames, AMaskIsCalledAfterItsFile) {
   ASSERT_TRUE(mask) << mask.error().message();
   EXPECT_EQ(mask->labels.segments.at(0).name, "femur_left");
   EXPECT_TRUE(mask->unnamed.empty());
-  // of two nobody knows which is meant
+  // ambiguous with two labels
   const auto two = read_labels(write_text(folder / "knee_left.nrrd", std::string(header) + "1 2\n"));
   EXPECT_EQ(two->unnamed.size(), 2u);
 }

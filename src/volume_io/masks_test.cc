@@ -33,7 +33,7 @@ GridGeometry grid_of_masks(const std::array<int, 3>& dims = {23, 31, 17}) {
   return grid;
 }
 
-// 1 with the chance
+// random voxels with the given probability
 Volume<std::uint8_t> random_mask(std::mt19937& random, double chance, std::uint8_t in = 1,
                                  const GridGeometry& grid = grid_of_masks()) {
   Volume<std::uint8_t> mask(grid);
@@ -62,12 +62,12 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  // a voxel, a row, a slice, and more than fits into a piece of what is read at a time
+  // a voxel, a row, a slice, and more than one piece of a read
   for (const std::array<int, 3>& dims : {std::array{23, 31, 17}, std::array{1, 1, 1}, std::array{1, 40, 1},
                                          std::array{33, 29, 1}, std::array{80, 71, 60}}) {
     const GridGeometry grid = grid_of_masks(dims);
     const TemporaryFolder folder;
-    // names in order; the last one lies everywhere, in the first and in the last voxel too
+    // names in order; the last mask covers every voxel, including the first and the last
     const std::vector<std::pair<std::string, Volume<std::uint8_t>>> masks{
         {"femur_left.nii.gz", random_mask(random, 0.02, 1, grid)},
         {"kidney_right.nrrd", random_mask(random, 0.5, 255, grid)},
@@ -182,7 +182,7 @@ TEST(Masks, WhatIsNoMaskIsRefusedByName) {
               HasSubstr("voxels in another file"));
 }
 
-// no crash, one message that names the file; or what is read is whole
+// no crash: one error that names the file, or a complete read
 TEST(Masks, DamagedOnesAreRefused) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -212,7 +212,7 @@ TEST(Masks, DamagedOnesAreRefused) {
   EXPECT_GE(refused, 20);
 }
 
-// values are scaled as anywhere else
+// values are scaled as everywhere
 TEST(Masks, OfScaledValuesTheMaskIsTheSame) {
   std::mt19937 random(8);
   const TemporaryFolder folder;
@@ -237,7 +237,7 @@ TEST(Masks, OfScaledValuesTheMaskIsTheSame) {
     const auto count = [](const LabelFile& file) { return segment_statistics(file.labels).front().voxels; };
     in = count(*labels);
     of_plain = count(*plain);
-    // where it was 0 it is the structure then
+    // the former zeros are then the structure
     EXPECT_EQ(in, slope > 0 ? of_plain : grid_of_masks().voxel_count() - of_plain);
   }
 }
@@ -254,7 +254,7 @@ TEST(Masks, WhatSystemsLeaveBesideFilesAndLinksThatLeadOutAreNone) {
   ASSERT_TRUE(labels) << labels.error().message();
   EXPECT_EQ(labels->labels.segments.size(), 2u);
 
-  // one of two files is no folder of masks
+  // a volume of two files is not a folder of masks
   const TemporaryFolder pair;
   for (const char* name : {"knee.hdr", "knee.img"}) write_text(pair / name, "");
   EXPECT_FALSE(is_volume(pair.path()));
@@ -265,7 +265,7 @@ TEST(Masks, WhatSystemsLeaveBesideFilesAndLinksThatLeadOutAreNone) {
   const auto refused = read_masks(links.path());
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message(), HasSubstr("liver.nii.gz, spleen.nii.gz"));
-  // within the folder they are as files
+  // links within the folder are treated as files
   for (const char* name : {"heart.nii.gz", "aorta.nii.gz"}) fs::create_symlink("liver.nii.gz", folder / name);
   const auto linked = read_masks(folder.path());
   ASSERT_TRUE(linked) << linked.error().message();
@@ -277,7 +277,7 @@ TEST(Masks, ReadingThemCanBeInterrupted) {
   const TemporaryFolder folder;
   for (const char* name : {"liver.nii.gz", "spleen.nii.gz"})
     ASSERT_TRUE(write_volume(folder / name, random_mask(random, 0.1, 1, grid_of_masks({80, 71, 60}))));
-  // at once, and in the middle
+  // immediately, and midway
   for (const bool at_once : {true, false}) {
     std::atomic<bool> stop{at_once};
     const Progress progress([&](std::string_view, double) { stop = true; }, &stop);

@@ -2,13 +2,13 @@
 
 #include "volume_io/mesh_labels.h"
 
-// the first bytes choose the format; what is read gets onto a grid
+// the first bytes select the format; a parsed mesh is rasterised
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace palpate;
   using namespace palpate::volume_io;
   if (size == 0) return 0;
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
-  // by how the seeds begin
+  // format by the first byte of the seeds
   const MeshFormat format = bytes[0] == 'p'                      ? MeshFormat::kPly
                             : bytes[0] == '<'                    ? MeshFormat::kVtkXml
                             : bytes.substr(0, 5) == "# vtk"      ? MeshFormat::kVtkLegacy

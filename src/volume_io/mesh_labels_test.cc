@@ -81,7 +81,7 @@ TEST(WindingNumber, IsWholeWhereItIsClosed) {
   EXPECT_NEAR(winding_number(torus.points, torus.triangles, {300, 0, 0}), 0, 1e-9);
 }
 
-// the border of the mesh, random triangles, and points near and far
+// random triangles, and points near, far and on the boundary of the mesh
 TEST(WindingNumber, TheFastOneIsTheSumOfSolidAngles) {
   std::mt19937 random(test::test_seed());
   std::normal_distribution<double> normal;
@@ -113,8 +113,8 @@ TEST(WindingNumber, TheFastOneIsTheSumOfSolidAngles) {
   EXPECT_EQ(FastWinding({}, {}).at({1, 2, 3}), 0);
 }
 
-// against the sum of solid angles at every centre: closed, open, crossing itself, doubled, inside out, on
-// grids of either hand
+// compared with the sum of solid angles at every centre: closed, open, self-intersecting, duplicated and
+// inside-out meshes, on left- and right-handed grids
 TEST(MeshLabels, AreWhereTheSurfaceWindsAroundTheCentre) {
   std::mt19937 random(test::test_seed() + 1);
   std::uniform_real_distribution<double> any(-1, 1);
@@ -125,7 +125,7 @@ TEST(MeshLabels, AreWhereTheSurfaceWindsAroundTheCentre) {
                                      : test_meshes::box_mesh({6, 9, 3});
     mesh = test_meshes::moved(mesh, turn_of(180 * any(random), {any(random), any(random), 1}),
                               Vector3(4, -7, 11) + Vector3(any(random), any(random), any(random)));
-    // it crosses itself
+    // self-intersecting
     if (n % 4 == 1 || n % 4 == 2) {
       const auto other =
           test_meshes::moved(test_meshes::sphere_mesh(8, 14), turn_of(10, {1, 0, 0}), {9, -5, 12});
@@ -134,7 +134,7 @@ TEST(MeshLabels, AreWhereTheSurfaceWindsAroundTheCentre) {
       for (const auto& [a, b, c] : other.triangles)
         mesh.triangles.push_back({first + a, first + b, first + c});
     }
-    // it has holes
+    // with holes
     if (n % 4 >= 2) std::erase_if(mesh.triangles, [&](const auto&) { return random() % 10 == 0; });
     if (n % 5 == 4)
       for (auto& triangle : mesh.triangles) std::swap(triangle[0], triangle[1]);
@@ -143,7 +143,7 @@ TEST(MeshLabels, AreWhereTheSurfaceWindsAroundTheCentre) {
     for_each_centre(grid, [&](std::size_t v, const Vector3& centre) {
       const double wound = std::abs(winding_number(mesh.points, mesh.triangles, centre));
       ++voxels;
-      // as near to a half as the fast one is off; outside of its box nothing is in
+      // within the error of the fast method around 1/2; voxels outside the bounding box are outside
       if (std::abs(wound - 0.5) < 0.01)
         ++near_half;
       else
@@ -186,7 +186,7 @@ TEST(MeshLabels, AShapeIsTheShape) {
 TEST(MeshLabels, AHoleChangesLittle) {
   TriangleMesh sphere = test_meshes::sphere_mesh(24, 120);
   const std::size_t all = sphere.triangles.size();
-  // a tenth of it is missing at one side
+  // a tenth is missing on one side
   std::erase_if(sphere.triangles, [&](const auto& t) { return sphere.points[t[0]].x() > 18; });
   ASSERT_LT(sphere.triangles.size(), all * 95 / 100);
   const GridGeometry grid = oblique_grid({60, 60, 60}, {1, 1, 1}, false);
@@ -199,7 +199,7 @@ TEST(MeshLabels, AHoleChangesLittle) {
   EXPECT_GE(got.dice, 0.95);
 }
 
-// whoever waits for it hears of it, however long a slice takes
+// each row is reported, however long a slice takes
 TEST(MeshLabels, EachRowIsASignOfLife) {
   GridGeometry grid;
   grid.dims = {12, 12, 12};
@@ -215,7 +215,7 @@ TEST(MeshLabels, EachRowIsASignOfLife) {
   EXPECT_EQ(looks, half);
 }
 
-// two that share a wall share no voxel, and leave none between them
+// adjacent meshes share no voxel and leave no gap
 TEST(MeshLabels, AWallBelongsToOneOfTwo) {
   GridGeometry grid;
   grid.dims = {12, 12, 12};
@@ -241,7 +241,7 @@ TEST(MeshLabels, BeyondTheGridIsCutOffAndOutsideIsNothing) {
   EXPECT_EQ(std::count(none.begin(), none.end(), 1), 0);
 }
 
-// ---- where it lies --------------------------------------------------------------------------------------
+// ---- placing --------------------------------------------------------------------------------------------
 
 GridGeometry scan_beside_the_origin() {
   GridGeometry grid;
@@ -274,7 +274,7 @@ TEST(MeshPlacing, TheScanProvesWhatTheFileDoesNotSay) {
     }
 }
 
-// a scan around the origin holds what is read in too small a unit, too
+// a scan around the origin also contains a mesh read in too small a unit
 TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
   GridGeometry scan;
   scan.dims = {300, 300, 300};
@@ -286,7 +286,7 @@ TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
       << asked_for.error().message();
   EXPECT_NE(asked_for.error().message().find("--mesh-unit"), std::string::npos);
   EXPECT_EQ(placed(leg, &scan, {{}, 1000}, MeshSpace::kLps)->unit_mm, 1000);
-  // any unit, where it is asked for: inches
+  // any unit if it is given: inches
   const GridGeometry beside = scan_beside_the_origin();
   TriangleMesh inches =
       test_meshes::moved(test_meshes::sphere_mesh(12, 20), Eigen::Matrix3d::Identity(), {-90, 60, -10});
@@ -308,7 +308,7 @@ TEST(MeshPlacing, WhatTheScanDoesNotProveIsAskedFor) {
   ASSERT_TRUE(told);
   EXPECT_EQ(told->space, MeshSpace::kRas);
   EXPECT_EQ(placed(middle, &scan, {}, MeshSpace::kLps)->space, MeshSpace::kLps);
-  // asked for comes before what the file says
+  // the user's choice takes precedence over the file's statement
   EXPECT_EQ(placed(middle, &scan, {MeshSpace::kRas, {}}, MeshSpace::kLps)->space, MeshSpace::kRas);
   const auto elsewhere =
       placed(test_meshes::moved(middle, Eigen::Matrix3d::Identity(), {500, 300, 900}), &scan);

@@ -21,7 +21,7 @@ using test_meshes::in_every_format;
 using test_meshes::WrittenMesh;
 using ::testing::HasSubstr;
 
-// the corners of all triangles, in their order
+// corners of all triangles, in order
 std::vector<Eigen::Vector3d> corners_of(const TriangleMesh& mesh) {
   std::vector<Eigen::Vector3d> corners;
   for (const auto& triangle : mesh.triangles)
@@ -93,7 +93,7 @@ TEST(Mesh, ObjectsAndSolidsAreStructuresOfTheirOwn) {
   EXPECT_EQ(file->meshes[1].name, "tibia");
   EXPECT_EQ(file->meshes[1].points.back(), Eigen::Vector3d(5, 1, 0));
 
-  // groups that share points are parts of one
+  // groups that share points are parts of one surface
   file = parse_mesh("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\ng a\nf 1 2 3\ng b\nf 1 3 4\n", MeshFormat::kObj,
                     "one.obj");
   ASSERT_TRUE(file) << file.error().message();
@@ -101,7 +101,7 @@ TEST(Mesh, ObjectsAndSolidsAreStructuresOfTheirOwn) {
   EXPECT_EQ(file->meshes[0].name, "");
   EXPECT_EQ(file->meshes[0].triangles.size(), 2u);
 
-  // objects are structures of their own, whatever they share
+  // objects are separate structures even if they share points
   file = parse_mesh("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no a\nf 1 2 3\no b\nf 1 3 4\n", MeshFormat::kObj,
                     "two.obj");
   ASSERT_TRUE(file) << file.error().message();
@@ -162,7 +162,7 @@ TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
   const std::string head = "ply\nformat binary_little_endian 1.0\n",
                     point = "property uchar x\nproperty uchar y\nproperty uchar z\n",
                     face = "property list uint uchar vertex_indices\nend_header\n";
-  // points of no triangle, and a face of more corners than there may be triangles
+  // points without triangles, and a face with more corners than there may be triangles
   EXPECT_THAT(
       refusal(head + "element vertex " + std::to_string(kMostPoints + 1) + "\n" + point + "element face 1\n" +
               face + std::string(3 * (kMostPoints + 1), 'a') + std::string("\3\0\0\0\0\1\2", 7)),
@@ -177,7 +177,7 @@ TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
 
 TEST(Mesh, WhatOtherProgramsAddIsPassedOver) {
   const TriangleMesh box = test_meshes::box_mesh({1, 2, 3});
-  // what VTK keeps of an array, as of its range
+  // metadata that VTK stores for an array, such as its range
   std::string keyed = test_meshes::vtp(box, "ascii");
   const auto cells = keyed.find("</DataArray>", keyed.find("<Polys>"));
   ASSERT_NE(cells, std::string::npos);
@@ -187,7 +187,7 @@ TEST(Mesh, WhatOtherProgramsAddIsPassedOver) {
   auto file = parse_mesh(keyed, MeshFormat::kVtkXml, "keyed.vtp");
   ASSERT_TRUE(file) << file.error().message();
   EXPECT_EQ(file->meshes[0].triangles.size(), box.triangles.size());
-  // a list that is no face's, of what is no number
+  // NaN in a list that is not a face's
   file = parse_mesh(
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
       "z\nelement "
@@ -212,7 +212,7 @@ TEST(Mesh, ATagTakesNoLongerThanItIsLong) {
   EXPECT_FALSE(parse_mesh(tag, MeshFormat::kVtkXml, "f"));
 }
 
-// each is read whole, or refused by one sentence; no time, no memory beyond what the bytes are worth
+// complete reads or a single error; time and memory remain proportional to the data
 TEST(DamagedMesh, CutsAndFlippedBitsAreErrorsOrOtherMeshes) {
   std::mt19937 random(test::test_seed());
   const auto written = in_every_format(test_meshes::torus_mesh(12, 4, 12));
@@ -237,11 +237,11 @@ TEST(DamagedMesh, CutsAndFlippedBitsAreErrorsOrOtherMeshes) {
         for (const auto& triangle : mesh.triangles)
           for (const std::uint32_t corner : triangle) ASSERT_LT(corner, mesh.points.size()) << one.name;
     }
-  // an OBJ has no end, and what comes after the cells of a legacy file is passed over
+  // an OBJ has no end mark, and data after the cells of a legacy file are skipped
   EXPECT_LT(cuts_read, written.size() * 300 / 2 / 4);
 }
 
-// What mesh_fuzzer begins with. PALPATE_WRITE_SEEDS=src/volume_io/mesh_fuzzer_corpus writes it anew.
+// Seeds of mesh_fuzzer. PALPATE_WRITE_SEEDS=src/volume_io/mesh_fuzzer_corpus writes them again.
 TEST(MeshSeeds, AreUnderstood) {
   const std::filesystem::path folder =
       std::filesystem::path(PALPATE_SOURCE_DIR) / "src/volume_io/mesh_fuzzer_corpus";

@@ -26,7 +26,7 @@ GridGeometry scan_for_meshes() {
   return grid;
 }
 
-// in the middle of that scan
+// a sphere centred in that scan
 volume_io::TriangleMesh ball_in_scan(double radius, const Eigen::Vector3d& beside = {0, 0, 0}) {
   const Eigen::Vector3d middle = scan_for_meshes().centre().eigen();
   return shapes::moved(shapes::sphere_mesh(radius, 64), Eigen::Matrix3d::Identity(), middle + beside);
@@ -75,14 +75,14 @@ TEST(Meshes, OfAFolderEachFileIsAStructure) {
   ASSERT_EQ(labels->labels.segments.size(), 2u);
   EXPECT_EQ(labels->labels.segments[0].name, "femur");
   EXPECT_EQ(labels->labels.segments[1].name, "tibia");
-  // they overlap, and are kept whole
+  // overlapping structures are preserved
   EXPECT_EQ(labels->labels.layers.size(), 2u);
   const std::string all = ::testing::PrintToString(said);
   EXPECT_THAT(all, HasSubstr("segments overlap in"));
   EXPECT_THAT(all, HasSubstr("is read as LPS in mm"));
   EXPECT_THAT(all, HasSubstr("1 other file in it is no surface"));
 
-  // a damaged one is named
+  // the error names a damaged file
   write_text(folder / "patella.obj", "v 0 0 0\nf 1 2 3\n");
   const auto refused = read_labels(folder.path(), {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
   ASSERT_FALSE(refused);
@@ -98,7 +98,7 @@ TEST(Meshes, AStructureIsCalledAfterItsFileAndNotAfterTheFolder) {
   ASSERT_TRUE(labels) << labels.error().message();
   EXPECT_EQ(labels->labels.segments[0].name, "femur");
 
-  // files that say different axes are read as it is asked for
+  // files that state different axes are read as the user specifies
   write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(7), "SPACE=LPS"));
   write_text(folder / "tibia.stl", shapes::binary_stl(ball_in_scan(7), "SPACE=RAS"));
   warnings_of(folder.path(), &scan, labels);
@@ -109,7 +109,7 @@ TEST(Meshes, AStructureIsCalledAfterItsFileAndNotAfterTheFolder) {
   EXPECT_EQ(labels->labels.segments.size(), 2u);
 }
 
-// one solid or object a line: what it is called, and what of that may come through
+// one solid or object per line: its name, and the part of it that may be used
 TEST(Meshes, ObjectsWithinAFileAreNotCalledAfterAPatient) {
   const TemporaryFolder folder;
   const GridGeometry scan = scan_for_meshes();
@@ -181,7 +181,7 @@ TEST(Meshes, WithoutAScanTheyHaveAGridOfTheirOwn) {
   EXPECT_NEAR(statistics[0].volume_mm3, 4.0 / 3 * std::numbers::pi * 729, 45);
   EXPECT_LT((statistics[0].centroid.eigen() - scan_for_meshes().centre().eigen()).norm(), 0.05);
   EXPECT_THAT(::testing::PrintToString(said), HasSubstr("gets a grid of its own"));
-  // asked for as RAS it lies elsewhere, and that is known
+  // specified as RAS it lies elsewhere, and its sides are known
   warnings_of(folder / "femur.stl", nullptr, labels, {MeshSpace::kRas, {}});
   ASSERT_TRUE(labels);
   EXPECT_TRUE(labels->header.has_geometry);
@@ -199,8 +199,7 @@ TEST(Meshes, AreNoScan) {
   EXPECT_THAT(scan.error().message(), HasSubstr("labels and not a scan"));
 }
 
-// through the process that reads, which is there for what nobody has thought of: none of this may come to
-// that
+// in the confined process, a safeguard for unknown faults: none of these inputs may trigger it
 TEST(Meshes, DamageIsOneErrorThatNamesTheFile) {
   const TemporaryFolder folder;
   std::mt19937 random(test::test_seed());

@@ -9,7 +9,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// a little-endian header of 4 x 3 x 2 int16 voxels with a qform
+// little-endian header of 4 x 3 x 2 int16 voxels with a qform
 struct Bytes {
   std::string text = std::string(352, '\0');
 
@@ -98,7 +98,7 @@ TEST(NiftiHeader, TheIntentSaysWhatTheValuesAre) {
         << code;
 }
 
-// a NIfTI-2 header of the same voxels
+// NIfTI-2 header of the same voxels
 struct Bytes2 {
   std::string text = std::string(544, '\0');
 
@@ -136,7 +136,7 @@ TEST(NiftiHeader, ReadsTheSecondVersion) {
 }
 
 TEST(NiftiHeader, TheSecondVersionsGeometryIsItsSformElseItsQformElseItsVoxelSizes) {
-  // a quarter turn about z: i along +y (anterior), j along -x, the third axis turned round by pixdim[0]
+  // a quarter turn about z: i along +y (anterior), j along -x, the third axis flipped by pixdim[0]
   Bytes2 bytes;
   bytes.put<double>(368, std::sqrt(0.5)).put<double>(376, 10).put<double>(384, 20).put<double>(392, 30);
   bytes.put<double>(104, -1);
@@ -153,13 +153,13 @@ TEST(NiftiHeader, TheSecondVersionsGeometryIsItsSformElseItsQformElseItsVoxelSiz
   EXPECT_TRUE(
       half->affine->leftCols<3>().isApprox(Eigen::Vector3d(0.5, -2, -3).asDiagonal().toDenseMatrix(), 1e-9));
 
-  // neither: axes as LPS, and sides unknown
+  // neither transform: axes as LPS, sides unknown
   const auto silent = parse_nifti_header(Bytes2().put<std::int32_t>(344, 0).text, "x");
   EXPECT_FALSE(silent->has_geometry);
   EXPECT_TRUE(
       silent->affine->leftCols<3>().isApprox(Eigen::Vector3d(-0.5, -2, 3).asDiagonal().toDenseMatrix()));
 
-  // the sform before both
+  // the sform takes precedence over both
   bytes.put<std::int32_t>(348, 1).put<double>(400, 7).put<double>(440, 8).put<double>(480, 9);
   EXPECT_EQ((*parse_nifti_header(bytes.text, "x")->affine)(1, 1), 8);
 }
@@ -182,7 +182,7 @@ TEST(NiftiHeader, WhatCannotBeRightInTheSecondVersionIsAnError) {
 TEST(NiftiHeader, TheFormThatIsAskedForCounts) {
   Bytes both;
   both.put<std::int16_t>(254, 1);
-  // an identity as sform, and the qform's first voxel 20 mm beside it
+  // an identity as sform, and a qform whose first voxel is 20 mm away
   for (std::size_t a = 0; a < 3; ++a) both.put<float>(280 + 16 * a + 4 * a, 1);
   both.put<float>(268, 20);
   const auto unasked = parse_nifti_header(both.text, "x");

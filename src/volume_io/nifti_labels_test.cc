@@ -9,7 +9,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// as TotalSegmentator writes it
+// as written by TotalSegmentator
 const std::string kXml =
     R"(<?xml version="1.0" encoding="UTF-8"?> <CaretExtension>  <Date><![CDATA[2013-07-14T05:45:09]]></Date>   )"
     R"(<VolumeInformation Index="0">   <LabelTable>)"
@@ -18,7 +18,7 @@ const std::string kXml =
     R"(<StudyMetaDataLinkSet>  </StudyMetaDataLinkSet>  <VolumeType><![CDATA[Label]]></VolumeType>   )"
     R"(</VolumeInformation></CaretExtension>)";
 
-// what stands behind a header of 348 bytes: the flag, and each extension with its size and code before it
+// data after a header of 348 bytes: the flag, and each extension preceded by its size and code
 std::string with_extensions(const std::vector<std::string>& extensions, bool swap = false) {
   std::string bytes(348, '\0');
   bytes += std::string("\1\0\0\0", 4);
@@ -53,7 +53,7 @@ TEST(NiftiLabels, TheExtensionIsFoundAmongOthersInEitherByteOrder) {
   EXPECT_EQ(find_caret_extension(with_extensions({"a comment"}), 348, false), "");
   EXPECT_EQ(find_caret_extension(std::string(352, '\0') + kXml, 348, false), "") << "no flag";
   EXPECT_EQ(find_caret_extension("", 348, false), "");
-  // a size that leads out of the file, or nowhere
+  // a size beyond the end of the file, or zero
   std::string damaged = with_extensions({kXml});
   damaged[352] = damaged[353] = '\x7f';
   EXPECT_EQ(find_caret_extension(damaged, 348, false), "");

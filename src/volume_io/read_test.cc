@@ -28,7 +28,7 @@ std::string nrrd(const std::string& type, const std::string& sizes, const std::s
          more + "\n" + data;
 }
 
-// values as bytes, in either order
+// values as bytes, in either byte order
 template <class T>
 std::string stored(const std::vector<T>& values, bool big_endian) {
   std::string bytes;
@@ -98,7 +98,7 @@ TEST(ReadScan, ReadsFloatsTextAndHexadecimal) {
   EXPECT_EQ(hex->scan.voxels(), (std::vector<float>{258, 65296}));
 }
 
-// a file's values along x, as a volume of one row
+// volume of one row with these values along x
 std::filesystem::path write_row(const TemporaryFolder& folder, const std::vector<int>& values) {
   std::string text;
   for (const int value : values) text += std::to_string(value) + " ";
@@ -136,7 +136,7 @@ TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
   EXPECT_EQ(refusal_of(rising(200, 4)), "") << "many labels in patches";
   EXPECT_EQ(refusal_of(rising(30, 1)), "") << "few labels";
 
-  // a smooth scan of 8 bits repeats values, and its steps are small; the parcels of an atlas have any number
+  // a smooth 8-bit scan repeats values in small steps; the parcels of an atlas have arbitrary numbers
   std::vector<int> smooth, atlas;
   for (int n = 0; n < 4000; ++n) {
     smooth.push_back(static_cast<int>(std::lround(128 + 100 * std::sin(n / 200.0))));
@@ -147,7 +147,7 @@ TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
   EXPECT_NE(refusal_of(smooth).find("looks like a scan"), std::string::npos);
   EXPECT_EQ(refusal_of(atlas), "") << "parcels of two voxels";
 
-  // who says that they are labels, by a table or a switch, is believed
+  // an explicit declaration as labels, by a table or a switch, takes precedence
   std::string warning;
   const auto warn = [&](const std::string& said) { warning = said; };
   EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), Doubtful::kWarnedOf), "");
@@ -202,7 +202,7 @@ TEST(ReadScan, StopsWhenAskedTo) {
   EXPECT_EQ(scan.error().kind, ErrorKind::kInterrupted);
 }
 
-// the detached data stand behind a header, 3 bytes from their end, compressed or not
+// detached data after a header, ending 3 bytes before the end of the file, compressed or not
 TEST(ReadScan, FindsDetachedDataBySkips) {
   const TemporaryFolder folder;
   const std::string data = "line\nheadABCDend";
@@ -213,7 +213,7 @@ TEST(ReadScan, FindsDetachedDataBySkips) {
                                    std::string("encoding: raw\nbyte skip: -4\ndata file: a.raw\n"),
                                    std::string("encoding: gzip\nbyte skip: -4\ndata file: a.raw.gz\n")}) {
     const auto scan = read_scan(write_text(folder / "a.nhdr", nrrd("uint8", "2 2 1", place, "")));
-    // what follows the voxels is only allowed where it has been announced
+    // data after the voxels are allowed only if they are declared
     if (place.find("skip: 9") != std::string::npos) {
       EXPECT_FALSE(scan) << "3 bytes too many";
       continue;
@@ -259,7 +259,7 @@ TEST(ReadScan, ReadsMetaImageWithItsDataElsewhere) {
   ASSERT_TRUE(scan) << scan.error().message();
   EXPECT_EQ(scan->scan.voxels(), (std::vector<float>{1, -2, 300, 4}));
   EXPECT_EQ(scan->header.format, "MetaImage");
-  // the first axis runs along +y, the second along -x
+  // the first axis is along +y, the second along -x
   const auto X_PatientVoxel = scan->scan.geometry().X_PatientVoxel();
   EXPECT_EQ(X_PatientVoxel * Point<Voxel>(1, 0, 0), Point<Patient>(1, 4, 3));
   EXPECT_EQ(X_PatientVoxel * Point<Voxel>(0, 1, 0), Point<Patient>(-2, 2, 3));
@@ -282,7 +282,7 @@ TEST(ReadLabels, OnlyWholeNumbersFromZeroTo65535AreLabels) {
   EXPECT_NE(half.error().what.find("(1, 0, 1)"), std::string::npos) << half.error().message();
 }
 
-// overlapping segments as 3D Slicer saves them, and with the layers as the slowest axis
+// overlapping segments as saved by 3D Slicer, and with the layers as the slowest axis
 TEST(ReadLabels, ReadsOverlappingSegmentsFromLayers) {
   const TemporaryFolder folder;
   const std::string fields =
@@ -297,7 +297,7 @@ TEST(ReadLabels, ReadsOverlappingSegmentsFromLayers) {
                           "\nspace directions: " + directions + "\nkinds: " + kinds +
                           "\nencoding: ascii\nspace origin: (0,0,0)\n" + fields + "\n" + data);
   };
-  // voxels: bone, both, growth, 5 of the second layer that nobody names
+  // voxels: bone, both, growth, and an undeclared 5 in the second layer
   const auto first = read_labels(
       file("2 4 1 1", "list domain domain domain", "none (1,0,0) (0,1,0) (0,0,1)", "1 0 1 1 0 1 0 5"));
   ASSERT_TRUE(first) << first.error().message();
@@ -322,7 +322,7 @@ TEST(ReadLabels, ReadsOverlappingSegmentsFromLayers) {
   EXPECT_FALSE(read_scan(folder / "s.seg.nrrd")) << "layers are no scan";
 }
 
-// nothing of a file's other texts is kept, so they cannot reach an output
+// other texts of a file are dropped, so they cannot reach an output
 TEST(ReadLabels, KeepsNoTextButNames) {
   const TemporaryFolder folder;
   const auto labels = read_labels(
@@ -352,7 +352,7 @@ TEST(Read, WhatIsNoVolumeFileIsAClearError) {
   }
 }
 
-// Volumes of more than a million voxels are counted in pieces, on several threads.
+// Volumes of more than a million voxels are counted in pieces by several threads.
 TEST(ContentOf, CountsEveryPiece) {
   using volume_io::statistics_of;
   constexpr std::size_t kVoxels = (std::size_t{5} << 19) + 17, kPiece = std::size_t{1} << 20;
@@ -371,7 +371,7 @@ TEST(ContentOf, CountsEveryPiece) {
     }
     voxels[at] = 0;
   }
-  // pairs within a piece and across two; a run across two pieces is one
+  // pairs within a piece and across two; a run across two pieces counts once
   voxels[10] = voxels[11] = voxels[kPiece - 1] = 2;
   voxels[kPiece] = 3;
   voxels[kPiece + 1] = 9;
@@ -384,9 +384,9 @@ TEST(ContentOf, CountsEveryPiece) {
   EXPECT_EQ(some.median_run, 1.5) << "2: 3 voxels in 2 runs, 3 and 9 one, 7 six in one: the upper median";
 }
 
-// ---- volumes as they are met ----------------------------------------------------------------------------
+// ---- typical volumes ------------------------------------------------------------------------------------
 
-// 48 voxels along each axis, indexed i first
+// 48 voxels along each axis, i fastest
 constexpr int kSide = 48;
 template <class Value>
 std::vector<int> cube(const Value& value) {
@@ -411,13 +411,13 @@ TEST(ContentOf, GreyValuesOfEightBitsAreAScan) {
   std::mt19937 random(3);
   std::normal_distribution<double> noise(0, 1);
   const auto grey = [](double value) { return static_cast<int>(std::clamp(std::round(value), 0.0, 255.0)); };
-  // a micro-CT: saturated metal or bone, and noise in what is left, nothing outside of the field of view
+  // micro-CT: saturated metal or bone, noise elsewhere, nothing outside the field of view
   const auto micro_ct = cube([&](int i, int j, int k) {
     const double r = radius(i, j, k);
     return r > 23 ? 0 : r < 19 ? 255 : grey(100 + 30 * noise(random));
   });
   EXPECT_EQ(kind_of_values(micro_ct), Kind::kScan);
-  // the same without noise, blurred: steps of a grey value or two
+  // the same without noise, blurred: steps of one or two grey values
   EXPECT_EQ(kind_of_values(cube([&](int i, int j, int k) {
               const double r = radius(i, j, k);
               return r > 23 ? 0 : grey(255 - 3 * r);
@@ -439,7 +439,7 @@ TEST(ContentOf, GreyValuesOfEightBitsAreAScan) {
 
 TEST(ContentOf, ParcelsAreLabelsHoweverMany) {
   using Kind = VolumeContent::Kind;
-  // 512 parcels of 6 x 6 x 6 voxels with gaps, values in no order, up to 65533
+  // 512 parcels of 6 x 6 x 6 voxels with gaps, values in random order, up to 65533
   const auto parcels = cube([](int i, int j, int k) {
     if (i % 6 == 0 || j % 6 == 0) return 0;
     const int parcel = i / 6 + 8 * (j / 6) + 64 * (k / 6);
@@ -478,7 +478,7 @@ TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
   EXPECT_NE(unclear.error().remedy.find("--labels " + file), std::string::npos) << unclear.error().message();
   EXPECT_NE(unclear.error().remedy.find("--scan " + file), std::string::npos);
 
-  // who says it is believed, against the evidence too
+  // an explicit declaration takes precedence over the evidence
   set_read_as(ReadAs::kLabels);
   EXPECT_TRUE(std::holds_alternative<LabelFile>(*read_row(stairs)));
   EXPECT_TRUE(std::holds_alternative<LabelFile>(*read_row({0, 1, 2, 3, 4, 5, 6, 0})));
@@ -488,7 +488,7 @@ TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
   set_read_as(ReadAs::kByContent);
 }
 
-// an atlas changes from voxel to voxel where it is fine: its table says what it is
+// a fine atlas changes from voxel to voxel: its table declares it as labels
 TEST(ReadVolume, ATableBesideAVolumeSaysThatItHoldsLabels) {
   const TemporaryFolder folder;
   std::vector<int> fine;
@@ -511,14 +511,14 @@ TEST(ReadVolume, ATableBesideAVolumeSaysThatItHoldsLabels) {
   EXPECT_EQ(labels.name_source, NameSource::kOwnTable);
   EXPECT_TRUE(labels.unnamed.empty());
 
-  // one of another name has to name every value
+  // a table of another name must name every value
   std::filesystem::rename(folder / "row.ctbl", folder / "gyri.ctbl");
   EXPECT_TRUE(is_labels());
   write_text(folder / "gyri.ctbl", table.substr(0, table.find('\n', table.size() / 2) + 1));
   EXPECT_FALSE(is_labels());
 }
 
-// ids that a float holds alike stay two
+// ids that are equal as floats are distinguished
 TEST(ReadVolume, LabelsAbove65535AreRefusedWithTheirNumber) {
   const TemporaryFolder folder;
   const auto write_ids = [&](const std::string& values, int count) {
@@ -534,15 +534,15 @@ TEST(ReadVolume, LabelsAbove65535AreRefusedWithTheirNumber) {
   EXPECT_TRUE(read_scan(file).ok());
   EXPECT_NE(read_labels(write_ids("0 65536 65536 1", 4)).error().what.find("has 1 label above 65535 (65536)"),
             std::string::npos);
-  // a scan of 32 bits changes from voxel to voxel
+  // a 32-bit scan changes from voxel to voxel
   const auto scan = read_volume(write_ids("70000 70010 70020 69000 68000 1", 6));
   ASSERT_TRUE(scan.ok()) << scan.error().message();
   EXPECT_TRUE(std::holds_alternative<ScanFile>(*scan));
 }
 
-// ---- NIfTI with two placements ------------------------------------------------------------------
+// ---- NIfTI with two transforms ------------------------------------------------------------------
 
-// of 4 x 3 x 2 voxels of 1 mm, by its sform RAS; both codes are set
+// 4 x 3 x 2 voxels of 1 mm, with an sform that is RAS; both codes are set
 std::string nifti_of_two_forms(float quaternion_c, float qoffset_x, float handedness) {
   std::string bytes(352 + 4 * 3 * 2 * 2, '\0');
   const auto put = [&](std::size_t at, auto value) { std::memcpy(bytes.data() + at, &value, sizeof value); };
@@ -582,7 +582,7 @@ TEST(NiftiForms, AMirrorOrMoreThanAVoxelIsSaidWithBothReadings) {
   EXPECT_NE(mirrored.find("--form q or s"), std::string::npos) << mirrored;
   const std::string shifted = warnings_of(nifti_of_two_forms(0, 20, 1));
   EXPECT_NE(shifted.find("differ by up to 20.0 mm"), std::string::npos) << shifted;
-  // half a voxel is rounding of who wrote it
+  // half a voxel is rounding by the writer
   EXPECT_EQ(warnings_of(nifti_of_two_forms(0, 0.5f, 1)), "");
 }
 

@@ -2,7 +2,7 @@
 
 #include "palpate/volume_io/volume_io.h"
 
-// the first byte is the number of layers, then "key=value" texts between zero bytes
+// the first byte is the number of layers, followed by "key=value" texts separated by zero bytes
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   std::vector<std::pair<std::string, std::string>> fields;
@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const int layers = 1 + data[0] % 4;
   const auto segments = palpate::parse_segment_fields(fields, layers, "fuzz");
   if (!segments) return 0;
-  // what callers rely on
+  // invariants on which callers rely
   int last = 0;
   for (const palpate::Segment& s : *segments) {
     PALPATE_CHECK(s.id > last && s.value != 0 && s.layer >= 0 && s.layer < layers);

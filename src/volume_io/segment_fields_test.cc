@@ -33,7 +33,7 @@ TEST(SegmentFields, ReadsWhatSlicerWrites) {
   EXPECT_EQ((*segments)[1].colour, (Rgb{128, 174, 128}));
 }
 
-// where a segment has no name of its own it is called after its terminology
+// a segment without a name of its own is named by its terminology
 TEST(SegmentFields, ReadsTheTerminologyOfSlicer) {
   const auto name_of = [](const std::string& name, const std::string& entry, bool is_auto = false) {
     Fields fields{{"Segment0_ID", "Segment_1"},
@@ -82,7 +82,7 @@ TEST(SegmentFields, ValuesThatLayersShareGetIdsOfTheirOwn) {
   }
 }
 
-// 3D Slicer before 4.11: a layer of ones for each segment, nothing said about it
+// 3D Slicer before 4.11: a layer of ones for each segment, without a declaration
 TEST(SegmentFields, WithoutLayersEachSegmentHasItsOwn) {
   const Fields fields{{"Segment0_ID", "a"}, {"Segment1_ID", "b"}};
   const auto segments = parse_segment_fields(fields, 2, "x");

@@ -7,7 +7,7 @@
 #include "palpate/volume_io/volume_io.h"
 #include "volume_io/itk_oracle.h"
 
-/// The shared files, as their README describes them, and ITK's own reader as a second opinion on every voxel.
+/// Shared data sets as described by their README, and ITK's own reader as a reference for every voxel.
 namespace palpate {
 namespace {
 
@@ -88,7 +88,7 @@ TEST(SharedData, TorsoScanAndItsLabelsLieOnOneGrid) {
   EXPECT_EQ(scan->scan.geometry().spacing_mm, Eigen::Vector3d(3, 3, 3));
   EXPECT_TRUE(scan->scan.geometry().same_grid(labels->labels.geometry()));
   EXPECT_EQ(labels->labels.segments.size(), 41u);
-  // by the label table that TotalSegmentator has written into the header
+  // from the label table that TotalSegmentator writes into the header
   EXPECT_TRUE(labels->unnamed.empty());
   EXPECT_EQ(labels->name_source, NameSource::kFile);
   EXPECT_NE(labels->labels.find("liver"), nullptr);
@@ -124,7 +124,8 @@ TEST(SharedData, LabelsBesideDicomSegmentations) {
   }
 }
 
-// dims, spacing and the LPS position of the last voxel, which holds origin and directions too, from nibabel
+// Dimensions, spacing and the LPS position of the last voxel, which depends on origin and directions, from
+// nibabel.
 TEST(SharedData, NiftiOfEveryKindHasTheGeometryThatNibabelSees) {
   struct Expected {
     std::string name;

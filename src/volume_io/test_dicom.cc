@@ -152,7 +152,7 @@ bool is_jpeg2000(DicomPacking packing) {
          packing == DicomPacking::kJpeg2000Lossy;
 }
 
-// a frame's codestream, of an even length
+// codestream of a frame, padded to an even length
 std::vector<std::uint8_t> codestream_of(const DicomImage& image, const DicomImage::Frame& frame,
                                         DicomPacking packing) {
   Jpeg2000Coding coding;
@@ -170,7 +170,7 @@ std::vector<std::uint8_t> codestream_of(const DicomImage& image, const DicomImag
   return stream;
 }
 
-// DCMTK has no encoder of it
+// DCMTK has no JPEG 2000 encoder
 void put_jpeg2000(DcmDataset& root, const DicomImage& image, DicomPacking packing) {
   auto sequence = std::make_unique<DcmPixelSequence>(DcmTag(DCM_PixelSequenceTag));
   const auto append = [&](const std::uint8_t* bytes, std::size_t count) {
@@ -198,7 +198,7 @@ void put_jpeg2000(DcmDataset& root, const DicomImage& image, DicomPacking packin
   PALPATE_CHECK(root.insert(pixels.release(), OFTrue).good());
 }
 
-// there as long as the program
+// registered for the lifetime of the program
 class Encoders {
  public:
   Encoders() {
@@ -220,7 +220,7 @@ void need_encoders() {
   static const Encoders encoders;
 }
 
-// 8 bits an entry, two to a word
+// 8 bits per entry, two to a word
 void put_palette(DcmDataset& root, const std::vector<std::array<std::uint8_t, 3>>& palette) {
   const std::array<std::pair<DcmTagKey, DcmTagKey>, 3> tables{
       {{DCM_RedPaletteColorLookupTableDescriptor, DCM_RedPaletteColorLookupTableData},

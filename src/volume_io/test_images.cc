@@ -4,7 +4,7 @@
 #include <zlib.h>
 
 #include <cstdio>
-// jpeglib.h needs the above
+// jpeglib.h requires the headers above
 #include <jpeglib.h>
 
 #include <algorithm>
@@ -128,7 +128,7 @@ class TiffWriter {
   void offset(std::uint64_t value) { number(value, offset_bytes()); }
   int samples() const { return layout_.colour ? 3 : 1; }
 
-  // samples of a part of a page, as they are stored
+  // samples of a region of a page, as stored
   Bytes rows_of(const Picture& page, int left, int top, int columns, int rows, int plane) const {
     const std::size_t sample_bytes = static_cast<std::size_t>(std::max(layout_.bits, 8)) / 8;
     Bytes out;
@@ -226,7 +226,7 @@ class TiffWriter {
     fields.push_back({284, 3, {layout_.separate ? 2u : 1u}});
     if (layout_.predicted) fields.push_back({317, 3, {2}});
     if (layout_.palette) {
-      // entry n is 0xn0n1n2, of 16 bits each
+      // entry n is 0xn0n1n2, with 16 bits per component
       std::vector<std::uint64_t> map;
       for (std::uint64_t c = 0; c < 3; ++c)
         for (std::uint64_t n = 0; n < (std::uint64_t{1} << layout_.bits); ++n)
@@ -265,7 +265,7 @@ class TiffWriter {
 
   const TiffLayout& layout_;
   Bytes text_;
-  std::size_t link_ = 0;  // where the next directory's place is to stand
+  std::size_t link_ = 0;  // position of the offset of the next directory
 };
 
 // ---- PNG -------------------------------------------------------------------------------------------
@@ -328,7 +328,7 @@ std::string png_of(const Picture& picture, PngKind kind) {
         case PngKind::kRgba:
           row.insert(row.end(), {static_cast<png_byte>(pixel >> 16), static_cast<png_byte>(pixel >> 8),
                                  static_cast<png_byte>(pixel)});
-          // what is black is transparent, of another colour
+          // black is transparent, with another colour
           if (kind == PngKind::kRgba) row.push_back(pixel == 0 ? 0 : 255);
           if (kind == PngKind::kRgba && pixel == 0) row[row.size() - 2] = 200;
           break;

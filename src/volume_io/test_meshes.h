@@ -14,12 +14,12 @@
 
 #include "volume_io/mesh.h"
 
-/// Meshes of shapes, and files of them as other programs write them.
+/// Meshes of shapes, and files of them as written by other programs.
 namespace palpate::volume_io::test_meshes {
 
 using Vector3 = Eigen::Vector3d;
 
-/// A grid of u x v points on a closed surface, or one open along its first and last row of v.
+/// Mesh of u x v points on a closed surface, or on one that is open along its first and last row of v.
 template <class Place>
 TriangleMesh mesh_of_grid(std::uint32_t us, std::uint32_t vs, bool closed_in_v, const Place& place) {
   TriangleMesh mesh;
@@ -38,12 +38,12 @@ TriangleMesh mesh_of_grid(std::uint32_t us, std::uint32_t vs, bool closed_in_v, 
   return mesh;
 }
 
-/// Of a radius around the origin. Its poles are many points at one place.
+/// Sphere around the origin. Each pole consists of many coincident points.
 inline TriangleMesh sphere_mesh(double radius, std::uint32_t around = 96) {
   constexpr double kPi = std::numbers::pi;
   return mesh_of_grid(around, around / 2, false, [&](double u, double v) {
     const double turn = 2 * kPi * u, fall = kPi * (1 - v);
-    // the poles exactly, so that they close
+    // the poles exactly, so that the surface closes
     const double ring = v == 0 || v == 1 ? 0 : radius * std::sin(fall);
     return Vector3(ring * std::cos(turn), ring * std::sin(turn), radius * std::cos(fall));
   });
@@ -57,7 +57,7 @@ inline TriangleMesh torus_mesh(double ring, double tube, std::uint32_t around = 
   });
 }
 
-/// A cuboid around the origin.
+/// Cuboid around the origin.
 inline TriangleMesh box_mesh(const Vector3& half) {
   TriangleMesh mesh;
   for (int n = 0; n < 8; ++n)
@@ -128,6 +128,7 @@ inline std::string obj(const TriangleMesh& mesh, const std::string& first = "") 
   return text;
 }
 
+/// PLY file.
 /// @param order  "ascii", "binary_little_endian" or "binary_big_endian"
 inline std::string ply(const TriangleMesh& mesh, const std::string& order, const std::string& comment = "") {
   std::string bytes =
@@ -150,7 +151,7 @@ inline std::string ply(const TriangleMesh& mesh, const std::string& order, const
   return bytes + (text ? "0\n" : raw(std::int32_t{0}, big));
 }
 
-/// Of version 3, or of 5.1 with two arrays for the cells.
+/// Legacy VTK file of version 3, or of 5.1 with two arrays for the cells.
 inline std::string legacy_vtk(const TriangleMesh& mesh, bool binary, bool two_arrays,
                               const std::string& title = "a surface") {
   std::string bytes = std::string("# vtk DataFile Version ") + (two_arrays ? "5.1" : "3.0") + "\n" + title +
@@ -196,7 +197,8 @@ inline std::string base64(const std::string& bytes) {
   return text;
 }
 
-/// @param format  "ascii", "binary", "packed" (binary by zlib) or "appended"
+/// XML VTK file.
+/// @param format  "ascii", "binary", "packed" (binary, compressed by zlib) or "appended"
 inline std::string vtp(const TriangleMesh& mesh, const std::string& format, const std::string& field = "") {
   const bool packed = format == "packed", appended = format == "appended";
   std::string tail;
@@ -256,11 +258,11 @@ inline std::string vtp(const TriangleMesh& mesh, const std::string& format, cons
 }
 
 struct WrittenMesh {
-  std::string name;  ///< of a file
+  std::string name;  ///< File name.
   MeshFormat format{};
   std::string bytes;
 };
-/// A mesh in every format that is read.
+/// The mesh in every supported format.
 inline std::vector<WrittenMesh> in_every_format(const TriangleMesh& mesh) {
   return {{"ascii.stl", MeshFormat::kStl, ascii_stl(mesh, "ball")},
           {"binary.stl", MeshFormat::kStl, binary_stl(mesh, "solid as some programs begin it")},

@@ -1,6 +1,6 @@
 #include "volume_io/headers.h"
 
-// the three headers; a bug in one of them would meet untrusted bytes first
+// the three header parsers, which receive untrusted bytes first
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   using namespace palpate::volume_io;

@@ -28,7 +28,8 @@ void must(bool condition) {
 
 }  // namespace
 
-// what a process led astray might send; what comes out must be inside the bounds that the reader relies on
+// Messages that a compromised process might send; the results must satisfy the bounds on which the reader
+// relies.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::vector<std::filesystem::path> files{"named", "other"};
   Input input(data, size), again(data, size);

@@ -32,7 +32,7 @@ class Memory : public reader::ByteTarget, public reader::ByteSource {
   std::size_t at = 0;
 };
 
-// a volume with nothing left at its default
+// volume without a member at its default value
 VolumeFile example() {
   VolumeFile volume;
   volume.header.geometry.dims = {5, 6, 7};
@@ -111,7 +111,7 @@ TEST(VolumeMessage, BelievesNoVolume) {
     EXPECT_THAT(error_of([&](VolumeFile& v) { v.header.layers = layers; }), HasSubstr("no volume can be"));
   EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.slope = kNan; }), HasSubstr("no volume can be"));
   EXPECT_THAT(error_of([&](VolumeFile& v) { v.voxels.intercept = kNan; }), HasSubstr("no volume can be"));
-  // enumerators that there are not, and a file that it has not been given
+  // invalid enumerators, and a file to which the process has no access
   EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.encoding = static_cast<Encoding>(6); }),
               HasSubstr("no volume can be"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.voxels.component = static_cast<Component>(10); }),

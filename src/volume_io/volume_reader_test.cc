@@ -22,7 +22,7 @@ using test::TemporaryFolder;
 using test::write_text;
 using ::testing::HasSubstr;
 
-// more pieces than there are slots for
+// more pieces than slots
 constexpr int kSide = 128;
 std::string header(const std::string& more) {
   const std::string side = std::to_string(kSide);
@@ -35,7 +35,7 @@ std::string voxels() {
   return bytes;
 }
 
-// the processes that this one has started and not yet taken leave of
+// child processes of this process that have not been reaped
 std::vector<pid_t> children() {
   const std::string self = std::to_string(::getpid());
   std::ifstream file("/proc/" + self + "/task/" + self + "/children");
@@ -61,7 +61,7 @@ class VolumeReaderTest : public ::testing::Test {
     EXPECT_TRUE(test::has_no_child());
   }
 
-  // what streaming ends in when this is done after the first piece
+  // result of streaming if `meanwhile` is called after the first piece
   Result<void> stream_with(const Progress& progress, const std::function<void()>& meanwhile) const {
     auto reader = VolumeReader::open(file_, progress);
     if (!reader) return reader.error();
@@ -184,7 +184,7 @@ TEST_F(VolumeReaderTest, HundredsLeaveNothing) {
   }
 }
 
-// what comes of 64 values of two bytes from a process that says this, one number after the other
+// Result of reading 64 two-byte values from a process that sends these numbers in order.
 std::string taken_from(const std::vector<std::uint32_t>& words, const Result<void>* end) {
   const std::vector<std::filesystem::path> files{"v"};
   VolumeFile file;
@@ -218,12 +218,12 @@ TEST_F(VolumeReaderTest, BelievesNoPiece) {
   EXPECT_EQ(taken_from({128}, &whole), "64");
   EXPECT_EQ(taken_from({0, 64, 0, 0, 62, 2, 0}, &whole), "64");
   EXPECT_EQ(taken_from({126}, &refused), "ends early");
-  // half a value, more than there are, more than a slot holds
+  // half a value, more values than there are, more than a slot holds
   EXPECT_EQ(taken_from({127}, &whole), nonsense);
   EXPECT_EQ(taken_from({130}, &whole), nonsense);
   EXPECT_EQ(taken_from({128, 2}, &whole), nonsense);
   EXPECT_EQ(taken_from({~std::uint32_t{0} - 1}, &whole), nonsense);
-  // whole before it is
+  // end before all values
   EXPECT_EQ(taken_from({126}, &whole), nonsense);
   EXPECT_EQ(taken_from({}, &whole), nonsense);
   EXPECT_EQ(taken_from({128}, nullptr), "it died");

@@ -61,7 +61,7 @@ TEST(WriteVolume, EveryFormatKeepsEveryType) {
   expect_round_trip(random_volume<std::int16_t>(g, -5, 5), "int16");
 }
 
-// NIfTI as ITK writes it squares the axes: better no file than another geometry
+// NIfTI as written by ITK makes the axes orthogonal: rather no file than another geometry
 TEST(WriteVolume, AGeometryThatAFormatCannotHoldIsAnError) {
   const TemporaryFolder folder;
   const Volume<float> sheared(testing::awkward_grids({4, 4, 4}).back());
@@ -141,7 +141,7 @@ TEST(WriteVolume, AFailureIsAnOutputErrorAndLeavesTheOldFileAlone) {
   EXPECT_EQ(empty.error().kind, ErrorKind::kOutput);
   EXPECT_EQ(folder.count(), 0u);
 
-  // a disk that takes no more than 20 000 bytes
+  // a disk limited to 20 000 bytes
   rlimit before;
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
@@ -161,7 +161,7 @@ TEST(WriteVolume, AFailureIsAnOutputErrorAndLeavesTheOldFileAlone) {
 
 TEST(WriteVolume, AFolderThatTakesNoFilesIsAnOutputError) {
   if (::geteuid() == 0) {
-    // nothing is forbidden to root, but nobody may write here
+    // root is not restricted by permissions, but /proc is not writable
     const auto written =
         write_volume("/proc/palpate.nrrd", Volume<float>(testing::awkward_grids({2, 2, 2})[0]));
     ASSERT_FALSE(written);
