@@ -36,16 +36,16 @@ struct Footprint {
 /// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
 /// throw.
 /// @param places  1 ... kMostPressPlaces
-/// @param along  direction in which the tissue pushes the tool back; unit
+/// @param along   direction in which the tissue pushes the tool back; unit
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along);
 
 /// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.
-/// @param all  all surfaces of the model
+/// @param all       all surfaces of the model
 /// @param surfaces  indices of the surfaces in contact, without duplicates
-/// @param spheres  tool parts
-/// @param tip  position of the tip
-/// @param places  receives the places, in the order of the tool's parts
+/// @param spheres   tool parts
+/// @param tip       position of the tip
+/// @param places    receives the places, in the order of the tool's parts
 /// @returns number of places written
 std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,

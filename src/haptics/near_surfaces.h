@@ -129,7 +129,7 @@ class NearSurfaces {
 
 /// Whether no tool part penetrates any surface that the layer's proxy can touch.
 /// @param but  surfaces that are ignored
-/// @param at  position of the tip
+/// @param at   position of the tip
 bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at);
 
@@ -163,7 +163,7 @@ class Walls {
 /// Projects a position out of every surface of the set that it penetrates slightly, by repeated closest-point
 /// solves.
 /// @param step_mm  maximum length of each step, because nearly opposite planes have a distant intersection
-/// @param proxy  updated only on success
+/// @param proxy    updated only on success
 /// @return false if no position outside was found within most_steps
 bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy);
 

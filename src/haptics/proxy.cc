@@ -58,7 +58,7 @@ class StiffnessAround {
 /// alone would have carried it. It bounds the change of the spring's stretch to the tip's displacement plus
 /// the permitted slip.
 struct Leash {
-  Point<Patient> middle;  ///< Proxy position of the last tick plus the tip's displacement
+  Point<Patient> middle;  ///< Proxy position after the tool's rotation, plus the tip's displacement
   double length_mm = std::numeric_limits<double>::infinity();
 
   /// Whether a position is outside the ball, so that the limit applies.
@@ -92,10 +92,10 @@ struct Walked {
 /// Rate-limited spring stiffness. The stiffness depends on position and contacts and may change only as fast
 /// as the proxy may slip: the force change that is not explained by the tip's displacement is at most that of
 /// a slip.
-/// @param wanted  stiffness of the current contacts, N/mm
-/// @param before  stiffness of the last tick, N/mm; empty: unknown, no limit
+/// @param wanted        stiffness of the current contacts, N/mm
+/// @param before        stiffness of the last tick, N/mm; empty: unknown, no limit
 /// @param stretched_mm  current spring vector, tip to proxy
-/// @param slip_N  permitted force change in this tick beyond the tip's displacement
+/// @param slip_N        permitted force change in this tick beyond the tip's displacement
 double slow_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
                       double slip_N, const Walked& walked) {
   const double length_mm = stretched_mm.norm();
@@ -131,11 +131,11 @@ struct WalkRoom {
 /// Update of one layer's proxy position in one tick: substeps towards the tip along the surfaces.
 class Walk {
  public:
-  /// @param spheres  tool parts in the proxy's attitude
-  /// @param most_mm  maximum path length
-  /// @param leash  displacement limit
+  /// @param spheres    tool parts in the proxy's attitude
+  /// @param most_mm    maximum path length
+  /// @param leash      displacement limit
   /// @param stretched  spring vector of the last tick, tip to proxy, mm
-  /// @param way  receives every vertex of the path; may be null
+  /// @param way        receives every vertex of the path; may be null
   Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
        const Leash& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
        const ProxyOptions& options, ProxyWay* way, WalkRoom& room)
@@ -178,7 +178,7 @@ class Walk {
       }
       note(proxy_);
       moves = !flies() && go_on(result);
-      // also if the proxy has not arrived, because a tick at zero force would be felt
+      // a blocked proxy gets a contact before it has arrived, too: a tick at zero force would be felt
       through_free_space = slips() && is_held_by_nothing();
       if (!result.wedged && !through_free_space && is_held_by_nothing()) lean_on_what_is_nearest();
     } else {
@@ -699,7 +699,7 @@ class Given {
 class WayIn {
  public:
   /// @param stretched_mm  spring vector of the layer, tip to proxy
-  /// @param stiffness  stiffness of the layer, N/mm
+  /// @param stiffness     stiffness of the layer, N/mm
   void begin_layer(const Vector<Patient>& stretched_mm, double stiffness) {
     layer_.make(layers_++, stretched_mm, stiffness, owners_);
     force_N_ += stretched_mm * stiffness;
@@ -804,8 +804,8 @@ class Springs {
 
   /// Adds a layer; layers are added from outside to inside.
   /// @param spheres  tool parts in the proxy's attitude
-  /// @param slip_N  as in slow_stiffness()
-  /// @param yield  state of the deformable structures, used by the outermost layer only
+  /// @param slip_N   as in slow_stiffness()
+  /// @param yield    state of the deformable structures, used by the outermost layer only
   /// @return the layer's force
   ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked, double slip_N,
                  YieldState& yield, RelaxationState& relaxation) {
@@ -1110,9 +1110,9 @@ double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterni
 }
 
 /// Displacement limit of a layer's proxy.
-/// @param state  after the tool's rotation, which has already pushed the proxy
-/// @param tip_moved  displacement of the tip in this tick, mm
-/// @param turned_mm  arc length of that rotation
+/// @param state         after the tool's rotation, which has already pushed the proxy
+/// @param tip_moved     displacement of the tip in this tick, mm
+/// @param turned_mm     arc length of that rotation
 /// @param most_slip_mm  permitted slip
 Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
                double most_slip_mm) {

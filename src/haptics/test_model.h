@@ -17,7 +17,7 @@ inline double ramp(double distance_mm, double sigma_mm) {
   return 0.5 * std::erfc(distance_mm / (sigma_mm * std::sqrt(2.0)));
 }
 
-/// @param cartilage_mm  thickness of the shell; 0: none
+/// @param cartilage_mm     thickness of the shell; 0: none
 /// @param cartilage_level  stiffness of cartilage over that of bone
 inline Model ball_model(const Eigen::Vector3d& spacing_mm = {0.6, 0.6, 0.9}, double sigma_mm = 1.0,
                         double cartilage_mm = 0, float cartilage_level = 0.5f) {

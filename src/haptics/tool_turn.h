@@ -17,10 +17,10 @@ struct ToolTurn {
 /// out of surfaces that the tool rotates into: the attitude follows the operator's, the position gives way.
 /// Swept in steps; between the ends of a step no sphere penetrates deeper than ProxyFeel::most_dip_mm. If the
 /// position cannot give way, the attitude stays behind. Bounded work; does not allocate, lock or throw.
-/// @param spheres  tool parts in `attitude`
+/// @param spheres   tool parts in `attitude`
 /// @param attitude  target attitude
-/// @param state  proxy of the layer, updated
-/// @param way  receives the pose after every step; may be null
+/// @param state     proxy of the layer, updated
+/// @param way       receives the pose after every step; may be null
 ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way);
 

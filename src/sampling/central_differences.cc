@@ -16,8 +16,8 @@
 //     J = B(r_10 - r_-1,0, r_20 - r_00,   r_11 - r_-1,1, r_21 - r_01)
 //     K = B(r_01 - r_0,-1, r_11 - r_1,-1, r_02 - r_00,   r_12 - r_10)
 //
-// and the value and twice the central differences are dot products along i, with interpolation weights p =
-// (0, 1-u, u, 0) and difference weights q = (-(1-u), -u, 1-u, u):
+// and the value and twice the central differences are dot products along i, with the weights
+// p = (0, 1-u, u, 0) for interpolation and q = (-(1-u), -u, 1-u, u) for differences:
 //
 //     f = p V,   2 g_i = q V,   2 g_j = p J,   2 g_k = p K
 //

@@ -21,10 +21,10 @@ struct DelayLine {
 /// Mean force that acted on the device since the last tick, with each command acting after a delay and held
 /// until the next. If the delay has increased, or exceeds the length of the line, the oldest command
 /// substitutes for those that were dropped.
-/// @param sent_N  command of the last tick, sent dt_s ago; appended to the line
-/// @param dt_s  length of the last tick
+/// @param sent_N   command of the last tick, sent dt_s ago; appended to the line
+/// @param dt_s     length of the last tick
 /// @param delay_s  delay from a command to its force
-/// @param line  updated
+/// @param line     updated
 Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
 
 /// Impulse along a direction of the commands that have not acted yet; N s.

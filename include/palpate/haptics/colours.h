@@ -14,7 +14,7 @@ namespace palpate {
 /// Replaces the colours of structures by those that the scene gives to their tissues. Other structures keep
 /// theirs.
 /// @param tissue_of_label  as in Model
-/// @param said  the scene's colour of each tissue; empty: none
+/// @param said             the scene's colour of each tissue; empty: none
 void take_colours_of_tissues(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
                              std::span<const std::optional<Rgb>> said);
 

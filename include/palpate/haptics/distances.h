@@ -38,7 +38,7 @@ struct ToolBox {
 };
 /// Bounding box of a tool.
 /// @param spheres  tool parts in the operator's pose
-/// @param tip  position of the tip
+/// @param tip      position of the tip
 ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip);
 
 /// Structures with distance trees. Immutable value; with() shares the unchanged parts.
@@ -46,7 +46,7 @@ class Distances {
  public:
   Distances() = default;
   /// @param structures  each with a tree
-  /// @param reach_mm  maximum reported distance; above 0
+  /// @param reach_mm    maximum reported distance; above 0
   Distances(std::vector<TrackedStructure> structures, double reach_mm);
   /// A copy in which one structure has a new version of its surface.
   Distances with(std::size_t structure, std::shared_ptr<const Surface> surface) const;
@@ -88,7 +88,7 @@ struct ToolDistance {
 /// point nearer by more than kAlongSlack_mm (the distance is Lipschitz continuous along the axis). Bounded
 /// work; does not allocate, lock or throw.
 /// @param spheres  tool parts in the operator's pose
-/// @param tip  position of the tip
+/// @param tip      position of the tip
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
 inline constexpr double kAlongSlack_mm = 0.02;

@@ -121,7 +121,7 @@ struct Tool {
 
   /// Whether the burr's motor runs.
   /// @param switched_on  state of the motor's switch
-  /// @param buttons  button bit mask of the device that holds the tool
+  /// @param buttons      button bit mask of the device that holds the tool
   bool motor_is_on(bool switched_on, std::uint32_t buttons) const {
     return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
   }
@@ -344,7 +344,7 @@ class VelocityWindow {
 };
 
 /// Viscous force -c v, N. It is scaled by the relative depth, so that it sets in continuously.
-/// @param inside  field value over the tissue's level, clamped to 0 ... 1
+/// @param inside           field value over the tissue's level, clamped to 0 ... 1
 /// @param most_N_s_per_mm  limit of the viscosity
 Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside,
                               double most_N_s_per_mm = std::numeric_limits<double>::infinity());

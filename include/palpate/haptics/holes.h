@@ -25,7 +25,7 @@ struct Hole {
   double radius_mm = 0;    ///< Radius of the tool part
 
   /// Whether a tool part at `middle` fits into the hole, from either end.
-  /// @param middle  centre of the tool part
+  /// @param middle     centre of the tool part
   /// @param radius_mm  its radius; at most that of the hole
   bool lets_in(const Point<Patient>& middle, double radius_mm) const;
 };

@@ -43,10 +43,10 @@ class Owners {
   /// surface finds outer voxels.
   static constexpr double kReach_mm = 2.6;
 
-  /// @param labels  grid axes are treated as perpendicular; voxels outside the grid belong to none of the
-  /// structures
+  /// @param labels              grid axes are treated as perpendicular; voxels outside the grid belong to
+  ///                            none of the structures
   /// @param structure_of_label  structure of every label in the volume; -1: none. At least one structure must
-  /// have voxels
+  ///                            have voxels
   Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label);
 
   /// Shares of the structures with outer voxels within R, at most kMost. If there are none, or `x` is not

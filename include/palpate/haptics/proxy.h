@@ -37,7 +37,7 @@ namespace palpate {
 struct FeltSurface {
   /// Signed-distance surface. null: the structure is only touched through common surfaces.
   std::shared_ptr<const Surface> surface;
-  double stiffness_N_per_mm = 1;
+  double stiffness_N_per_mm = 1;  ///< Spring stiffness of the structure
   double static_friction = 0.1;   ///< Static friction coefficient; at least dynamic_friction
   double dynamic_friction = 0.1;  ///< Kinetic friction coefficient while sliding
   /// Normal force above which the tool punctures the structure; infinite: never.
@@ -46,8 +46,8 @@ struct FeltSurface {
   /// Ownership of a common surface: contact properties there are averaged over the owning structures by their
   /// shares and replace the values above. null: not a common surface.
   std::shared_ptr<const Owners> owners = nullptr;
-  /// Index of the structure that this additional surface belongs to, in a layer other than that structure's
-  /// own entry. -1: the entry's own index is the structure.
+  /// Index of the structure to which this additional surface belongs, in a layer outside that structure's
+  /// own. -1: the entry is a structure's own, or a common surface.
   int structure = -1;
   /// Index of the common surface that covers this one; this surface is only tested for contact while the tool
   /// has punctured that one. -1: not covered.
@@ -108,7 +108,9 @@ class OwnersMemo {
   std::array<Known, 4> known_;
   std::size_t next_ = 0;
 };
+/// Maximum number of surfaces of a model.
 inline constexpr std::size_t kMostSurfaces = 1024;
+/// Set of surfaces, by their index.
 using SurfaceSet = std::bitset<kMostSurfaces>;
 
 /// A collision primitive of the tool: a sphere, or a capsule (a sphere swept along a segment) whose radius
@@ -118,7 +120,8 @@ struct ToolSphere {
   double radius_mm = 0;
   /// Axis of a capsule, from the end at offset_mm to the other end; mm. 0: a sphere.
   Vector<Patient> along_mm = {};
-  /// Radius at the other end of a capsule minus radius_mm; negative where it tapers. Both radii are above 0.
+  /// Radius at the other end of a capsule minus radius_mm; negative where it tapers. If not 0, both radii are
+  /// above 0.
   double widens_mm = 0;
   /// Radius that determines the spacing of the row of spheres by which a capsule is represented. 0: its own
   /// radius. With a fixed value the spheres stay at the same positions of the axis when the radius changes.
@@ -127,6 +130,7 @@ struct ToolSphere {
   /// @param part  position on the axis, 0 at offset_mm ... 1 at the other end
   double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
 };
+/// Maximum number of spheres and capsules of a tool.
 inline constexpr std::size_t kMostToolSpheres = 4;
 
 /// Closest approach of a tool part to a surface.
@@ -138,9 +142,9 @@ struct NearestPart {
 };
 /// Closest approach, evaluated on the same row of spheres that the proxy uses for a capsule. Does not
 /// allocate, lock or throw.
-/// @param at  position of the tip
+/// @param at         position of the tip
 /// @param enough_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
-/// lower bound above it
+///                   lower bound above it
 NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
                          double enough_mm = std::numeric_limits<double>::infinity());
 
@@ -170,8 +174,8 @@ class TurnedTool {
 
 /// A contact between a sphere or capsule of the tool and a surface.
 struct ProxyContact {
-  int surface = -1;
-  int sphere = 0;
+  int surface = -1;        ///< Index into the surfaces
+  int sphere = 0;          ///< Index of the tool part
   double part = 0;         ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
   Vector<Patient> normal;  ///< Outward surface normal; unit
   /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
@@ -184,7 +188,7 @@ inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sph
 }
 /// Friction coefficients of a contact.
 struct Friction {
-  double still = 0, sliding = 0;
+  double still = 0, sliding = 0;  ///< Static and kinetic coefficient
 };
 /// Cache of the active contacts of a proxy at rest. It is valid while the same tool remains at the same
 /// position with the same punctured surfaces; a tick then needs no surface queries. Not used for tools with
@@ -221,6 +225,7 @@ class TouchedAtRest {
 /// Up to three active half-spaces (a corner), each shared by every sphere of the tool.
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
+/// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
 inline constexpr int kMostLayers = 12;
 
 /// State of one layer's proxy between ticks.
@@ -229,7 +234,7 @@ struct ProxyLayer {
   /// reset (start, clutch, pause, jump, a surface that grew over the tip): the side of the surface on which
   /// the tip belongs is unknown until then, and the force is zero.
   bool coupled = false;
-  bool sticking = false;
+  bool sticking = false;    ///< Whether static friction holds the proxy
   Point<Patient> position;  ///< Position of the tip's proxy
   /// Attitude of the proxy's tool, as in ToolPose. Differs from the operator's while contacts block the
   /// rotation or the work limit of a tick was reached.
@@ -245,7 +250,7 @@ struct ProxyLayer {
   /// Displacement of the device while the proxy was catching up through free space at zero force.
   double behind_mm = 0;
   double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
-  int contacts = 0;
+  int contacts = 0;   ///< Number of valid entries of `contact`
   std::array<ProxyContact, kMostContacts> contact;
   // caches: they affect the time of a tick but not its result
   OwnersMemo owners;
@@ -257,7 +262,7 @@ struct ProxyLayer {
 struct ProxyRelease {
   Vector<Patient> force_N;     ///< Force on the tip
   Vector<Patient> torque_Nmm;  ///< Torque about the tip
-  double stored_mJ = 0;
+  double stored_mJ = 0;        ///< Elastic energy of a spring with that force
 
   /// Reduces the magnitude of the force by at most `most_N`. Returns the reduction, N.
   double fade(double most_N);
@@ -285,7 +290,7 @@ struct ProxyState : ProxyLayer {
 
 /// Parameters of advance_proxy.
 struct ProxyOptions {
-  bool friction = true;
+  bool friction = true;  ///< Whether friction is rendered
   /// Upper limit of the rendered stiffness: the largest at which the device is stable in an operator's hand.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double dt_s = 0.001;  ///< Time since the last call
@@ -314,8 +319,8 @@ struct ProxyForce {
   double stiffness_N_per_mm = 0;
   /// Tangent stiffness (derivative of the force by depth). Differs from the secant for deformable structures.
   double tangent_N_per_mm = 0;
-  double stored_mJ = 0;
-  bool yields = false;  ///< Whether a deformable structure is in contact
+  double stored_mJ = 0;  ///< Elastic energy
+  bool yields = false;   ///< Whether a deformable structure is in contact
 };
 
 /// Contribution of one structure along the penetration path. The force is the stiffness integrated along the
@@ -336,7 +341,7 @@ struct ProxyResult : ProxyForce {
   /// Structures along the penetration path, outermost first; empty without contact. If there are more than
   /// fit, those with the largest shares.
   std::array<FeltPart, kMostFeltParts> felt;
-  int felt_parts = 0;
+  int felt_parts = 0;  ///< Number of valid entries of `felt`
   /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
   /// disabled.
   double friction = 0;
@@ -358,40 +363,40 @@ struct ProxyResult : ProxyForce {
 /// more than ProxyFeel::most_dip_mm. Bounded work; does not allocate, lock or throw.
 ///
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
-/// capsule's, or 0.15 mm apart if that is larger (docs/decisions/0023). The contact point is the nearest
-/// point, or the middle of the touching interval where the capsule lies along the surface.
+///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/0023). The contact point is the nearest
+///   point, or the middle of the touching interval where the capsule lies along the surface.
 /// - Rotation: the attitude follows the operator's, which no force resists; when the tool rotates into a
-/// surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
-/// (docs/decisions/0019).
+///   surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
+///   (docs/decisions/0019).
 /// - Free space is crossed in substeps of the clearance (sphere tracing, Hart 1996).
 /// - In contact the goal is the point nearest to the tip in the intersection of the half-spaces of all
-/// touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
-/// alike.
+///   touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
+///   alike.
 /// - Slip: where the nearest point jumps, e.g. at an edge, the proxy moves there at a speed at which the
-/// spring force changes by at most most_slip_N_per_s, through free space too. A punctured surface releases at
-/// once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from one
-/// structure to another with a stretched spring.
+///   spring force changes by at most most_slip_N_per_s, through free space too. A punctured surface releases
+///   at once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from
+///   one structure to another with a stretched spring.
 /// - A layer constrains the tool only while the covering layer does. Once the outer proxy coincides with the
-/// tip, the tip is outside all inner layers: their proxies are reset to the tip and their residual force
-/// fades at the slip rate (docs/decisions/0076-layers-hold-while-covered.md).
+///   tip, the tip is outside all inner layers: their proxies are reset to the tip and their residual force
+///   fades at the slip rate (docs/decisions/0076-layers-hold-while-covered.md).
 /// - The outermost layer constrains the tool until it has returned from the tissue, i.e. it is clear of the
-/// layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example in
-/// a pocket of the surface, is then reset in the same way.
+///   layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example
+///   in a pocket of the surface, is then reset in the same way.
 /// - Friction: the proxy sticks while its distance to the goal is at most static_friction times the depth,
-/// and otherwise slides to a distance of dynamic_friction times the depth (friction cone: Harwin & Melder
-/// 2002).
+///   and otherwise slides to a distance of dynamic_friction times the depth (friction cone: Harwin & Melder
+///   2002).
 /// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
-/// and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
+///   and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
 /// - Puncture: a structure is punctured when its contribution to the spring force exceeds its puncture force.
-/// This excludes friction and uses the unlimited stiffness. Puncture also opens the common surfaces that the
-/// structure is part of, so that surfaces beneath are then touched individually; each closes again when tip
-/// and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact with it
-/// fit into its holes, it is passed again without force.
+///   This excludes friction and uses the unlimited stiffness. Puncture also opens the common surfaces that
+///   the structure is part of, so that surfaces beneath are then touched individually; each closes again when
+///   tip and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact
+///   with it fit into its holes, it is passed again without force.
 ///
 /// @param surfaces  at most kMostSurfaces; the same in every call with one `state`
-/// @param spheres  1 ... kMostToolSpheres tool parts, in the attitude of `hand`
-/// @param hand  pose of the tool
-/// @param state  state of this tool, updated
+/// @param spheres   1 ... kMostToolSpheres tool parts, in the attitude of `hand`
+/// @param hand      pose of the tool
+/// @param state     state of this tool, updated
 ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
 
@@ -399,7 +404,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
 /// unchanged: position, sticking and punctures stay. A structure that was punctured and has changed shape
 /// stays punctured. A proxy inside a surface that is new or changed shape is uncoupled, because the side on
 /// which it belongs is unknown.
-/// @param hand  pose of the tool, in whose attitude `spheres` are given
+/// @param hand    pose of the tool, in whose attitude `spheres` are given
 /// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
 void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
                 const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);

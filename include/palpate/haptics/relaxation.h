@@ -54,7 +54,7 @@ struct RelaxedParts {
   std::array<double, kMostRelaxationTimes> of_time{};
 
   /// Adds a tissue's series.
-  /// @param times  time constants of the model
+  /// @param times   time constants of the model
   /// @param weight  weight of the tissue
   void add(const Relaxation& relaxation, const RelaxationTimes& times, double weight);
   void add(const RelaxedParts& other, double weight);
@@ -104,7 +104,7 @@ struct RelaxingContact {
 /// (docs/decisions/0040-relaxation.md). At a new contact point the dent is reduced linearly with the distance
 /// from the last one, to none at its radius. Bounded work; bit-identical in every build.
 /// @param elastic_N  elastic force at the tool's depth; at least 0
-/// @param contact  null: no contact with deformable tissue, elastic_N is 0
+/// @param contact    null: no contact with deformable tissue, elastic_N is 0
 /// @returns force in N, 0 ... elastic_N
 double advance_relaxation(const RelaxationTimes& times, double elastic_N, const RelaxingContact* contact,
                           double dt_s, RelaxationState& state);

@@ -26,10 +26,10 @@ struct SwingState {
 /// displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has a
 /// smaller amplitude, and sliding over ribs has a larger lateral displacement.
 /// @param force_N  requested force; zero in free space
-/// @param way_mm  displacement of the tip since the last tick, relative to the object; mm of the device
+/// @param way_mm   displacement of the tip since the last tick, relative to the object; mm of the device
 /// @param step_mm  encoder step
-/// @param dt_s  length of the tick
-/// @param state  detector state, updated; state.later_s is the estimate
+/// @param dt_s     length of the tick
+/// @param state    detector state, updated; state.later_s is the estimate
 void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
                     SwingState& state);
 

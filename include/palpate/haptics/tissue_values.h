@@ -39,8 +39,8 @@ std::optional<TissueFault> support_fault(const SupportValues& tissue, const Supp
 
 /// Checks a tissue's values: ranges, friction and supports, with the messages used for a scene file.
 /// @param tissues  all tissues
-/// @param index  tissue whose values are new. Errors: kBadInput; the error's place is the scene key, e.g.
-/// "stiffness".
+/// @param index    tissue whose values are new
+/// Errors: kBadInput; the error's place is the scene key, e.g. "stiffness".
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index);
 
 }  // namespace palpate

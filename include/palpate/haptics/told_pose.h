@@ -8,8 +8,8 @@ namespace palpate {
 /// Transforms a vector fixed in the workspace to the patient frame by the object rotation of a recorded tick.
 /// Zero if the vector is not finite or the rotation is invalid.
 /// @param X_WorldPatient  Model::X_WorldPatient
-/// @param tick  recorded tick
-/// @param v  vector in World
+/// @param tick            recorded tick
+/// @param v               vector in World
 inline Vector<Patient> in_patient(const Transform<World, Patient>& X_WorldPatient, const TickRecord& tick,
                                   const Vector<World>& v) {
   const auto& w = tick.rotation_felt_wxyz;

@@ -126,9 +126,9 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);
 
 /// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
 /// the direct methods.
-/// @param held  tool with which the proxy was advanced
-/// @param proxy  state after the advance
-/// @param result  result of the advance
+/// @param held      tool with which the proxy was advanced
+/// @param proxy     state after the advance
+/// @param result    result of the advance
 /// @param coupling  spring and damper, updated
 ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);

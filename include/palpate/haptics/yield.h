@@ -101,12 +101,13 @@ struct YieldForce {
 YieldingTissue tissue_at(const YieldSpot& spot);
 /// Contact law at a point in this tick: the frame's values, extrapolated along the surface by their gradients
 /// and blended with those of the previous frame. An elastic half-space if no frame is known.
-/// @param frame  number of the newest frame; blending starts when it differs from the one in `state`
-/// @param spot  entry of this device in that frame
-/// @param at  contact point on the undeformed surface
+/// @param frame              number of the newest frame; blending starts when it differs from the one in
+///                           `state`
+/// @param spot               entry of this device in that frame
+/// @param at                 contact point on the undeformed surface
 /// @param modulus_N_per_mm2  E* of the tissue there, used unless the frame has a value; above 0
-/// @param dt_s  length of the tick
-/// @param state  blending state, updated
+/// @param dt_s               length of the tick
+/// @param state              blending state, updated
 YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,
                           double modulus_N_per_mm2, double dt_s, YieldState& state);
 
@@ -120,7 +121,7 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 /// law. Where W and C vary along the surface, the tangential force F^2 / 2 grad W - F^3 / 3 grad C (for F
 /// above F1 the corresponding integral) makes it conservative (docs/concepts/tissue.md). Bounded work;
 /// bit-identical in every build.
-/// @param depth_mm  penetration of the undeformed surface; not above 0: no force
+/// @param depth_mm   penetration of the undeformed surface; not above 0: no force
 /// @param radius_mm  radius of the sphere; at least YieldFeel::least_radius_mm is used
 YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm = std::numeric_limits<double>::infinity());

@@ -33,9 +33,10 @@ namespace internal {
 /// vector loads.
 struct SamplingMap {
   SamplingMap() : SamplingMap(GridGeometry{}, 1, 0, 0, 0, 1) {}
-  /// @param scale, offset  a stored number s has the value offset + scale * s
-  /// @param outside  value beyond `reach`
-  /// @param reach  distance from the outermost voxel centres, in voxels, within which the kernel has support
+  /// @param scale, offset    a stored number s has the value offset + scale * s
+  /// @param outside          value beyond `reach`
+  /// @param reach            distance from the outermost voxel centres, in voxels, within which the kernel
+  ///                         has support
   /// @param gradient_factor  factor that turns a kernel's difference into a derivative per voxel
   SamplingMap(const GridGeometry& grid, double scale, double offset, double outside, double reach,
               double gradient_factor);

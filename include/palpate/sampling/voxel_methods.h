@@ -53,7 +53,7 @@ class LabelSet {
 class LabelVoxels {
  public:
   /// @param labels  shared; not null, not empty, outside value background
-  /// @param set  members
+  /// @param set     members
   LabelVoxels(std::shared_ptr<const Bricks<LabelId>> labels, const LabelSet& set);
   /// A binary mask: separate bricks of one byte per voxel, 1 where the label is a member of the set, else 0.
   static LabelVoxels mask(const Bricks<LabelId>& labels, const LabelSet& set);
