@@ -5,7 +5,7 @@ namespace palpate {
 /// State of an impact since contact began from free space. Lengths and speeds are along the force, positive
 /// inward, in mm of the device.
 struct BounceState {
-  bool touched = false;
+  bool touched = false;             ///< Whether contact has begun
   double fell_mm_s = 0;             ///< Impact speed
   double time_s = 0, depth_mm = 0;  ///< Time and displacement since the first tick of contact
   double push_N_s = 0;              ///< Impulse of the force that has acted since then

@@ -91,8 +91,8 @@ struct ToolDistance {
 /// @param tip      position of the tip
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
-inline constexpr double kAlongSlack_mm = 0.02;
-inline constexpr std::size_t kMostAlong = 16;
+inline constexpr double kAlongSlack_mm = 0.02;  ///< Tolerance of distance_of_tool() along an axis
+inline constexpr std::size_t kMostAlong = 16;   ///< Points evaluated per axis
 
 /// Distance of a structure to a tool.
 struct NearStructure {

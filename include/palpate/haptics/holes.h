@@ -34,7 +34,7 @@ struct Hole {
 /// throw.
 class Holes {
  public:
-  static constexpr std::size_t kMost = 32;
+  static constexpr std::size_t kMost = 32;  ///< Capacity
 
   std::span<const Hole> all() const { return {hole_.data(), count_}; }
   bool empty() const { return count_ == 0; }

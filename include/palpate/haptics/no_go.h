@@ -23,7 +23,7 @@ struct NoGoStructure {
 };
 /// Half-space behind a plane.
 struct NoGoPlane {
-  Point<Patient> point;
+  Point<Patient> point;     ///< A point of the plane
   Vector<Patient> outward;  ///< Normal towards the allowed side; unit
 };
 /// Spherical region.
@@ -79,6 +79,6 @@ struct NoGoForce {
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
-inline constexpr std::size_t kMostNoGoMet = 8;
+inline constexpr std::size_t kMostNoGoMet = 8;  ///< Regions that act at a time
 
 }  // namespace palpate

@@ -19,7 +19,7 @@ struct OwnerShare {
 /// Shares of the structures in a point, largest first; their sum is 1.
 class OwnerShares {
  public:
-  static constexpr std::size_t kMost = 8;
+  static constexpr std::size_t kMost = 8;  ///< Capacity
   OwnerShares() = default;
   /// A point owned by one structure alone.
   explicit OwnerShares(int structure) : count_(1) { share_[0] = {structure, 1}; }

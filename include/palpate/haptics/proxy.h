@@ -273,8 +273,8 @@ struct ProxyRelease {
 /// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
 /// copyable, without pointers.
 struct ProxyState : ProxyLayer {
-  std::array<ProxyLayer, kMostLayers - 1> within;
-  Point<Patient> tip;             ///< Tip position of the last tick
+  std::array<ProxyLayer, kMostLayers - 1> within;  ///< Layer n at n - 1
+  Point<Patient> tip;                              ///< Tip position of the last tick
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
   YieldState yield;               ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
@@ -332,7 +332,7 @@ struct FeltPart {
   double depth_mm = 0;
   double share = 0;  ///< Fraction of the force, 0 ... 1
 };
-inline constexpr std::size_t kMostFeltParts = 6;
+inline constexpr std::size_t kMostFeltParts = 6;  ///< Capacity of ProxyResult::felt
 
 /// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {

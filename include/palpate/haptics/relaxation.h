@@ -41,7 +41,7 @@ struct Relaxation {
 /// Distinct time constants of a model's tissues, in ascending order.
 struct RelaxationTimes {
   std::array<double, kMostRelaxationTimes> time_s{};
-  std::size_t count = 0;
+  std::size_t count = 0;  ///< Number of time constants
 
   bool any() const { return count > 0; }
   /// Adds the time constants of a series.

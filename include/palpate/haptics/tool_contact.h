@@ -18,8 +18,8 @@ namespace palpate {
 struct TickContext {
   const Model& model;
   ForceMethod method = ForceMethod::kTrilinear;
-  bool friction = true, viscosity = true;
-  double dt_s = 0.001;
+  bool friction = true, viscosity = true;  ///< Whether they are rendered
+  double dt_s = 0.001;                     ///< Length of the tick
   /// Pose of the patient in the world, including the object's rotation.
   Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
@@ -31,7 +31,7 @@ struct TickContext {
 struct HandContext {
   const Tool& tool;
   const DeviceParameters& device;
-  Eigen::Matrix3d R_WorldTool;
+  Eigen::Matrix3d R_WorldTool;    ///< Rotation from tool axes to world axes
   Point<Patient> tip;             ///< Position of the tool's origin
   Vector<Patient> velocity_mm_s;  ///< Velocity of the tip relative to the object
   std::size_t number = 0;         ///< Index of the device

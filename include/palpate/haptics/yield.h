@@ -62,7 +62,7 @@ struct YieldFrame {
 
 /// State of the deformable tissue that a device's tool presses.
 struct YieldState {
-  std::uint32_t frame = 0;
+  std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
   /// YieldFeel::blend_s, so that no frame causes a step.
   double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0;
@@ -89,7 +89,7 @@ struct YieldingTissue {
 
 /// Force of a sphere at a depth.
 struct YieldForce {
-  double force_N = 0;
+  double force_N = 0;           ///< Normal force
   double tangent_N_per_mm = 0;  ///< dF / d depth
   double stored_mJ = 0;         ///< Work needed to press to that depth
   /// Tangential force that makes the law conservative where the compliance varies along the surface.

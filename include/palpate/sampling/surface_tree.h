@@ -73,9 +73,9 @@ class SurfaceTree {
   std::size_t pieces() const { return pieces_; }
   std::size_t bytes() const;
 
-  static constexpr double kPiece_mm = 0.8;
-  static constexpr double kSlack_mm = 0.02;
-  static constexpr int kMostNodes = 1 << 10;
+  static constexpr double kPiece_mm = 0.8;    ///< Maximum edge of a piece
+  static constexpr double kSlack_mm = 0.02;   ///< Tolerance of a query's distance
+  static constexpr int kMostNodes = 1 << 10;  ///< Work limit of a query
 
  private:
   void look_at_bricks(const SurfaceTree* before);
