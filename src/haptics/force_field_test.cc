@@ -146,7 +146,7 @@ TEST(ForceField, CartilageKeepsItsOwnSurfaceAndPushesOutwardAllTheWayDown) {
       EXPECT_NEAR(value_at(kBoneRadius_mm + shell_mm), 0.25, 0.12) << "half of its level at its surface";
       EXPECT_NEAR(value_at(kBoneRadius_mm + shell_mm / 2), 0.5, 0.12);
       EXPECT_NEAR(value_at(kBoneRadius_mm - 3.5), 1, 0.06) << "the published weights do not sum to 1";
-      // wherever there is a gradient it has the same sign
+      // wherever there is a gradient it has the same direction
       for (double radius_mm = kBoneRadius_mm - 0.5; radius_mm < kBoneRadius_mm + shell_mm + 0.5;
            radius_mm += 0.25) {
         const FieldSample sample = field.sample(Point<Patient>() + outward * radius_mm);

@@ -55,7 +55,7 @@ constexpr bool is_moving(TissueLaw law) {
 struct Tissue {
   std::string name;
   bool felt = true;  ///< Whether it can be touched; false: displayed only
-  /// Spring stiffness under the law kLayers.
+  /// Spring stiffness, for the direct methods and the proxy; not used for contact with a deformable tissue.
   double stiffness_N_per_mm = 1.0;
   /// Direct methods: limit of the tangential force as a fraction of the normal force.
   double friction_coefficient = 0.1;
