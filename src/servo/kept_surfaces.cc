@@ -9,17 +9,17 @@ std::size_t count_of(const Model& model) {
   return std::min(model.surfaces.size(), kMostSurfaces);
 }
 
-// of an outer surface, which belongs to several, 0
+// label of a structure's surface; 0 for an outer surface, which several structures share
 LabelId label_of(const Model& model, std::size_t surface) {
   return surface < model.label_of_surface.size() ? model.label_of_surface[surface] : LabelId{0};
 }
 
-// of one that is not met by itself 0
+// content hash; 0 for a surface that has no distance field of its own
 std::uint64_t content_of(const FeltSurface& felt) {
   return felt.surface != nullptr ? felt.surface->content_hash() : 0;
 }
 
-// the place that fits, the one where it stood before all others; the number of places where there is none
+// index that satisfies `fits`, preferring the previous index; the number of entries if there is none
 template <class Fits>
 std::size_t place_where(std::size_t places, std::size_t stood, const Fits& fits) {
   if (stood < places && fits(stood)) return stood;
@@ -34,7 +34,7 @@ std::span<const SurfaceBefore> find_before(const Model& model, const SessionStat
                                            SurfacesBefore& before) {
   const auto places = static_cast<std::size_t>(remembered.count);
   const std::size_t count = count_of(model);
-  // what was cut meanwhile is, each in its place, what it was: a common surface too
+  // after local edits alone every surface, common ones included, corresponds to the one at the same index
   const bool only_cut =
       count == places && model.version - model.edits == remembered.version - remembered.edits;
   for (std::size_t s = 0; only_cut && s < count; ++s)
@@ -42,7 +42,8 @@ std::span<const SurfaceBefore> find_before(const Model& model, const SessionStat
   for (std::size_t s = 0; !only_cut && s < count; ++s) {
     const LabelId label = label_of(model, s);
     const std::uint64_t content = content_of(model.surfaces[s]);
-    // an outer surface with another shape is a new one: what it holds together may have changed
+    // an outer surface of another shape counts as new, because the structures that it encloses may have
+    // changed
     const auto is_structure = [&](std::size_t place) {
       return label != 0 && remembered.label[place] == label;
     };

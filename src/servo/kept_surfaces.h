@@ -3,18 +3,21 @@
 #include <array>
 
 #include "palpate/servo/servo.h"
+/// Matches the surfaces of a new model version to those of the one before, so that proxies stay on surfaces
+/// that did not change.
 
 namespace palpate {
 
-/// Where each surface of a model was among those of the version before.
+/// Correspondence of each surface of a model to a surface of the version before.
 using SurfacesBefore = std::array<SurfaceBefore, kMostSurfaces>;
 
-/// Compares a model's surfaces with those that are remembered; one for each of the model's. A structure is
-/// looked for in its old place first, so that an edit that moves none costs one look for each.
+/// Matches the model's surfaces to the remembered ones; returns one entry per surface of `model`. A structure
+/// is first compared at its previous index, so that an edit that reorders nothing costs one comparison per
+/// surface.
 std::span<const SurfaceBefore> find_before(const Model& model, const SessionState::Surfaces& remembered,
                                            SurfacesBefore& before);
 
-/// Remembers them in place of what was there.
+/// Replaces the remembered surfaces by those of `model`.
 void remember_surfaces(const Model& model, SessionState::Surfaces& remembered);
 
 }  // namespace palpate

@@ -27,14 +27,15 @@ void LateTicks::end() {
   if (thread_.joinable()) thread_.join();
 }
 
-// the address of a thread that has ended may be the next one's; what a thread keeps for itself is not
+// thread_local instead of comparing thread addresses: a new thread may reuse the address of one that has
+// ended
 void LateTicks::tick_here() noexcept {
   thread_local const pid_t tid = ::gettid();
   tid_.store(tid, std::memory_order_relaxed);
 }
 
 void LateTicks::add(std::int64_t late_ns, std::uint64_t ticks) noexcept {
-  // the other thread only takes the worst away, so that losing one of two at the same moment does no harm
+  // the reading thread only resets the maximum, so that losing one of two concurrent updates is harmless
   if (late_ns > worst_ns_.load(std::memory_order_relaxed))
     worst_ns_.store(late_ns, std::memory_order_relaxed);
   late_.store(late_.load(std::memory_order_relaxed) + ticks, std::memory_order_release);
@@ -49,7 +50,8 @@ void LateTicks::look_for_causes() {
     const bool last = end_.load();
     const std::uint64_t late = late_.load(std::memory_order_acquire);
     const std::int64_t worst_ns = worst_ns_.exchange(0, std::memory_order_relaxed);
-    // of two threads there is no growth to tell: what was late while they changed stays unknown
+    // counters of two threads have no meaningful difference: ticks that were late during a change stay
+    // kUnknown
     if (const pid_t ticking = tid_.load(std::memory_order_relaxed); ticking != watched) {
       watched = ticking;
       monitor.emplace(watched);

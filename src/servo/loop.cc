@@ -11,23 +11,23 @@
 #include "palpate/servo/figures.h"
 #include "palpate/tissue/carving.h"
 
-/// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> what others see.
-/// update() allocates, locks, logs and throws nothing; its only system calls are those of the clock.
+/// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> published data.
+/// update() allocates, locks, logs and throws nothing; its only system calls read the clock.
 namespace palpate {
 namespace {
 
 constexpr auto kStopPoll = std::chrono::milliseconds(2);
-// more than the ramp takes; a servo thread that hangs does not get there
+// longer than the ramp-out; only reached if the servo thread hangs
 constexpr auto kStopPatience = std::chrono::milliseconds(500);
 
-// of the device's own clock, where it has one and says so
+// rate of the device's own clock where it has one and states it, else the loop's
 double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
   const DeviceInfo& info = driver.devices()[driver.clock_owner()];
   const bool own = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
   return own ? *info.rate_hz : settings.rate_hz;
 }
 
-// release: who has read a counter sees every counter at least as far on as it was then
+// release: a reader that observes a counter also observes every earlier increment of the others
 void add(std::atomic<std::uint64_t>& counter, std::uint64_t more) {
   counter.store(counter.load(std::memory_order_relaxed) + more, std::memory_order_release);
 }
@@ -52,12 +52,12 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     const WorkspaceSettings& workspace = workspaces[workspaces.size() == 1 ? 0 : d];
     mappings_.emplace_back(devices[d], workspace);
     is_in_patient_[d] = devices[d].in_patient;
-    // what a hand holds is known to whoever starts the loop, the rest to the device
+    // the caller knows what an operator can hold stable; everything else is a property of the device
     DeviceParameters& own = latest_.parameters.device[d];
     const DeviceParameters told = own;
     own = device_parameters(devices[d], workspace);
     own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, told.most_stiffness_N_per_mm);
-    // not above 0: not known
+    // not above 0: unknown
     if (told.most_damping_N_s_per_mm > 0)
       own.most_damping_N_s_per_mm = std::fmin(own.most_damping_N_s_per_mm, told.most_damping_N_s_per_mm);
     if (std::isfinite(told.delay_s)) own.delay_s = std::fmax(own.delay_s, told.delay_s);
@@ -85,7 +85,7 @@ Result<void> Loop::begin() {
 }
 
 void Loop::run(std::promise<void>& ready) {
-  // a driver that calls back ticks in its vendor's thread, and this one only waits for it
+  // with a callback driver the vendor's thread ticks and this one only waits for the end
   RealtimeRequest request;
   request.fifo = settings_.realtime && ticks_here_;
   request.lock_memory = settings_.realtime;
@@ -146,11 +146,12 @@ Parameters Loop::parameters() const {
 
 void Loop::stop() {
   if (!thread_.joinable()) return;
-  // let the force fade out first
+  // fade the force out first
   stopping_.store(true);
   for (auto waited = kStopPoll; waited < kStopPatience && running() && !silent_.load(); waited += kStopPoll)
     std::this_thread::sleep_for(kStopPoll);
-  // devices at rest need no watching while their driver shuts down; one that hangs does
+  // Devices with zero force need no watchdog while their driver shuts down; a hung driver still has force and
+  // needs it.
   if (silent_.load()) watchdog_.stand_down();
   stop_.store(true);
   thread_.join();
@@ -160,7 +161,7 @@ void Loop::stop() {
 
 LoopHealth Loop::health() const {
   LoopHealth health;
-  // before what it is a part of: the loop ticks on meanwhile
+  // loaded before the totals that contain it, because the loop keeps ticking
   const std::uint64_t on_time = counts_.on_time.load();
   health.ticks = counts_.ticks.load();
   health.skipped = counts_.skipped.load();
@@ -174,13 +175,13 @@ LoopHealth Loop::health() const {
   const double elapsed_s = static_cast<double>(counts_.last_ns.load() - counts_.first_ns.load()) * 1e-9;
   if (health.ticks > 1 && elapsed_s > 0) health.rate_hz = static_cast<double>(health.ticks - 1) / elapsed_s;
   const std::uint64_t due = health.ticks + health.skipped;
-  // a reset between the two leaves more than there are
+  // a reset between the loads can leave on_time above the total
   if (due > 0) health.on_time = static_cast<double>(std::min(on_time, due)) / static_cast<double>(due);
   return health;
 }
 
 TickingThread Loop::ticking() const {
-  // of a thread that is not ours nobody else can say
+  // the scheduler of a vendor's thread is only known from the kernel
   const std::string seen = late_ticks_.scheduler();
   return {driver_.devices()[driver_.clock_owner()].name,
           ticks_here_ || seen.empty() ? scheduling_.scheduler : seen, counts_.ticks.load(), health().late};
@@ -218,15 +219,16 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
   watchdog_.beat(ended_ns);
   record_.lateness_s = static_cast<double>(lateness_ns_) * 1e-9;
   record_.compute_s = static_cast<double>(ended_ns - begun_ns) * 1e-9;
-  // who sees the tick in which a motor stopped finds all that it swept, and who sees a sweep its stroke
+  // strokes before sweeps before the record: a reader of the tick in which a motor stopped finds all its
+  // sweeps, and a reader of a sweep finds its stroke
   strokes_.store(state_.strokes);
   publish_sweeps(count);
   publish();
   count_tick(begun_ns, ended_ns);
 }
 
-// the time since the last tick, and how late this one is; a device with a clock of its own is late when its
-// ticks lie farther apart than their period
+// Time since the last tick, s, and lateness_ns_. A device with a clock of its own is late by the amount by
+// which the interval between ticks exceeds its period.
 double Loop::keep_time(std::int64_t now_ns) noexcept {
   const std::int64_t since_ns = last_begun_ns_ == 0 ? period_ns_ : now_ns - last_begun_ns_;
   if (!paced_) lateness_ns_ = std::max<std::int64_t>(0, since_ns - period_ns_);
@@ -235,8 +237,8 @@ double Loop::keep_time(std::int64_t now_ns) noexcept {
   return static_cast<double>(since_ns) * 1e-9;
 }
 
-// Whether this tick is stopped. A stop is from the tick that hears of it on; a rearm is where that tick's tip
-// is still free, else it is void and everything stays as it was.
+// Whether this tick is stopped. A stop takes effect in the tick that reads it. A rearm takes effect if the
+// last tick's tips were in free space; otherwise it is turned back into the stop.
 bool Loop::hear_arming() noexcept {
   std::uint64_t arming = arming_.load();
   const bool asked_to_stop = (arming & 1) != 0;
@@ -255,10 +257,10 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   record_.settings_number = posted_.number;
   parameters_.emergency_stop = hear_arming() || posted_.parameters.emergency_stop;
   parameters_.paused = posted_.parameters.paused || stopping_.load(std::memory_order_relaxed);
-  // after a stall nothing is sent at first, also where the watchdog stood still with everything else
+  // after a stall the first tick sends nothing, even if the watchdog was suspended together with the servo
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
   const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;
-  // as the object was turned in the last tick, by which this one's can only have moved a little
+  // uses the last tick's rotation, which differs little from this one's
   const Transform<World, Patient> X_WorldPatient = turned_object(X_WorldPatient_, state_.rotation_felt);
   for (std::size_t d = 0; d < samples.size(); ++d) {
     states_[d] = is_in_patient_[d] ? state_in_patient(samples[d], X_WorldPatient, now_ns)
@@ -267,7 +269,7 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   }
 }
 
-// what is not cut yet fits, as a burr remembers no more
+// cannot overflow: the ring holds as many sweeps as all burrs can have pending
 void Loop::publish_sweeps(std::size_t devices) noexcept {
   for (std::size_t d = 0; d < devices; ++d) {
     std::uint64_t& published = published_sweeps_[d];
@@ -278,14 +280,14 @@ void Loop::publish_sweeps(std::size_t devices) noexcept {
   }
 }
 
-// nobody who reads these can hold the loop up
+// readers of these can never block the loop
 void Loop::publish() noexcept {
-  // devices stand last in a record: those that there are
+  // devices are the record's last member: copy only those in use
   const std::size_t bytes =
       offsetof(TickRecord, device) + sizeof(DeviceTick) * static_cast<std::size_t>(record_.devices);
   snapshot_.store(record_, bytes);
   if (!ring_.push(record_, bytes)) add(counts_.dropped, 1);
-  // where a pose is none, nobody knows
+  // an invalid pose counts as contact, because free space cannot be established
   constexpr std::uint32_t kNotFree = kFlagContact | kFlagInside | kFlagNotFinite | kFlagNoGo | kFlagRelease;
   bool silent = parameters_.paused, touching = false;
   for (int d = 0; d < record_.devices; ++d) {
@@ -299,7 +301,7 @@ void Loop::publish() noexcept {
 }
 
 void Loop::count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept {
-  // looked at first: an exchange waits for every store before it
+  // plain load first: an exchange waits for all preceding stores
   if (reset_.load(std::memory_order_relaxed) && reset_.exchange(false)) clear_figures();
   lateness_.add(lateness_ns_);
   compute_.add(ended_ns - begun_ns);

@@ -21,17 +21,17 @@
 
 namespace palpate {
 
-/// The servo thread's side of ServoLoop: update() is what every driver calls, wait() is the clock of those
-/// that have none. Members are grouped by who writes them.
+/// Implementation of ServoLoop. Drivers call update() once per tick; wait() is the clock of drivers without
+/// one. Members are grouped by the threads that write them.
 class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
  public:
-  /// @param now  the monotonic clock, or a test's
+  /// @param now  the monotonic clock; tests inject their own
   Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Parameters& parameters,
        const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings,
        TimeSource now = monotonic_ns);
   ~Loop() override;
-  /// Starts the threads; returns when the servo thread knows what the system gave it. Error kUnavailable when
-  /// there is no thread to be had.
+  /// Starts the threads; returns once the servo thread has recorded its scheduling. Error kUnavailable if no
+  /// thread could be created.
   Result<void> begin();
 
   std::uint32_t change(const std::function<void(Parameters&)>& edit) override;
@@ -60,7 +60,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
 
  private:
-  // parameters with the number of the change that made them
+  // parameters with the number of the change that produced them
   struct Posted {
     Parameters parameters;
     std::uint32_t number = 0;
@@ -79,10 +79,10 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   DeviceDriver& driver_;
   const LoopSettings settings_;
-  const bool ticks_here_;  // a driver that calls back ticks in its vendor's thread
+  const bool ticks_here_;  // false: callback driver, ticks run in its vendor's thread
   const std::int64_t period_ns_;
   const TimeSource now_;
-  const Transform<World, Patient> X_WorldPatient_;  // of every version of the model
+  const Transform<World, Patient> X_WorldPatient_;  // same in every version of the model
 
   // written by callers
   ModelSlot model_;
@@ -90,14 +90,14 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   Posted latest_;
   Mailbox<Posted> parameters_in_;
   std::atomic<bool> stop_{false}, stopping_{false}, reset_{false};
-  // Twice the number of the last stop or rearm, one more: stopped. Of one word, so that a tick that sees the
-  // number sees what it stands for, and a rearm that meets a later stop finds another word than it answers.
+  // Twice the number of the last stop or rearm, plus 1 if it is a stop. A single word, so that a tick reads
+  // number and state together, and a rearm's compare-exchange fails if a later stop intervened.
   std::atomic<std::uint64_t> arming_{0};
 
-  // the servo thread's own
+  // owned by the servo thread
   Pacer pacer_;
-  Posted posted_;          // by callers
-  Parameters parameters_;  // of this tick
+  Posted posted_;          // last taken from parameters_in_
+  Parameters parameters_;  // of the current tick
   std::vector<WorkspaceMapping> mappings_;
   std::array<bool, kMaxDevices> is_in_patient_{};  // DeviceInfo::in_patient
   SessionState state_;
@@ -106,10 +106,11 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   TickRecord record_;
   std::int64_t last_begun_ns_ = 0;
   std::int64_t lateness_ns_ = 0;
-  bool stopped_ = false;  // by the last tick's arming
+  bool stopped_ = false;  // state that the last tick took from arming_
   std::uint64_t heard_arming_ = 0;
-  bool touched_ = true;  // something, in the last tick; before the first nobody knows
-  bool paced_ = false;   // this tick came from our own clock
+  // a tip was in contact in the last tick; true before the first, when nothing is known
+  bool touched_ = true;
+  bool paced_ = false;  // the current tick was started by pacer_
   std::uint64_t skipped_ = 0;
   std::array<std::uint64_t, kMaxDevices> published_sweeps_{};
 
@@ -125,10 +126,11 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   } counts_;
   std::atomic<bool> silent_{false}, running_{false};
   std::atomic<int> cpu_{-1};
-  // the arming that the last tick had heard of, and where that tick's tips were all free
+  // arming_ as of the last tick, and the same value if all tips of that tick were in free space, else
+  // kNowhere
   std::atomic<std::uint64_t> heard_{0}, free_at_{kNowhere};
 
-  // what health() is counted from
+  // baselines of health() since the last reset
   LateCounts late_before_;
   std::uint64_t stalls_before_ = 0;
 

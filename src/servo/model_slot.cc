@@ -22,7 +22,7 @@ void ModelSlot::set(std::shared_ptr<const Model> model) {
   PALPATE_CHECK(model != nullptr);
   PALPATE_CHECK(model->version >= held_.back().model->version);
   const Model* next = model.get();
-  // first, as memory may be short: what the servo reads is always held
+  // before the exchange, because it may throw for lack of memory: the servo's pointer must always be owned
   held_.push_back({std::move(model), kNever});
   current_.store(next);
   held_[held_.size() - 2].free_from = begun_.load();

@@ -10,15 +10,16 @@
 
 namespace palpate {
 
-/// The model that is felt, replaced while it is being felt. The servo reads a pointer and frees nothing; who
-/// replaces a model frees the old one, once no tick can be using it any more.
+/// Holds the current model and replaces it while the servo uses it (a form of epoch-based reclamation). The
+/// servo only loads a pointer and frees nothing. The thread that replaces a model frees the old one once no
+/// tick can be using it.
 ///
 ///      set:    held_ += new, current_ = new, retired at = begun_        begun_ ... done_: ticks
 ///      tick:   ++begun_, use current_, ++done_
 ///      free:   a retired model once done_ >= the begun_ of its retirement
 ///
-/// A tick that may still use the old model had begun when it was retired; one that begins later sees the new
-/// one (both are sequentially consistent).
+/// A tick that may still use the old model had begun when the model was retired; a tick that begins later
+/// loads the new one (both operations are sequentially consistent).
 class ModelSlot {
  public:
   explicit ModelSlot(std::shared_ptr<const Model> model);
@@ -31,15 +32,15 @@ class ModelSlot {
   void end_tick() noexcept { done_.fetch_add(1); }
 
   // ---- every other thread
-  /// A model whose version is below the last one's is a bug.
+  /// Replaces the current model. A version below the current one's is a bug.
   void set(std::shared_ptr<const Model> model);
-  /// Frees what no tick uses; how many models are still held, the current one included.
+  /// Frees the models that no tick uses. Returns the number of models still held, the current one included.
   std::size_t collect();
 
  private:
   struct Held {
     std::shared_ptr<const Model> model;
-    std::uint64_t free_from;  // ticks that must have ended; the current one's is the largest number
+    std::uint64_t free_from;  // value of done_ from which it may be freed; maximum for the current model
   };
   std::size_t collect_locked();
 

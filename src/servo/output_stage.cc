@@ -20,7 +20,7 @@ bool all_finite(const Wrench& w) {
   return w.force_N.all_finite() && w.torque_Nmm.all_finite() && std::isfinite(w.gripper_N);
 }
 
-// a length without overflow or underflow of its square
+// vector norm without overflow or underflow of the square
 double magnitude(const Vector<World>& v) {
   constexpr double kLeastSquare = 1e-200, kMostSquare = 1e200;
   const double square = v.squared_norm();
@@ -29,14 +29,16 @@ double magnitude(const Vector<World>& v) {
   return largest > 0 ? largest * (v / largest).norm() : 0;
 }
 
-// What a number allows: nothing when it is no number that can be a limit, or one that nobody can feel. No
-// device comes near the most. Squares and differences of what lies between cannot overflow or vanish.
+// Usable value of a limit, clamped to 0 or [kLeast, kMost]. NaN, infinite, negative and imperceptibly small
+// limits count as 0; kMost is far above any device's. Squares and differences of values in this range neither
+// overflow nor vanish.
 double allowed(double limit) {
   constexpr double kLeast = 1e-9, kMost = 1e6;
   return limit >= kLeast && std::isfinite(limit) ? std::min(limit, kMost) : 0;
 }
 
-// the factor that brings a magnitude down to its limit, a hair below it so that rounding never lifts it above
+// factor that scales a magnitude down to its limit; slightly smaller, so that rounding never exceeds the
+// limit
 double factor_to(double limit, double magnitude) {
   return magnitude > limit ? limit / magnitude * (1 - 0x1p-50) : 1;
 }
@@ -46,9 +48,9 @@ double least_limit_N(const OutputLimits& limits, double max_force_N) {
                                          : std::min(allowed(max_force_N), allowed(limits.peak_force_N));
 }
 
-// Motors warm with the square of the force: heat follows (F / continuous)^2 with the time constant
-// thermal_s, and 1 is what they bear for ever. What is left of the budget may be spent within
-// thermal_taper_s, so that heat never passes 1 and the limit comes down to the continuous force.
+// Thermal model: heat follows (F / continuous force)^2 with time constant thermal_s; 1 is the steady state at
+// the continuous force. The rest of the budget may be spent within thermal_taper_s, so that heat never
+// exceeds 1 and the limit decreases smoothly to the continuous force.
 double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
   if (std::isnan(limits.continuous_force_N)) return std::numeric_limits<double>::infinity();
   const double power =
@@ -68,7 +70,7 @@ double freshness_at(double age_s) {
   return std::clamp((kOutputFeel.stale_s - age_s) / (kOutputFeel.stale_s - kOutputFeel.fresh_s), 0.0, 1.0);
 }
 
-// the part of the way to `wanted` that one tick may take
+// fraction of the change from `sent` to `wanted` that one tick may apply
 double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& limits, double slew_N_per_s,
                  double dt_s) {
   const auto part = [](double way, double most) { return way > most ? most / way : 1.0; };
@@ -79,8 +81,8 @@ double slew_part(const Wrench& sent, const Wrench& wanted, const OutputLimits& l
        part(std::abs(wanted.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
 }
 
-// What an old pose or a fault takes away, and how it comes back. A pause, which fades, is not kept waiting
-// for.
+// Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
+// first short dropout, by the ramp otherwise. A pause, which fades out, never waits for a fresh pose.
 void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
   const bool is_short =
       request.age_s <= kOutputFeel.short_dropout_s && (state.away || state.whole_s >= kOutputFeel.ramp_in_s);
@@ -91,7 +93,7 @@ void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state
   state.returning = false;
 }
 
-// The slew that holds now: a slow one where the force grows and has come back from a dropout.
+// Slew limit for this tick; reduced while the force grows after a short dropout.
 double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& wanted_N, double dt_s,
                         OutputState& state) {
   state.returning = state.away || (state.returning && state.whole_s < kOutputFeel.return_s);
@@ -109,7 +111,7 @@ Wrench between(const Wrench& from, const Wrench& to, double part) {
           from.gripper_N + (to.gripper_N - from.gripper_N) * part};
 }
 
-// force and torque keep their directions and their ratio; the gripper stands alone
+// force and torque keep their directions and their ratio; the gripper is clamped independently
 Wrench clamped(const Wrench& w, const OutputLimits& limits, double limit_N) {
   const double factor = std::min(factor_to(limit_N, magnitude(w.force_N)),
                                  factor_to(allowed(limits.peak_torque_Nmm), magnitude(w.torque_Nmm)));
@@ -117,7 +119,8 @@ Wrench clamped(const Wrench& w, const OutputLimits& limits, double limit_N) {
   return {w.force_N * factor, w.torque_Nmm * factor, std::clamp(w.gripper_N, -grip_N, grip_N)};
 }
 
-// a device that takes no torque or gripper force is not asked for it, so that the force is whole
+// torque and gripper force that the device cannot exert are dropped first, so that they do not scale the
+// force
 Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
   if (allowed(limits.peak_torque_Nmm) == 0) w.torque_Nmm = {};
   if (allowed(limits.peak_gripper_N) == 0) w.gripper_N = 0;
@@ -133,7 +136,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   out.flags = request.faults & kFaultFlags;
   if (!all_finite(request.asked)) out.flags |= kFlagNotFinite;
 
-  // an old state fades, a fault is off at once
+  // a stale state fades, a fault zeroes the force at once
   const double freshness = freshness_at(request.age_s);
   if (freshness < 1) out.flags |= kFlagStale;
   if ((out.flags & kFaultFlags) != 0 || freshness == 0) {
@@ -142,7 +145,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
     return out;
   }
 
-  // what the limit leaves of it
+  // force limit
   const double least_N = least_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < least_N) out.flags |= kFlagThermal;
@@ -161,7 +164,8 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
       slew_part(state.sent, wanted, limits, slew_now_N_per_s(limits, wanted.force_N, dt_s, state), dt_s);
   if (part < 1) out.flags |= kFlagSlew;
 
-  // the limit again, for a slew from above it, and the decay of an ageing state
+  // second clamp, because the slew may start above a limit that was just lowered; then the decay of a stale
+  // state
   out.wrench = scaled(clamped(between(state.sent, wanted, part), limits, out.limit_N), freshness);
   state.heat = warmed(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
   state.sent = out.wrench;

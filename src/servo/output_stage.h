@@ -4,36 +4,41 @@
 
 #include "palpate/servo/servo.h"
 
-/// The last stage before a device, and the only way to it.
+/// Output stage: the last step before a device. Every wrench passes through it.
 namespace palpate {
 
+/// Requested wrench and the conditions under which it may be sent.
 struct OutputRequest {
-  Wrench asked;              ///< already multiplied by the gains
-  double age_s = 0;          ///< of its state; not finite or below -clock_jitter_s: no state at all
-  std::uint32_t faults = 0;  ///< TickFlag bits out of kFaultFlags
-  bool off = false;          ///< fade out: paused, clutched
-  double unclamped_N = 0;    ///< what was asked before anything was taken off, for the record
+  Wrench asked;              ///< Requested wrench, gains applied
+  double age_s = 0;          ///< Age of the state; not finite or below -clock_jitter_s: no state at all
+  std::uint32_t faults = 0;  ///< TickFlag bits of kFaultFlags
+  bool off = false;          ///< Fade out: paused or clutched
+  double unclamped_N = 0;    ///< Magnitude of the requested force before any reduction, for the record
 };
 
-/// What goes to the device, and why it differs from what was asked (TickFlag bits).
+/// Wrench to send, and the TickFlag bits that say why it differs from the request.
 struct Output {
   Wrench wrench;
   std::uint32_t flags = 0;
-  double limit_N = 0;  ///< of the force in this tick, thermal limit included
+  double limit_N = 0;  ///< Force limit of this tick, thermal limit included
 };
 
-/// In order: faults and stale states give nothing, at once; limit; ramp; slew; limit again; decay of an
-/// ageing state. What was lost comes back by the ramp, after a short dropout by a slow slew: then nothing is
-/// wrong, and a hand that presses would fall for half a second. Only one dropout in the ramp's time is that:
-/// of poses that come now and then nobody knows whether they are all there is. The limit keeps the direction
-/// and scales the torque alike; it stands before the ramp, so that what fades is what was felt, and after the
-/// slew, so that no tick is above it, however fast it was lowered.
+/// Steps, in order: faults and stale states zero the output at once; force limit; ramp; slew; force limit
+/// again; decay of a stale state.
+///
+/// After a fault the force returns by the ramp. After a short dropout it returns by a slow slew, because
+/// nothing is wrong and a pressing hand would fall for half a second. Only one dropout within the ramp's
+/// duration counts as short: if poses arrive intermittently, it is unknown whether more will follow.
+/// The limit keeps the force's direction and scales the torque by the same factor. It precedes the
+/// ramp, so that fading starts from the force that was rendered, and follows the slew, so that no tick
+/// exceeds it however fast it was lowered.
+///
 /// @param max_force_N  the user's limit; not finite or negative counts as 0
-/// @param dt_s         since the last call; not finite or negative counts as 0
+/// @param dt_s         time since the last call; not finite or negative counts as 0
 Output make_output(const OutputRequest& request, const OutputLimits& limits, double max_force_N, double dt_s,
                    OutputState& state);
 
-/// The limit of force that the next call would keep, thermal limit included; N.
+/// Force limit that the next call would apply, thermal limit included; N.
 double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state);
 
 }  // namespace palpate

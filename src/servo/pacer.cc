@@ -15,7 +15,7 @@ namespace {
 constexpr double kNs_per_s = 1e9;
 constexpr double kLargestSpin_periods = 0.8;
 
-// tells the core that it waits: less power, and the other hyper-thread gets on
+// spin-wait hint to the core: saves power and yields to the other hyper-thread
 inline void relax() {
 #if defined(__x86_64__) || defined(__i386__)
   __builtin_ia32_pause();
@@ -47,7 +47,7 @@ bool Pacer::wait() noexcept {
     start_ns_ = now_ns;
   }
 
-  // the next point, or the first that still lies ahead
+  // the next grid point, or the first one in the future
   ++point_;
   if (grid_ns(point_) <= now_ns) {
     const std::int64_t missed = point_;

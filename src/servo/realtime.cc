@@ -20,7 +20,7 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kStack_bytes = 512 << 10;
-// left alone below the touched part: the guard page, and what is called from here
+// not touched, at the low end of the stack: the guard page, and frames of functions called from here
 constexpr std::size_t kStackMargin_bytes = 32 << 10;
 
 std::size_t page_bytes() {
@@ -42,8 +42,8 @@ std::string size_text(rlim_t bytes) {
   return bytes >= kMiB ? std::to_string(bytes / kMiB) + " MiB" : std::to_string(bytes / 1024) + " KiB";
 }
 
-// whether more can be locked than the limit says. Tried and not looked up: a capability that is shown may
-// not count, as inside a user namespace.
+// Whether more memory can be locked than the limit states. Tested by locking, because a capability that is
+// reported may have no effect, as inside a user namespace.
 bool limit_does_not_apply(rlim_t limit) {
   if (limit == RLIM_INFINITY) return true;
   const std::size_t size = limit + page_bytes();
@@ -63,7 +63,7 @@ int rtprio_limit() {
              : 0;
 }
 
-// the priority that was given, 0 none; errno says why
+// Priority granted, 0 if none; then errno holds the reason.
 int enter_fifo(int priority, int leave_above) {
   const auto set = [](int value) {
     sched_param parameters{};
@@ -71,10 +71,10 @@ int enter_fifo(int priority, int leave_above) {
     errno = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
     return errno == 0;
   };
-  // what is left above is tried: the limit may allow our priority and nothing beyond
+  // the priority above is tried first: the limit may allow the requested one and nothing higher
   if (set(priority + leave_above) && (leave_above == 0 || set(priority))) return priority;
 
-  // a lower limit still puts us before every ordinary thread
+  // a lower priority still precedes every ordinary thread
   const int refusal = errno;
   const int limit = refusal == EPERM ? rtprio_limit() : 0;
   if (limit > 0 && limit < priority + std::max(1, leave_above)) {
@@ -115,7 +115,7 @@ void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
              std::to_string(rtprio_limit()) + (request.leave_above > 0 ? ", the watchdog's)" : ")");
   }
 
-  // what is, and not what was asked for
+  // the actual policy, which may differ from the request
   int policy = SCHED_OTHER;
   sched_param parameters{};
   ::pthread_getschedparam(::pthread_self(), &policy, &parameters);
@@ -137,7 +137,7 @@ void grant_cpu(int cpu, RealtimeGrant& grant) {
 
 // --- stack ---
 
-// how much of this thread's stack lies below the caller and may be touched
+// bytes of this thread's stack below the caller that may be touched
 std::size_t stack_left() {
   pthread_attr_t attributes;
   if (::pthread_getattr_np(::pthread_self(), &attributes) != 0) return 0;
@@ -151,10 +151,10 @@ std::size_t stack_left() {
   return left > kStackMargin_bytes ? left - kStackMargin_bytes : 0;
 }
 
-// a frame of its own, given back on return with its pages mapped
+// allocates a stack frame and touches its pages, which stay mapped after it returns
 [[gnu::noinline]] void touch_stack(std::size_t size) {
   volatile char* stack = static_cast<volatile char*>(__builtin_alloca(size));
-  // downwards, as a stack grows
+  // towards lower addresses, as a stack grows
   for (std::size_t i = size; i > 0; i -= std::min(i, page_bytes())) stack[i - 1] = 0;
 }
 
@@ -210,7 +210,7 @@ std::string scheduler_of_thread(pid_t tid) {
 
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
   RealtimeGrant grant;
-  // before SCHED_FIFO, which needs no slack and on newer kernels cannot be given any
+  // before SCHED_FIFO, which needs no timer slack and under which newer kernels refuse to set it
   ::prctl(PR_SET_TIMERSLACK, 1UL, 0, 0, 0);
   ::pthread_setname_np(::pthread_self(), request.name);
   sigset_t all;
@@ -227,7 +227,7 @@ RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
 
   touch_stack(std::min(kStack_bytes, stack_left()));
 
-  // last: all this is no work to do before every other thread
+  // last, so that none of this runs with real-time priority
   grant_scheduler(request, grant);
   grant_cpu(request.cpu, grant);
   return grant;

@@ -21,7 +21,7 @@ namespace {
 constexpr auto kFirstStatePatience = std::chrono::seconds(1);
 constexpr auto kFirstStatePoll = std::chrono::milliseconds(1);
 
-// of a pulled one the loop's, of one that says nothing about its own clock the slowest that there is
+// update rate: of a pulled device the loop's; of one that does not state its own the lowest assumed for any
 double rate_of_one(const DeviceInfo& info, double pulled_hz) {
   if (info.drive == DeviceInfo::Drive::kPulled) return pulled_hz;
   return info.rate_hz && *info.rate_hz > 0 ? *info.rate_hz : CarefulDevice{}.rate_hz;
@@ -29,7 +29,7 @@ double rate_of_one(const DeviceInfo& info, double pulled_hz) {
 
 }  // namespace
 
-/// One driver in a thread of its own: what it calls, and the clock that it may wait for.
+/// A driver in a thread of its own: the function that it calls, and the clock that it may wait for.
 class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
  public:
   Follower(const Part& part, const DeviceInfo& info, const SeveralSettings& settings)
@@ -39,7 +39,7 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
         settings_(settings),
         period_ns_(std::llround(1e9 / *info.rate_hz)),
         pacer_(*info.rate_hz, 0, stop_) {
-    // until it has told where it is nobody knows
+    // the position is unknown until the first update
     for (DeviceSample& sample : latest_.samples) sample.tip = Point<Device>(kNotKnown, kNotKnown, kNotKnown);
   }
   ~Follower() override { end(); }
@@ -58,7 +58,7 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
     late_ticks_.end();
   }
   const Part& part() const { return part_; }
-  /// Its driver has given up, or never had a thread.
+  /// Whether the driver has given up, or no thread could be created.
   bool gone() const { return gone_.load(); }
   bool has_told() const { return updates_.load() > 0 || gone(); }
   TickingThread ticking() const {
@@ -66,7 +66,8 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
   }
 
   // ---- the thread of the tick
-  /// The newest state of each of its devices, and what they are to get.
+  /// Copies the newest sample of each of its devices to `samples`; sets their fault if the driver has given
+  /// up.
   void tell_state(std::span<DeviceSample> samples) noexcept {
     states_.take(latest_);
     for (std::size_t d = 0; d < part_.count; ++d) {
@@ -74,13 +75,14 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
       samples[d].fault = samples[d].fault || gone();
     }
   }
+  /// Leaves the commands for the next update.
   void take_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
     std::copy_n(commands.begin(), part_.count, next_.commands.begin());
     next_.at_ns = now_ns;
     answers_.post(next_);
   }
 
-  // ---- its own thread, or its vendor's
+  // ---- the follower's thread, or its vendor's
   bool wait() noexcept override { return pacer_.wait(); }
   bool stopped() const noexcept override { return stop_.load(std::memory_order_relaxed); }
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -129,10 +131,10 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
   Pacer pacer_;
   Mailbox<Told> states_;
   Mailbox<Answered> answers_;
-  // the tick's
+  // owned by the thread of the tick
   Told latest_;
   Answered next_;
-  // the follower's
+  // owned by the follower's thread
   Told own_;
   Answered answer_;
   std::int64_t last_ns_ = 0;
@@ -141,7 +143,8 @@ class SeveralDrivers::Follower final : public ServoFunction, public ServoClock {
   std::thread thread_;
 };
 
-/// What the owner calls: its devices' states and all others' go into one tick.
+/// Function that the owner's driver calls: combines its samples with those of all followers and runs one
+/// tick.
 class SeveralDrivers::Gatherer final : public ServoFunction {
  public:
   Gatherer(ServoFunction& servo, const Part& owner, std::size_t devices,
@@ -185,7 +188,7 @@ std::size_t SeveralDrivers::clock_owner() const {
   return parts_[owner_].first + parts_[owner_].driver->clock_owner();
 }
 
-// which devices there are, who owns the clock, and what following costs the others
+// collects all devices, selects the clock's owner, and adds the delay of following to the others
 void SeveralDrivers::arrange() {
   parts_.clear();
   infos_.clear();
@@ -195,7 +198,7 @@ void SeveralDrivers::arrange() {
     infos_.insert(infos_.end(), devices.begin(), devices.end());
   }
   PALPATE_CHECK(infos_.size() <= static_cast<std::size_t>(kMaxDevices));
-  // some know what they have once they are opened
+  // some drivers know their devices only after open()
   if (std::ranges::any_of(parts_, [](const Part& part) { return part.count == 0; })) return;
 
   const auto clock_of = [&](const Part& part) -> const DeviceInfo& {
@@ -203,7 +206,7 @@ void SeveralDrivers::arrange() {
   };
   const auto rank = [&](const Part& part) {
     const DeviceInfo& info = clock_of(part);
-    // what has no limit of its force pushes nobody
+    // a device without a force limit exerts none
     const int felt = !info.simulated ? 2 : info.peak_force_N ? 1 : 0;
     return std::pair(felt, rate_of_one(info, settings_.rate_hz));
   };
@@ -219,7 +222,7 @@ void SeveralDrivers::arrange() {
       info.rate_hz = rate_hz;
       info.delay_s = careful_delay_s(info) + 1 / rate_hz + owner_s;
       if (info.simulated) continue;
-      // what is no stiffness stays none
+      // an invalid stiffness stays invalid
       const double careful = careful_bounds(info).stiffness_N_per_mm;
       if (!info.stiffness_N_per_mm || *info.stiffness_N_per_mm > careful) info.stiffness_N_per_mm = careful;
     }
@@ -228,7 +231,7 @@ void SeveralDrivers::arrange() {
 }
 
 void SeveralDrivers::make_followers() {
-  // nobody holds it for long, and no tick waits for it
+  // the lock is only ever held briefly, and never by a tick
   const std::lock_guard lock(mutex_);
   followers_.clear();
   for (std::size_t p = 0; p < parts_.size(); ++p) {
@@ -246,10 +249,10 @@ Result<void> SeveralDrivers::open(bool may_move) {
 }
 
 void SeveralDrivers::run(ServoFunction& servo, ServoClock& clock) noexcept {
-  // anew, so that each begins as the first time
+  // recreated, so that every run starts from the same state
   make_followers();
   for (const auto& follower : followers_) follower->begin();
-  // a tip that is nowhere yet, and then somewhere, would be a jump
+  // A tip whose position is unknown at first would appear as a jump, so wait for the first states.
   const auto has_told = [](const auto& follower) { return follower->has_told(); };
   const auto until = std::chrono::steady_clock::now() + kFirstStatePatience;
   while (!clock.stopped() && !std::ranges::all_of(followers_, has_told) &&

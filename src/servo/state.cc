@@ -8,9 +8,9 @@
 namespace palpate {
 namespace {
 
-// Inline, as parts of one function: how many words are held need not go through memory between them.
+// Functions are forced inline so that the hash's count of pending words stays in a register.
 
-// what hashes itself
+// types that hash themselves
 template <class Part>
 [[gnu::always_inline]] inline void hash_part(HashOfWords& hash, const Part& part) {
   std::uint64_t of_part = kHashSeed;
@@ -33,18 +33,18 @@ template <class Place>
            wrench.gripper_N);
 }
 
-// mostly none of them
+// usually empty
 void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash.add(static_cast<std::uint64_t>(surfaces.any()));
   if (surfaces.none()) return;
-  // its words as they stand: shifts of so many bits cost more
+  // hashes the words of the bit set directly: shifts of the whole set cost more
   for (const std::uint64_t bits : std::bit_cast<std::array<std::uint64_t, kMostSurfaces / 64>>(surfaces))
     hash.add(bits);
 }
 
 [[gnu::always_inline]] inline void hash_layer(HashOfWords& hash, const ProxyLayer& proxy) {
   hash.add(static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
-  // it begins anew, and there may be no such layer
+  // an uncoupled layer is reinitialised before use, and the layer may not exist
   if (!proxy.coupled && proxy.punctured.none()) return;
   hash_place(hash, proxy.position);
   hash_place(hash, proxy.last_way);
@@ -82,7 +82,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash_place(hash, hand.previous_tip);
   hash_part(hash, hand.velocity);
   for (int n = 0; n < kMostLayers; ++n) hash_layer(hash, hand.proxy.layer(n));
-  // of a proxy that touches nothing it does not matter
+  // without contact stiffness the proxy's tip has no effect
   if (const ProxyState& proxy = hand.proxy; proxy.stiffness_N_per_mm > 0) {
     hash_place(hash, proxy.tip);
     hash.add(proxy.stiffness_N_per_mm);
@@ -103,7 +103,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash.add(hand.proxy_version, hand.held_directly, coupling.stiffness_N_per_mm);
   hash_place(hash, coupling.pull_mm);
   hash_part(hash, coupling.pull_velocity);
-  // a tool that is no burr has none
+  // only burrs have this state
   if (hand.burr.open_s > 0) hash_burr(hash, hand.burr);
   hash_wrench(hash, hand.asked);
   hash_wrench(hash, hand.difference);
@@ -137,11 +137,11 @@ std::uint64_t SessionState::hash(int devices) const {
   hash_quaternion(hash, rotation_target);
   hash_quaternion(hash, rotation_felt);
   hash.add(rotation_elapsed_s, made_by);
-  // a tool that is no burr makes none
+  // only burrs make strokes
   if (strokes > 0) hash.add(std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
-  // where nothing ever yielded there are none
+  // 0 if no tissue was ever deformable
   if (last_unfelt_frame > 0) hash.add(last_unfelt_frame);
-  // of tissue that closes there are none
+  // empty if all punctures close
   if (!holes.empty()) hash_part(hash, holes);
   for (int d = 0; d < devices; ++d) hash_hand(hash, hands[d]);
   return hash.value();

@@ -1,4 +1,4 @@
 #pragma once
 
-/// The loop without a thread of its own, for tests of other rooms that give it its samples one by one.
+/// Gives tests of other modules the loop without its thread, so that they can supply samples one by one.
 #include "servo/loop.h"

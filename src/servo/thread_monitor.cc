@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-// /proc/stat has a line a CPU, so it grows with the machine
+// /proc/stat has a line per CPU, so its size grows with the machine
 constexpr std::size_t kText_bytes = 64 << 10;
 
 int open_file(const std::string& name) {
@@ -20,7 +20,7 @@ std::string task_file(pid_t tid, const char* name) {
   return "/proc/self/task/" + std::to_string(tid) + "/" + name;
 }
 
-// the index-th of the numbers (words) that follow, counted from 0; empty where there is no such number
+// the word at `index`, counted from 0, as a number; empty if it is not a number
 std::optional<std::uint64_t> number_at(std::string_view text, int index) {
   constexpr std::string_view kBlank = " \t";
   for (;; --index) {
@@ -33,7 +33,7 @@ std::optional<std::uint64_t> number_at(std::string_view text, int index) {
   return number;
 }
 
-// what follows `key` at the beginning of a line, up to the line's end
+// rest of the line that begins with `key`
 std::string_view line_after(std::string_view text, std::string_view key) {
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));

@@ -9,22 +9,23 @@
 #include <string_view>
 #include <vector>
 
-/// Why a tick was late, seen from outside: another thread reads what the kernel counts about the servo's
-/// thread, so that the servo itself makes no system call for it.
+/// Cause of a late tick, observed from outside: another thread reads the kernel's counters of the servo
+/// thread, so that the servo makes no system call for it.
 namespace palpate {
 
 class ThreadMonitor {
  public:
-  /// What the kernel has counted about a thread since it began. Empty where the kernel does not say (no
+  /// The kernel's counters of a thread since it started. Empty where the kernel does not provide one (no
   /// schedstat, a container that hides /proc/stat, a thread that has ended).
   struct Counters {
-    std::optional<std::uint64_t> involuntary_switches;  ///< taken off its CPU although it could have gone on
-    std::optional<std::uint64_t> minor_faults;          ///< pages mapped at first touch
-    std::optional<std::uint64_t> major_faults;          ///< pages read from disk
-    std::optional<std::uint64_t> run_delay_ns;          ///< time that it could have run but had no CPU
-    std::optional<int> cpu;                             ///< where it ran last
-    std::optional<std::uint64_t> cpu_steal_ticks;       ///< of that CPU, taken by the hypervisor; 10 ms each
-    std::optional<std::uint64_t> all_steal_ticks;       ///< the same of all CPUs together
+    std::optional<std::uint64_t> involuntary_switches;  ///< Times it was descheduled while runnable
+    std::optional<std::uint64_t> minor_faults;          ///< Pages mapped on first access
+    std::optional<std::uint64_t> major_faults;          ///< Pages read from disk
+    std::optional<std::uint64_t> run_delay_ns;          ///< Time it was runnable without a CPU
+    std::optional<int> cpu;                             ///< CPU it ran on last
+    /// Time of that CPU taken by the hypervisor; in units of 10 ms
+    std::optional<std::uint64_t> cpu_steal_ticks;
+    std::optional<std::uint64_t> all_steal_ticks;  ///< The same for all CPUs together
   };
 
   /// @param tid  Linux thread id (gettid) of a thread of this process
@@ -33,33 +34,34 @@ class ThreadMonitor {
   ThreadMonitor(const ThreadMonitor&) = delete;
   ThreadMonitor& operator=(const ThreadMonitor&) = delete;
 
-  /// Four reads of files that stay open.
+  /// Reads all counters: four reads of files that stay open.
   Counters read();
 
  private:
-  // the text of an open file of /proc, empty where it cannot be read
+  // content of an open /proc file; empty if it cannot be read
   std::string_view text_of(int file);
 
   const int status_, stat_, schedstat_, machine_stat_;
   std::vector<char> buffer_;
 };
 
-/// The causes of a late tick, in the order in which they are looked for.
+/// Causes of a late tick, in the order in which they are tested.
 enum class LateCause {
-  kSteal,       ///< the hypervisor ran somebody else on this CPU
-  kPageFault,   ///< the thread touched memory that was not there
-  kPreemption,  ///< another thread of this machine took its CPU
-  kRunQueue,    ///< it was woken in time and waited for a CPU
-  kUnknown,     ///< none of these counted: timer, interrupts, a CPU waking from idle, or no counters
+  kSteal,       ///< The hypervisor ran another guest on this CPU
+  kPageFault,   ///< The thread accessed memory that was not resident
+  kPreemption,  ///< Another thread of this machine took its CPU
+  kRunQueue,    ///< The thread was woken in time and waited for a CPU
+  kUnknown,     ///< None of these: timer, interrupts, a CPU waking from idle, or no counters
 };
 
-/// The likely cause of a tick that came `late_ns` late between two readings. The first that applies:
-/// - kSteal: steal grew, of the thread's CPU or, if it moved, of all. It goes first because a stolen CPU also
-///   shows as waiting. It is counted in 10 ms, so a shorter theft may show as what follows or as nothing.
-/// - kPageFault: a minor or major fault. With locked memory there should be none at all.
+/// Likely cause of a tick that was `late_ns` late between two readings. The first condition that holds:
+/// - kSteal: the steal time of the thread's CPU grew or, if the thread moved, that of all CPUs. Tested first,
+/// because a stolen CPU also shows as waiting. Counted in units of 10 ms, so a shorter theft may appear as a
+/// later cause or as none.
+/// - kPageFault: a minor or major fault. With locked memory there should be none.
 /// - kPreemption: an involuntary switch.
 /// - kRunQueue: the waiting time grew by at least half of `late_ns`. An undisturbed wake-up adds some tens of
-///   nanoseconds too, so readings should lie no more than about a hundred ticks apart.
+/// nanoseconds too, so readings should be no more than about a hundred ticks apart.
 LateCause late_cause(const ThreadMonitor::Counters& before, const ThreadMonitor::Counters& after,
                      std::int64_t late_ns);
 

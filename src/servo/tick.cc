@@ -10,13 +10,12 @@
 #include "servo/tool_in_hand.h"
 #include "servo/turning.h"
 
-/// One tick, in order: object's pose -> tip in the patient -> velocity -> contact -> surface effects ->
-/// no-go regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or
-/// throws.
+/// One tick, in order: object pose -> tip in the patient -> velocity -> contact -> surface effects -> no-go
+/// regions -> blend -> passivity -> output stage -> record. Nothing here allocates, locks, logs or throws.
 namespace palpate {
 namespace {
 
-// what is wrong with a device's state (kFaultFlags)
+// faults of a device's state, as bits of kFaultFlags
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
                         const SessionState::Hand& hand) {
   std::uint32_t faults = 0;
@@ -32,7 +31,8 @@ std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters,
   return faults;
 }
 
-// tip in the patient, which carries the object's rotation, and its velocity relative to the object
+// Pushes the tip's displacement in the patient, whose frame includes the object's rotation, and returns the
+// tip's velocity relative to the object.
 Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
                            SessionState::Hand& hand) {
   if (jumped) hand.velocity.clear();
@@ -43,8 +43,9 @@ Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip,
   return hand.velocity.velocity_mm_s();
 }
 
-// After a change of what makes the force (method, model, switches) the old force turns into the new one: its
-// difference at that moment fades out. Relative to the force now, so that the hand's motion is felt at once.
+// After a change of force source (method, model, switches) the difference between old and new force at that
+// moment is added to the new force and fades out. The blend is relative to the current force, so that the
+// operator's motion takes effect at once.
 Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Hand& hand) {
   if (!asked.force_N.all_finite() || !asked.torque_Nmm.all_finite()) {
     hand.asked = hand.difference = {};
@@ -54,27 +55,28 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
     hand.difference = {hand.asked.force_N - asked.force_N, hand.asked.torque_Nmm - asked.torque_Nmm};
     hand.blend_elapsed_s = 0;
   }
-  // It falls from the first tick on: changes that come faster than they are blended make the force lag, and
-  // never hold it. A tick that comes late does not end it at once.
+  // The blend advances in the tick of the change already: if changes follow each other faster than they are
+  // blended, the force lags but is never frozen. A late tick must not complete the blend in one step.
   const double on_s = changed ? std::min(dt_s, 0.1 * kOutputFeel.blend_s) : dt_s;
   hand.blend_elapsed_s = std::min(kOutputFeel.blend_s, hand.blend_elapsed_s + on_s);
   hand.asked = asked;
   if (hand.blend_elapsed_s >= kOutputFeel.blend_s) return asked;
   const double rest = 1 - hand.blend_elapsed_s / kOutputFeel.blend_s;
-  const double left = rest * std::sqrt(rest);  // 1 to 0 with a level end
+  const double left = rest * std::sqrt(rest);  // decreases from 1 to 0 and reaches 0 with zero slope
   hand.asked.force_N += hand.difference.force_N * left;
   hand.asked.torque_Nmm += hand.difference.torque_Nmm * left;
   return hand.asked;
 }
 
-/// The surfaces of another version of the model.
+/// Change of surfaces between two versions of the model.
 struct Changed {
-  std::span<const SurfaceBefore> before;  // what they were; empty: nothing is known of that
-  bool layers = false;                    // structures lie in other layers
+  std::span<const SurfaceBefore> before;  // correspondence to the previous surfaces; empty: unknown
+  bool layers = false;                    // structures belong to other layers
 };
 
-// Where nobody knows how the tip got to where it is, nobody knows on which side of a surface it is. While the
-// force still fades out it is known.
+// Prepares contact for this tick. After a jump, or while the output is off and faded out, the tip's path is
+// unknown and so is the side of each surface on which it lies: the proxy is reset. While the force still
+// fades out the path is known.
 ProxyChange begin_contact_anew(const Model& model, std::size_t device, const Changed& surfaces,
                                const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
@@ -90,8 +92,9 @@ ProxyChange begin_contact_anew(const Model& model, std::size_t device, const Cha
   return change;
 }
 
-// After a short dropout a hand is falling: a damper along the force stops it sooner than the wall's spring
-// alone, and keeps it from being thrown back. The factor for the force, 0 ... 2; 1 at any other time.
+// Factor for the force, 0 ... 2, that adds a damper along the force while it recovers from a short dropout; 1
+// at any other time. The unsupported hand accelerates towards the surface meanwhile: the damper stops it
+// sooner than the contact stiffness alone and prevents a rebound.
 double stop_a_fall(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
                    const SessionState::Hand& hand, const OutputRequest& request) {
   const double force_N = request.asked.force_N.norm();
@@ -105,21 +108,22 @@ double stop_a_fall(const DeviceParameters& own, const Vector<World>& velocity_mm
   return std::clamp(1 - damper_N / force_N, 0.0, 2.0);
 }
 
-// Takes off what would give the hand more energy than it has put in.
-// @param way_mm  of the tip relative to the object since the last tick, mm of the device
-// @param velocity_mm_s  likewise, a mean
-// @param most           the part that another damper leaves of the force; the two do not add up
+// Passivity: reduces the requested force so that it returns no more energy than the operator has put in.
+// @param way_mm         displacement of the tip relative to the object since the last tick, device mm
+// @param velocity_mm_s  mean velocity of the tip relative to the object, device mm/s
+// @param most           factor that another damper leaves of the force; the smaller factor applies, not the
+//                       product
 void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
                  const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
                  double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
                  DeviceTick& out) {
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
   look_for_swing(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
-  // a force that is held for long comes late, too
+  // a long tick holds the force longer, which counts as additional delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
   const double told_s = own.delay_s + hand.swing.later_s, delay_s = told_s + held_s;
   const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
-  // a force that fades out gets nothing back that was held back
+  // a force that has faded out ends the energy account
   const bool faded_out = request.off && hand.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.asked.force_N.all_finite()) {
     hand.passivity = {};
@@ -138,7 +142,7 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   if (within < 1) out.flags |= kFlagClamped;
   request.asked.force_N = request.asked.force_N * (within * factor);
   request.asked.torque_Nmm = request.asked.torque_Nmm * (within * factor);
-  // what a blend begins with is what was felt
+  // a later blend starts from the force that was rendered
   hand.asked = request.asked;
   if (kept.factor == 1) return;
   out.damping_N_s_per_m = kept.damping_N_s_per_m;
@@ -152,7 +156,7 @@ bool outside(const Field& field, const Point<Patient>& x) {
   return false;
 }
 
-// It stands still while the hand gets no force by which it could tell what the tool does.
+// A motor runs only while the force is rendered in full, so that the operator can feel the tool.
 MotorState motor_of(const TickContext& tick, const HandContext& context, bool switched_on, double max_force_N,
                     const OutputRequest& request, const OutputState& output, std::uint32_t stroke) {
   if (!context.tool.burr) return {};
@@ -161,7 +165,7 @@ MotorState motor_of(const TickContext& tick, const HandContext& context, bool sw
   return {switched_on && force, limit_N / context.device.force_gain, stroke};
 }
 
-// a stroke is from the first motor's start to the last one's stop
+// a stroke lasts from the start of the first motor to the stop of the last one
 void count_strokes(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices,
                    SessionState& state) {
   bool on = false;
@@ -171,10 +175,10 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
   state.motor_on = on;
 }
 
-// what a tick is told besides what its contacts need
+// tick inputs besides those of the contacts (TickContext)
 struct SharedInputs {
   const Parameters& parameters;
-  bool changed;  // what makes the forces is another one than in the last tick
+  bool changed;  // the force source differs from the last tick's
   std::uint32_t stroke;
 };
 
@@ -192,12 +196,12 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
   const double max_force_N = std::min(parameters.max_force_N, model.scene_max_force_N);
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {
-    // a pose that is not finite changes nothing
+    // a pose that is not finite resets the contact state and moves nothing
     hand.seen = false;
     hand.velocity.clear();
     hand.asked = {};
     hand.proxy = {};
-    // its stroke may end in this tick
+    // the stroke may end in this tick
     if (model.tool_of(number).burr) hand.burr.closed = true;
     hand.held_directly = false;
     hand.coupling = {};
@@ -224,7 +228,8 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
       hand.proxy = {};
       hand.coupling = {};
       tool = touch_directly(tick, context);
-      // deep inside, where it does not push, a proxy born far away would pull with all that is allowed
+      // Deep inside, where a direct method gives no force, a proxy initialised at the distant surface would
+      // pull with the full force limit.
       const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
       hand.held_directly = pushes && !request.off && request.faults == 0;
     }
@@ -244,7 +249,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
   }
 
-  // the only way out
+  // every force passes the output stage
   const Output sent = make_output(request, own.limits, max_force_N, tick.dt_s, hand.output);
   wrench = sent.wrench;
   if (parameters.paused) out.flags |= kFlagPaused;
@@ -252,10 +257,10 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
   record_outputs(tool, request, sent, hand, out);
 }
 
-// what makes the forces: another value and they are blended
+// digest of everything that selects the force computation; a new value starts a blend
 std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t maker = kHashSeed;
-  // what was taken away is felt at once
+  // local edits are excluded: material that was cut away takes effect at once
   hash_word(maker, model.version - model.edits);
   const ForceMethod felt = model.has(parameters.method) ? parameters.method : ForceMethod::kTrilinear;
   hash_word(maker, static_cast<std::uint64_t>(felt) << 3 | parameters.passivity << 2 |
@@ -278,7 +283,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   record_inputs(model, parameters, state, dt_s, devices.size(), record);
 
-  // the object's pose
+  // pose of the object
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
   const bool yields = is_elastic(model.tissue_law);
@@ -291,12 +296,12 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
       &state.holes};
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
-  // a change of what makes the forces starts a blend
+  // a change of force source starts a blend
   const std::uint64_t maker = maker_of(model, parameters, devices.size());
   const bool changed = state.made_by != 0 && state.made_by != maker;
   state.made_by = maker;
 
-  // surfaces of another version keep the proxies of those that they still are
+  // proxies stay on surfaces that a new version of the model shares with the old one
   SurfacesBefore before;
   const bool other_surfaces = state.surfaces.version != model.version;
   const auto surfaces_before =
@@ -321,7 +326,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   state.tick += 1;
   state.time_s += dt_s;
 
-  // what replay compares
+  // replay compares this hash
   record.state_hash = state.hash(static_cast<int>(devices.size()));
 }
 

@@ -3,17 +3,17 @@
 #include "palpate/servo/servo.h"
 #include "servo/output_stage.h"
 
-/// Ticks as the plain numbers of telemetry.h.
+/// Conversion of a tick's inputs and outputs to the plain numbers of telemetry.h.
 namespace palpate {
 
-/// Every input of a tick, before anything is made of it.
+/// Records the inputs that all devices share, before the tick uses them.
 void record_inputs(const Model& model, const Parameters& parameters, const SessionState& state, double dt_s,
                    std::size_t devices, TickRecord& record);
 
-/// Every input that belongs to a device; the outputs become zero.
+/// Records one device's inputs and resets its outputs to zero.
 void record_inputs(const DeviceState& device, const DeviceParameters& parameters, DeviceTick& out);
 
-/// What a device met, and what it was sent.
+/// Records one device's contact and the wrench sent to it.
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
                     const SessionState::Hand& hand, DeviceTick& out);
 

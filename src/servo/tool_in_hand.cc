@@ -23,7 +23,7 @@ std::optional<Burr> burr_of(const TickContext& tick, const HandContext& hand, co
               tool.burr->end_radius_mm};
 }
 
-// a bit for each layer that has a proxy
+// bit n is set if layer n has a proxy
 unsigned coupled_layers(const ProxyState& proxy) {
   unsigned layers = 0;
   for (int n = 0; n < kMostLayers; ++n) layers |= static_cast<unsigned>(proxy.layer(n).coupled) << n;
@@ -55,7 +55,7 @@ ToolContact advance_tool(const TickContext& tick, const HandContext& context, co
   if (burr) held.set_first(burr->head(hand.burr.sunk_mm));
   ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
   contact.let_go = let_go;
-  // the head is where it cuts, or leans on the innermost of what it leans on
+  // a burr's head is at the proxy of the layer in which it cuts, or else of the innermost layer in contact
   if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
     contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
   return contact;
@@ -67,14 +67,14 @@ void keep_away(const TickContext& tick, const HandContext& context, ToolContact&
   HeldTool held(tick, context);
   if (const auto burr = burr_of(tick, context, {})) held.set_first(burr->head(0));
 
-  // what is near
+  // structures near the tool
   const auto near = nearest_structures(model.distances, held.spheres(), context.tip);
   for (std::size_t n = 0; n < near.size(); ++n) {
     out.near_label[n] = near[n].label;
     out.near_mm[n] = near[n].distance_mm;
   }
 
-  // what pushes
+  // force of the no-go regions
   const NoGoForce push = push_out_of(model.no_go, model.distances, held.spheres(), context.tip,
                                      context.most_stiffness_N_per_mm());
   if (push.region < 0) return;

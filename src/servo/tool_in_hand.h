@@ -6,31 +6,32 @@
 
 namespace palpate {
 
-/// What has changed since the last tick of the proxy.
+/// Changes since the proxy's last tick.
 struct ProxyChange {
-  bool surfaces = false;                  ///< it is on those of another version of the model
-  std::span<const SurfaceBefore> before;  ///< these, one for each of the model's
-  bool layers = false;                    ///< structures lie in other layers of them
-  bool method = false;       ///< a direct method pushed until now: where the tip is inside, a proxy is born
-  std::uint64_t carved = 0;  ///< so many sweeps of the tool's burr are taken from the surfaces
+  bool surfaces = false;                  ///< The proxy is on surfaces of another version of the model
+  std::span<const SurfaceBefore> before;  ///< Correspondence of each of the model's surfaces to those
+  bool layers = false;                    ///< Structures belong to other layers
+  /// A direct method pushed in the last tick: initialise the proxy if the tip is inside
+  bool method = false;
+  std::uint64_t carved = 0;  ///< Number of the tool's sweeps that have been carved from the surfaces
 };
 
-/// What runs a burr in a tick.
+/// State of a burr's motor in one tick.
 struct MotorState {
   bool runs = false;
-  double most_press_N = 0;   ///< in the patient
-  std::uint32_t stroke = 0;  ///< of what it cuts
+  double most_press_N = 0;   ///< Largest press force that the burr may assume, in the patient
+  std::uint32_t stroke = 0;  ///< Stroke that its sweeps belong to
 };
 
-/// What a tool meets by the proxy, which remembers where it is, and as a burr, which takes away what it
+/// Contact of a tool by the proxy method. Advances the proxy, and a burr also removes the material that it
 /// touches.
 ToolContact advance_tool(const TickContext& tick, const HandContext& context, const ProxyChange& change,
                          const MotorState& motor, SessionState::Hand& hand);
 
-/// Pushes the tool out of the no-go regions, a burr with its whole head, beside what it leans on. Along the
-/// way out of the regions it pushes with what the contact lacks of their force and with no more: so the two
-/// together are never stiffer than the stiffer one, and the force has no step where one of them begins. Tells
-/// of it and of the structures that are near, in `out`.
+/// Adds the force that pushes the tool out of no-go regions; for a burr, its whole head. Along the direction
+/// out of the regions, only the part of their force that the contact does not already provide is added:
+/// together they are no stiffer than the stiffer of the two, and the force has no step where a region begins.
+/// Records this force and the structures near the tool in `out`.
 void keep_away(const TickContext& tick, const HandContext& context, ToolContact& contact, DeviceTick& out);
 
 }  // namespace palpate

@@ -15,13 +15,13 @@ Eigen::Quaterniond felt_after(const SessionState& state, double elapsed_s) {
       .quaternion();
 }
 
-/// What of the object lay under a device's tip a tick ago, and how it is held there.
+/// Material point of the object that was under a device's tip in the last tick, and the contact there.
 struct Held {
-  bool pushed = false;  ///< force is sent there, or may be in this tick
-  Vector<World> lever;  ///< from World's origin, the object not turned, mm of the patient
+  bool pushed = false;  // force is sent, or may be in this tick
+  Vector<World> lever;  // from World's origin to the point, object not rotated, patient mm
   Vector<World> sent_N;
-  double stiffness_N_per_mm = 0;  ///< at the device; 0: not known
-  double stiffest_N_per_mm = 0;   ///< of the whole model, at the device
+  double stiffness_N_per_mm = 0;  // of the contact, at the device; 0: unknown
+  double stiffest_N_per_mm = 0;   // of the stiffest tissue of the model, at the device
   double scale = 1;
 };
 
@@ -38,12 +38,13 @@ Held held_by(const Model& model, const DeviceParameters& own, const DeviceState&
   return held;
 }
 
-// mm of the device
+// displacement of the point when the object rotates from `from` to `to`, device mm
 Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
   return (Rotation<World, World>(to) * held.lever - Rotation<World, World>(from) * held.lever) / held.scale;
 }
 
-// The part of a way that keeps all limits. Against a spring the force grows on the way: F s + K s^2 / 2.
+// Fraction of a displacement that satisfies all limits. Against a spring the force grows along the path, so
+// the work is F s + K s^2 / 2.
 double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
   const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
   const double most_mJ = kTurningFeel.most_power_mW * dt_s;
@@ -68,7 +69,7 @@ bool is_rotation(const Eigen::Quaterniond& q) {
 
 std::uint32_t turn_object(const Model& model, const Parameters& parameters,
                           std::span<const DeviceState> devices, double dt_s, SessionState& state) {
-  // a new command starts a turn from where the object is felt now
+  // a new command starts from the current attitude
   const Eigen::Quaterniond& target = parameters.rotation_target;
   if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
     state.rotation_start = state.rotation_felt;
@@ -77,7 +78,7 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   }
   if (state.rotation_elapsed_s >= kTurningFeel.interval_s || !(dt_s > 0)) return 0;
 
-  // as far as every hand allows
+  // the largest rotation that every operator's limits allow
   std::array<Held, kMaxDevices> held;
   for (std::size_t d = 0; d < devices.size(); ++d)
     held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
@@ -99,7 +100,7 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
     felt = felt_after(state, state.rotation_elapsed_s + step_s);
   }
 
-  // the account
+  // work on the operators
   for (std::size_t d = 0; d < devices.size(); ++d)
     if (held[d].pushed) state.hands[d].turned_mJ += held[d].sent_N.dot(way_of(held[d], before, felt));
   state.rotation_elapsed_s += step_s;

@@ -10,9 +10,9 @@ namespace palpate {
 namespace {
 
 constexpr auto kWatch = std::chrono::milliseconds(1);
-// above the servo's, so that a tick that never ends cannot keep it from looking
+// above the servo's priority, so that a tick that never ends cannot block the watchdog
 constexpr int kPriority = 90;
-// ticks that come again before the devices may go on
+// number of ticks after a halt before the devices resume
 constexpr std::uint64_t kTicksToTrust = 5;
 
 }  // namespace
@@ -22,7 +22,7 @@ std::string Watchdog::begin(bool realtime, int servo_cpu) {
   auto started = scheduler.get_future();
   thread_ = std::thread([this, realtime, servo_cpu, &scheduler] {
     keep_off_cpu(servo_cpu);
-    // refused, it looks when its turn comes
+    // if the priority is refused, the watchdog runs with ordinary scheduling
     scheduler.set_value(make_this_thread_realtime({.fifo = realtime,
                                                    .priority = kPriority,
                                                    .lock_memory = false,
@@ -38,7 +38,7 @@ std::string Watchdog::begin(bool realtime, int servo_cpu) {
 void Watchdog::end() {
   end_.store(true);
   if (thread_.joinable()) thread_.join();
-  // a supervisor's halt is the next loop's to end
+  // a supervisor's halt is ended by the next loop
   if (halted_.exchange(false))
     driver_.resume(heartbeat_ != nullptr ? heartbeat_->halts_that_ended.load() : 0);
 }
@@ -54,7 +54,7 @@ void Watchdog::look(std::int64_t now_ns) {
   const std::int64_t beat_ns = beat_ns_.load(std::memory_order_acquire);
   const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
   const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;
-  // read before the devices are let go: a halt that comes later is not ended with it
+  // read before the devices resume, so that a later halt is not ended with this one
   const std::uint64_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
   const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->halts_that_ended.load();
   if (heartbeat_ != nullptr) heartbeat_->looked_ns.store(now_ns);

@@ -9,18 +9,18 @@
 
 namespace palpate {
 
-/// What a loop with nothing in it achieved.
+/// Result of run_bare_loop(): ticks completed and skipped, and the real-time privileges granted.
 struct BareLoop {
   std::uint64_t ticks = 0;
-  std::uint64_t skipped = 0;  ///< Pacer::skipped()
+  std::uint64_t skipped = 0;  ///< Grid points that passed without a tick; Pacer::skipped()
   RealtimeGrant grant;
 };
 
-/// What the machine itself can do, for comparison: the servo's Pacer in a thread of its own, and nothing else
-/// in the loop. Returns after `seconds`. Errors: kInterrupted; kUnavailable when there is no thread to be
-/// had.
-/// @param lateness  gets, for every tick, the time right after wait() less the time it was scheduled for;
-///                  may be read meanwhile
+/// Measures the machine's own timing as a baseline: runs the servo's Pacer in a dedicated thread with an
+/// empty loop body and returns after `seconds`. Errors: kInterrupted if `progress` was stopped; kUnavailable
+/// if no thread could be created.
+/// @param lateness  receives for every tick the time at which wait() returned minus its scheduled time; may
+///                  be read concurrently
 Result<BareLoop> run_bare_loop(double rate_hz, double seconds, double spin_s, const RealtimeRequest& request,
                                LatencyHistogram& lateness, const Progress& progress = {});
 

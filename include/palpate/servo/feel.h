@@ -4,40 +4,43 @@
 
 #include "palpate/tissue/feel.h"
 
-/// What decides how it feels besides the scene and the parameters, all of it: the same in every run of one
-/// version of palpate, and told in every recording. docs/reference/feel.md lists it.
+/// Constants that determine the haptic behaviour besides the scene and the parameters. They are fixed for one
+/// version of palpate and written to every recording. docs/reference/feel.md lists them all.
 namespace palpate {
 
-/// The last stage before a device (docs/concepts/servo.md).
+/// Constants of the output stage, the last step before a device (docs/concepts/servo.md).
 struct OutputFeel {
-  /// A change of model, method or parameters is spread over this time.
+  /// Duration over which a change of model, method or parameters is blended in.
   double blend_s = 0.1;
-  /// From nothing to full force, at the start and after every fault; from full force to nothing, before a
-  /// pause or the end.
+  /// Duration of the ramp from zero to full force, at the start and after every fault, and of the ramp from
+  /// full force to zero, before a pause or the end.
   double ramp_in_s = 0.5, ramp_out_s = 0.1;
-  /// A state of up to this age is acted on in full; one of this age gets nothing.
+  /// Pose age up to which the force is passed in full, and age from which it is zero; linear in between.
   double fresh_s = 5e-3, stale_s = 10e-3;
-  /// A dropout: poses that have been no older than this come back faster than by the ramp.
+  /// Dropouts in which the pose gets no older than this recover by the slow slew below instead of the ramp.
   double short_dropout_s = 20e-3;
-  /// So fast the force grows then, and no faster for so long: 0.2 N in a tick of 1 kHz is no kick. 9 N, more
-  /// than any known device has, are back in 50 ms; the rest is for the hand's rebound. A hand that lost its
-  /// support sinks the less the faster it comes back.
+  /// Growth rate of the force after a short dropout, and the time for which it is limited to that rate. 0.2 N
+  /// in a 1 kHz tick is too little to be a kick. 9 N, more than any known device can exert, return within 50
+  /// ms; the remaining time covers the rebound of the operator's hand. The sooner the force returns, the less
+  /// a hand that was supported by it sinks.
   double return_N_per_s = 195, return_s = 100e-3;
-  /// For so long a damper along the force stops what the hand gained in its fall, and its rebound. It adds no
-  /// more than the force itself; a device that bears less has less.
+  /// Damping along the force for the same time, which stops the velocity gained during the dropout and the
+  /// rebound. It adds at most the force itself. Devices that bear less damping get less.
   double return_damping_N_s_per_m = 15;
-  /// A state from the future comes from another clock; by so much, it is one that is set to ours.
+  /// Tolerance for sample times in the future: up to this much is attributed to adjustment of the same clock,
+  /// more to a different clock.
   double clock_jitter_s = 1e-3;
-  /// Time constant of the motors' warming. An assumption: the makers give a continuous force and a peak, and
+  /// Time constant of the motors' heating. An assumption: vendors state a continuous and a peak force, and
   /// the windings of small ironless motors warm within some ten seconds (docs/decisions/0008).
   double thermal_s = 10;
-  /// The last of the budget is spent over this time, so that the limit sinks and does not drop.
+  /// Time over which the rest of the thermal budget may be spent, so that the limit falls gradually.
   double thermal_taper_s = 0.2;
-  /// Torque and gripper may change by their whole range in this time.
+  /// Time in which torque and gripper force may change by their whole range.
   double full_swing_s = 10e-3;
-  /// A tick that took longer warms and cools no more, and moves the force no farther.
+  /// Upper bound of the tick duration used for heating, cooling and slew.
   double longest_tick_s = 0.1;
-  /// No hand moves a device farther than this in one tick, and none faster; mm of the device.
+  /// Largest plausible displacement in one tick and largest plausible speed of a device, device mm; a motion
+  /// that exceeds both is a jump (a fault).
   double jump_mm = 10, jump_mm_s = 10e3;
 
   template <class Visit>
@@ -61,21 +64,24 @@ struct OutputFeel {
   }
 };
 
-/// A turning object (docs/concepts/passivity.md, "A turning object").
+/// Limits on a turning object (docs/concepts/passivity.md, "A turning object").
 struct TurningFeel {
-  /// From a command to where it leads.
+  /// Duration of the interpolation from a rotation command to its target.
   double interval_s = 0.1;
-  /// A turning object does no more work on a hand, and takes no more from it: 1 N leads it 1 mm in the 0.2 s
-  /// that a person needs to react.
+  /// Limit of the power that a turning object exchanges with an operator, in either direction: within the 0.2
+  /// s that a person needs to react, 1 N displaces the hand by 1 mm.
   double most_power_mW = 5;
-  /// What lies under a tip to which a force is sent moves no faster, mm of the device: a surface that meets a
-  /// tip comes as a slow hand would.
+  /// Limit of the speed of the material point under a tip to which a force is sent, device mm/s: a surface
+  /// that meets a tip approaches no faster than a slow hand would.
   double most_speed_mm_s = 100;
-  /// Nor farther in a tick than makes this force of the model's stiffest tissue.
+  /// Limit of that point's displacement per tick, given as the force that it causes at the model's stiffest
+  /// tissue.
   double most_step_N = 0.1;
-  /// What one tick may spend does not grow with its lateness beyond this.
+  /// Upper bound of the tick duration that counts towards the limits, so that a late tick gets no larger
+  /// budget.
   double longest_tick_s = 0.01;
-  /// The turn of a tick is that small that its way is nearly straight: tries until it is within the limits.
+  /// Maximum number of iterations that shorten a tick's rotation until it is within the limits. One rotation
+  /// is small enough for the path under a tip to be nearly straight.
   int tries = 6;
 
   template <class Visit>
@@ -93,7 +99,7 @@ inline constexpr OutputFeel kOutputFeel;
 inline constexpr TurningFeel kTurningFeel;
 static_assert(names_every_member<OutputFeel>() && names_every_member<TurningFeel>());
 
-/// Every setting: `of(group, name, value)`, value a double or an int.
+/// Calls `of(group, name, value)` for every setting; the value is a double or an int.
 template <class Visit>
 void visit_feel(Visit&& of) {
   const auto group = [&](const char* title, const auto& settings) {
@@ -112,11 +118,11 @@ void visit_feel(Visit&& of) {
   group("turning", kTurningFeel);
 }
 
-/// All of them as a recording's header has them: a line "group.name value" each, numbers so that they come
-/// back as they were.
+/// All settings in the format of a recording's header: one line "group.name value" each. Numbers are written
+/// so that they read back exactly.
 std::string feel_text();
-/// "group.name WAS, here IS" of what differs between this version and a text, the first of them; empty where
-/// nothing does.
+/// First difference between this version's settings and those in `text`, as "group.name WAS, here IS"; empty
+/// if there is none.
 std::string first_other_feel(const std::string& text);
 
 }  // namespace palpate

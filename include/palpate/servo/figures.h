@@ -3,7 +3,7 @@
 #include "palpate/base/latency_histogram.h"
 #include "palpate/servo/servo_loop.h"
 
-/// Arithmetic on what a loop tells of itself.
+/// Arithmetic on the timing statistics of a loop.
 namespace palpate {
 
 inline Percentiles percentiles_of(const LatencyHistogram& histogram) {

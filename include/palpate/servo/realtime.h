@@ -5,50 +5,53 @@
 
 #include <string>
 
-/// What makes a thread of ours real-time: its scheduling class, memory that is never paged, pages that are
-/// there before they are needed. All of it may be refused by the system, which is no error: it is said.
+/// Real-time privileges of a thread: scheduling class, locked memory, and pages that are resident before they
+/// are needed. The system may refuse any of them; a refusal is reported and is not an error.
 namespace palpate {
 
-/// What to ask the system for.
+/// Privileges to request from the system.
 struct RealtimeRequest {
-  bool fifo = true;         ///< SCHED_FIFO: before every ordinary thread
-  int priority = 80;        ///< 1 ... 99, of SCHED_FIFO; higher goes first
-  bool lock_memory = true;  ///< no page of the process is written out or dropped
-  int cpu = -1;             ///< the only CPU to run on; -1: any
-  int leave_above = 0;  ///< where the rtprio limit is lower: so many priorities stay free for others of ours
-  const char* name = "palpate-servo";  ///< of the thread, up to 15 characters
+  bool fifo = true;         ///< Request SCHED_FIFO, which precedes every ordinary thread
+  int priority = 80;        ///< SCHED_FIFO priority, 1 ... 99; higher runs first
+  bool lock_memory = true;  ///< Lock the process's pages in memory
+  int cpu = -1;             ///< CPU to bind the thread to; -1: any
+  /// Number of priorities to leave free above this one where the rtprio limit is lower than requested
+  int leave_above = 0;
+  const char* name = "palpate-servo";  ///< Thread name, up to 15 characters
 };
 
-/// What the system gave.
+/// Privileges that the system granted.
 struct RealtimeGrant {
   bool fifo = false;
-  int priority = 0;  ///< of SCHED_FIFO, 0 without it; less than asked for where the rtprio limit is lower
+  /// SCHED_FIFO priority, 0 without it; below the requested one where the rtprio limit is lower
+  int priority = 0;
   bool memory_locked = false;
-  int cpu = -1;                ///< the CPU that the thread is bound to, -1: none
-  std::string scheduler = {};  ///< "SCHED_FIFO 80", or what it is instead and why
-  std::string memory = {};     ///< "locked", or what it is instead and why
+  int cpu = -1;                ///< CPU that the thread is bound to; -1: none
+  std::string scheduler = {};  ///< "SCHED_FIFO 80", or the actual scheduler and the reason
+  std::string memory = {};     ///< "locked", or the actual state and the reason
 };
 
-/// Makes the calling thread real-time as far as the system allows, and says how far that is. Besides what is
-/// asked for it touches 512 KiB of the thread's stack (or what there is of it), sets the timer slack to 1 ns
-/// names the thread and blocks every signal on it. Memory stays locked until the thread ends, or asks without
-/// lock_memory. Allocates, so not from within the loop.
+/// Gives the calling thread the requested real-time privileges as far as the system allows, and returns those
+/// granted. It also touches 512 KiB of the thread's stack (or all of it, if that is less), sets the timer
+/// slack to 1 ns, names the thread and blocks every signal on it. Memory stays locked until the thread ends
+/// or calls this without lock_memory. Allocates, so it must not be called from within the loop.
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request);
 
-/// What a thread has: "SCHED_FIFO 80", "SCHED_OTHER". Empty: there is no such thread.
+/// Scheduling policy and priority of a thread: "SCHED_FIFO 80", "SCHED_OTHER". Empty if there is no such
+/// thread.
 /// @param tid  Linux thread id (gettid); 0: the calling thread
 std::string scheduler_of_thread(pid_t tid);
 
-/// Binds the calling thread to the CPUs that it may run on but `cpu`, which then is the servo's alone;
-/// nothing where `cpu` is negative or the only one.
+/// Removes `cpu` from the affinity mask of the calling thread, so that the servo has it to itself. No effect
+/// if `cpu` is negative or the only CPU in the mask.
 void keep_off_cpu(int cpu);
 
-/// Keeps the thread that makes it off the CPU of another thread, which may change.
+/// Keeps the constructing thread off another thread's CPU, which may change over time.
 class OtherCpus {
  public:
   OtherCpus();
-  /// From now on all that the thread could run on when this was made, but `cpu`; all of them where that is
-  /// negative or the only one. A system call where it is another one than the last time.
+  /// Sets the affinity mask to all CPUs of the mask at construction except `cpu`; to all of them if `cpu` is
+  /// negative or the only one. Makes a system call only if `cpu` differs from the last call.
   void than(int cpu);
 
  private:
@@ -56,9 +59,9 @@ class OtherCpus {
   int cpu_ = -1;
 };
 
-/// Keeps the memory of the whole process locked (mlockall) while at least one of these lives, in whatever
-/// threads. What is mapped later is locked too, unless a finite memlock limit applies: there it would turn a
-/// later allocation into a failure, and only what is mapped now is locked.
+/// Keeps the memory of the whole process locked (mlockall) while at least one instance exists, in any thread.
+/// Later mappings are locked too, unless a finite memlock limit applies: it would make a later allocation
+/// fail, so only current mappings are locked then.
 class MemoryLock {
  public:
   MemoryLock();
@@ -67,7 +70,7 @@ class MemoryLock {
   MemoryLock& operator=(const MemoryLock&) = delete;
 
   bool held() const { return held_; }
-  /// "locked", or what it is instead and why.
+  /// "locked", or the actual state and the reason.
   const std::string& text() const { return text_; }
 
  private:

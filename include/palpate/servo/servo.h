@@ -20,95 +20,101 @@
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
 namespace palpate {
 
-/// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is felt as a
-/// blend over kOutputFeel.blend_s, not as a step.
+/// Inputs of a tick that may change while the loop runs. A change of method, switch or gain is blended in
+/// over kOutputFeel.blend_s instead of applied as a step.
 struct Parameters {
-  /// Trilinear where the model is not prepared for it (kFlagMethodMissing).
+  /// Force method; falls back to trilinear if the model is not prepared for it (kFlagMethodMissing).
   ForceMethod method = ForceMethod::kTrilinear;
   bool friction = true;
   bool viscosity = true;
-  bool passivity = true;        ///< what gives out more energy than it got is damped; observed in any case
-  bool paused = false;          ///< forces fade out and stay off
-  bool emergency_stop = false;  ///< forces are off at once
-  bool motor = false;           ///< of a tool that cuts, beside its pedal; without force it stands still
-  double max_force_N = 3.0;     ///< the user's limit, beside the scene's; not finite or negative counts as 0
+  /// Damp contacts that have returned more energy than they received; the observer runs in any case
+  bool passivity = true;
+  bool paused = false;          ///< Fade the forces out and keep them off
+  bool emergency_stop = false;  ///< Set the forces to zero at once
+  /// Motor switch of cutting tools, combined (or) with the pedal; the motor stops while no force is sent
+  bool motor = false;
+  /// The user's force limit, applied together with the scene's; negative or non-finite counts as 0
+  double max_force_N = 3.0;
   std::array<DeviceParameters, kMaxDevices> device;
-  /// Rotation of the object about World's origin; commanded about 10 times a second.
+  /// Commanded rotation of the object about World's origin; updated about 10 times a second.
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
-  /// Of tissue that yields, what was solved last. Another one is blended in by the contact itself.
+  /// Latest solution of deformable tissue. The contact itself blends over to a new one.
   YieldFrame yields;
 };
 
-/// TickSwitch bits.
+/// TickSwitch bits of the parameters.
 std::uint8_t switches_of(const Parameters& parameters);
 
-/// What the output stage remembers of one device.
+/// State of the output stage for one device.
 struct OutputState {
   Wrench sent;
-  double gain = 0;         ///< of the ramp, 0 ... 1
-  double heat = 0;         ///< part of the thermal budget that is used, 0 ... 1
-  double whole_s = 0;      ///< since the last fault or dropout; not counted beyond the ramp's time
-  bool away = false;       ///< no fresh pose now, for a short time yet: the gain waits
-  bool returning = false;  ///< one has come again: the force grows slowly for a while
+  double gain = 0;     ///< Ramp gain, 0 ... 1
+  double heat = 0;     ///< Fraction of the thermal budget in use, 0 ... 1
+  double whole_s = 0;  ///< Time since the last fault or dropout; saturates at ramp_in_s
+  bool away = false;   ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
+  bool returning = false;  ///< Recovering from a short dropout: the force grows at return_N_per_s at most
 };
 
-/// Everything a tick remembers. Small, copyable, hashable; no pointers.
+/// Complete state of the tick function. Small, copyable, hashable; contains no pointers.
 struct SessionState {
   struct Hand {
-    bool seen = false;  ///< a previous tip exists
+    bool seen = false;  ///< A previous tip position exists
     Point<World> previous_world;
     Point<Patient> previous_tip;
     VelocityWindow velocity;
     ProxyState proxy;
-    std::uint32_t proxy_version = 0;  ///< of the model whose surfaces it is on
-    bool held_directly = false;       ///< a direct method pushed the tip in the tick before
+    std::uint32_t proxy_version = 0;  ///< Version of the model whose surfaces the proxy is on
+    bool held_directly = false;       ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
-    BurrState burr;  ///< of a tool that is none as at the beginning
-    // what the force was last, and what is left of the difference to what made it
+    BurrState burr;  ///< Default-constructed unless the tool is a burr
+    // last requested force after blending, and the offset to the previous source's force, which is fading out
     Wrench asked;
     Wrench difference;
     double blend_elapsed_s = kOutputFeel.blend_s;
     PassivityState passivity;
     SwingState swing;
     DelayLine delay;
-    double turned_mJ = 0;  ///< work that the turning object has done on the hand since the run began
+    double turned_mJ = 0;  ///< Work that the turning object has done on this hand since the run began
     OutputState output;
   };
 
   std::uint64_t tick = 0;
   double time_s = 0;
-  // object rotation, interpolated over kRotationInterval from each command
+  // rotation of the object, interpolated over kTurningFeel.interval_s from each command
   Eigen::Quaterniond rotation_start = Eigen::Quaterniond::Identity();
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
   Eigen::Quaterniond rotation_felt = Eigen::Quaterniond::Identity();
   double rotation_elapsed_s = 1.0;
-  // what made the last forces, 0 before the first tick: another value starts a blend
+  // digest of everything that selects the force computation; 0 before the first tick. A new value starts a
+  // blend
   std::uint64_t made_by = 0;
-  // of tools that cut: how often a motor was switched on while all were off, and whether one is on
+  // cutting tools: number of times that a motor was started while all were off, and whether any is running
   std::uint32_t strokes = 0;
   bool motor_on = false;
-  Holes holes;  // that stayed open where tools went through
-  // of the last frame that was told while nothing yielded: it says nothing of tissue that begins to
+  Holes holes;  // holes left open by punctures
+  // number of the last solution received while no tissue was deformable; it and older ones are ignored after
+  // tissue becomes deformable
   std::uint32_t last_unfelt_frame = 0;
   std::array<Hand, kMaxDevices> hands;
-  /// Those of the model of the last tick, by which a new version's are told from other ones. They follow from
-  /// that version, which the hash knows.
+  /// Surfaces of the last tick's model, used to match those of a new version. Derived from that version,
+  /// which the hash includes.
   struct Surfaces {
-    std::uint32_t version = 0;  ///< of that model, 0 before the first tick
-    std::uint32_t edits = 0;    ///< likewise
+    std::uint32_t version = 0;  ///< Version of that model; 0 before the first tick
+    std::uint32_t edits = 0;    ///< Model::edits of that model
     int count = 0;
-    bool yield = false;  ///< is_elastic(Model::tissue_law): by another one structures lie in other layers
+    bool yield = false;  ///< is_elastic(Model::tissue_law); a change assigns structures to other layers
     std::array<LabelId, kMostSurfaces> label{};
     std::array<std::uint64_t, kMostSurfaces> content{};  ///< Surface::content_hash()
   } surfaces;
 
-  /// 64-bit hash of the state, equal for equal states on every build.
+  /// 64-bit hash of the state; equal states have equal hashes in every build.
   std::uint64_t hash(int devices) const;
 };
 
-/// One servo tick. Allocates, locks, logs, throws nothing and makes no system call.
-/// @param devices  1 ... kMaxDevices states; `wrenches` has the same length
-/// @param record   filled with what the tick took in and gave out
+/// One servo tick. Does not allocate, lock, log or throw, and makes no system call.
+/// @param devices   1 ... kMaxDevices states; `wrenches` has the same length
+/// @param wrenches  receives the wrench to send to each device
+/// @param record    receives the inputs and outputs of the tick
 void tick(const Model& model, const Parameters& parameters, std::span<const DeviceState> devices, double dt_s,
           SessionState& state, std::span<Wrench> wrenches, TickRecord& record);
 

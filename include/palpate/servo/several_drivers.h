@@ -12,31 +12,34 @@
 
 namespace palpate {
 
+/// Options of SeveralDrivers.
 struct SeveralSettings {
-  double rate_hz = 1000;  ///< kLowestRate_hz ... kHighestRate_hz; of followers without a clock of their own
-  bool realtime = true;   ///< ask for SCHED_FIFO for the followers' threads
-  int servo_cpu = -1;     ///< the CPU that the servo is bound to, which they keep off; -1: none
+  /// Update rate of followers without a clock of their own, kLowestRate_hz ... kHighestRate_hz
+  double rate_hz = 1000;
+  bool realtime = true;  ///< Request SCHED_FIFO for the followers' threads
+  int servo_cpu = -1;    ///< CPU that the servo is bound to, which followers keep off; -1: none
 };
 
-/// Several drivers as one: the devices of all of them in one tick. One driver owns the clock; each of the
-/// others runs in a thread of its own, at its own rate, and follows.
+/// Combines several drivers so that one tick has the devices of all of them. One driver owns the clock; each
+/// of the others (a follower) runs in a thread of its own, at its own rate.
 ///
 ///     owner      |tick |tick |tick |tick |tick |tick |tick |tick |tick        in the owner's thread
 ///                   ▲     ▲     ▲     ▲  the newest state that each follower has told
 ///     follower   |update     |update     |update     |update                  in its own
 ///                ▲ the newest command that a tick has left for it
 ///
-/// Neither waits for the other: states and commands go by mailboxes. What a follower's update answers was
-/// computed by a tick from the state of the update before, so its force comes a period of its own and one of
-/// the owner's later than alone: devices() says so (delay_s), and holds a physical one to careful_bounds()
-/// for that, whatever its maker vouches for in a loop without. A command older than kOldCommand_s is none.
+/// Neither side waits for the other: states and commands are exchanged by mailboxes. A follower's update
+/// returns the force that a tick computed from the state of the update before. Its force is therefore later
+/// than without the combination by one of its own periods and one of the owner's. devices() includes this in
+/// delay_s and, because of it, limits a physical follower to careful_bounds() even if its vendor vouches for
+/// more. Commands older than kOldCommand_s are ignored.
 ///
-/// The owner is the driver whose devices push a hand: physical before simulated, and of those the fastest;
-/// simulated ones that nobody feels (a pointer) last. Devices keep the order of the drivers.
+/// The owner is the driver whose devices exert force: physical ones before simulated ones, among those the
+/// fastest. Simulated devices without force (a pointer) come last. Devices keep the order of the drivers.
 class SeveralDrivers final : public DeviceDriver {
  public:
-  /// @param drivers  at least one, of at most kMaxDevices devices together, which this process holds
-  ///                 (halt_file() < 0); outlive this
+  /// @param drivers  at least one, with at most kMaxDevices devices in total, all held by this process
+  ///                 (halt_file() < 0); must outlive this object
   SeveralDrivers(std::vector<DeviceDriver*> drivers, const SeveralSettings& settings);
   ~SeveralDrivers() override;
 
@@ -46,11 +49,10 @@ class SeveralDrivers final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  /// Of the first device that has any; where a follower's driver has given up, that.
+  /// Trouble of the first device that has any; also reports a follower whose driver has given up.
   std::optional<Error> trouble() const override;
 
-  /// The threads of followers, in the order of their drivers; of ones that have not run, nothing but the
-  /// name.
+  /// The followers' threads, in the order of their drivers; for one that has not run yet, only the name.
   std::vector<TickingThread> followers() const;
 
   static constexpr double kOldCommand_s = 0.01;
@@ -60,7 +62,7 @@ class SeveralDrivers final : public DeviceDriver {
   class Gatherer;
   struct Part {
     DeviceDriver* driver;
-    std::size_t first = 0, count = 0;  // of its devices
+    std::size_t first = 0, count = 0;  // range of its devices
   };
   void arrange();
   void make_followers();
@@ -69,8 +71,8 @@ class SeveralDrivers final : public DeviceDriver {
   const SeveralSettings settings_;
   std::vector<Part> parts_;
   std::vector<DeviceInfo> infos_;
-  std::size_t owner_ = 0;     // of parts_
-  mutable std::mutex mutex_;  // of the list below, which run() makes anew
+  std::size_t owner_ = 0;     // index into parts_
+  mutable std::mutex mutex_;  // guards followers_, which run() recreates
   std::vector<std::unique_ptr<Follower>> followers_;
 };
 
