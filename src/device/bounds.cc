@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// what a device says, where an arm can be like that
+// stated value if it is plausible, else the careful one
 double known_or(const std::optional<double>& said, double careful, double least, double most) {
   return said && *said >= least && *said <= most ? *said : careful;
 }

@@ -18,7 +18,7 @@ OutputLimits limits_of(const DeviceInfo& info) {
 
 namespace {
 
-// physical devices whose maker states no stiffness, or one that bounds nothing
+// physical devices whose vendor states no stiffness or an infinite one
 bool bound_is_ours(const DeviceInfo& info) {
   return !info.simulated && (!info.stiffness_N_per_mm || std::isinf(*info.stiffness_N_per_mm));
 }
@@ -43,7 +43,7 @@ std::string careful_bound_told(const DeviceInfo& info) {
 
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings) {
   DeviceParameters parameters;
-  // a place in the patient is not scaled
+  // positions in the patient are not scaled
   parameters.force_gain = info.in_patient ? 1 : settings.force_gain;
   parameters.scale = info.in_patient ? 1 : settings.scale;
   parameters.limits = limits_of(info);

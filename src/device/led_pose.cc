@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 constexpr std::int64_t kHeld_ns = static_cast<std::int64_t>(LedPose::kHeld_s * 1e9);
-// a page that redraws 250 times a second, and one that rests and says so 30 times
+// interval between updates: 4 ms for a page that redraws 250 times a second, 33 ms at rest
 constexpr std::int64_t kLeastInterval_ns = 4'000'000, kMostInterval_ns = 40'000'000;
 
 }  // namespace
@@ -28,8 +28,9 @@ LedPose::Place LedPose::place_at(std::int64_t now_ns) const noexcept {
   return {from_.tip + (to_.tip - from_.tip) * part, from_.R_DeviceTool.slerp(part, to_.R_DeviceTool)};
 }
 
-// The next way begins where the tip is, and takes as long as the next message is likely to. Nobody knows of
-// one who comes back how he got there: then there is no way, lest a contact is dragged along it.
+// Starts a new interpolation at the current position, over the expected time to the next update. A pose that
+// returns after an interruption applies at once: its path is unknown, and interpolating would drag a contact
+// along it.
 void LedPose::take_message(std::int64_t now_ns) noexcept {
   Message message;
   if (!messages_.take(message)) return;

@@ -19,7 +19,7 @@ Result<Named> find_named(const std::vector<Named>& known, const std::string& nam
                "known are: " + names};
 }
 
-// the encoder sees whole steps
+// an encoder reports whole steps
 Eigen::Vector3d quantised(const Eigen::Vector3d& position_m, double step_m) {
   return step_m > 0 ? Eigen::Vector3d((position_m / step_m).array().floor() * step_m) : position_m;
 }
@@ -32,8 +32,8 @@ Eigen::Vector3d saturated(const Eigen::Vector3d& force_N, double peak_N) {
 }  // namespace
 
 const std::vector<PlantDevice>& known_plant_devices() {
-  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N, reach m; what stiffness their
-  // makers vouch for is not known
+  // mass kg, damping N.s/m, Coulomb N, encoder step m, peak N, continuous N, reach m; the stiffness that the
+  // vendors vouch for is not known
   static const std::vector<PlantDevice> devices{
       {"premium-1.5", 0.075, 0.005, 0.04, 30e-6, 8.5, 1.4, 0.12},
       {"touch", 0.045, 0.1, 0.26, 55e-6, 3.3, 0.88, 0.075},
@@ -52,8 +52,8 @@ const std::vector<PlantHand>& known_plant_hands() {
 }
 
 const std::vector<PlantHand>& plant_hands_with_skin() {
-  // mass kg, damping N.s/m, stiffness N/m, and between them and the device N/m and N.s/m: a pad of a finger
-  // has about 1000 and 1 (Wiertlewski & Hayward 2012), and a pen is held by two or three
+  // mass kg, damping N.s/m, stiffness N/m, then stiffness and damping between hand and device, N/m and N.s/m:
+  // a finger pad has about 1000 and 1 (Wiertlewski & Hayward 2012), and a pen is held by two or three
   static const std::vector<PlantHand> hands{
       {"pen-grip", 0.15, 2, 80, 2000, 0.5},
       {"firm-pen-grip", 0.15, 6, 500, 2000, 0.5},
@@ -102,7 +102,7 @@ void SimulatedDevice::reset(const Point<Device>& tip) {
   push({0, Eigen::Vector3d::Zero()});
 }
 
-// a full line, of ticks shorter than its capacity is made for, forgets its oldest command
+// overwrites the oldest command if ticks are shorter than the capacity is designed for
 void SimulatedDevice::push(const Command& command) {
   if (count_ == line_.size()) {
     first_ = (first_ + 1) % line_.size();
@@ -112,7 +112,7 @@ void SimulatedDevice::push(const Command& command) {
   ++count_;
 }
 
-// the newest command whose time has come
+// newest command whose time has come
 const SimulatedDevice::Command& SimulatedDevice::acting_at(double time_s) {
   while (count_ > 1 && line_[(first_ + 1) % line_.size()].from_s <= time_s) {
     first_ = (first_ + 1) % line_.size();
@@ -150,8 +150,9 @@ void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
     // zero-order hold
     const Eigen::Vector3d& held_N = acting_at(time_s_ + (i + 0.5) * h).force_N;
 
-    // the hand's spring and damper to the intended motion, the skin's to the hand's where it has some, the
-    // device's damping, then Coulomb friction as an impulse that can at most stop the motion: stick
+    // spring and damper from the intended motion to the hand, those of the skin to the device if there is
+    // skin, the device's damping, then Coulomb friction as an impulse that can at most stop the motion
+    // (stick)
     const Eigen::Vector3d intended_m = from_m + intended_velocity_m_s * ((i + 1) * h);
     const Eigen::Vector3d& led_m = has_skin ? hand_m_ : position_m_;
     const Eigen::Vector3d& led_m_s = has_skin ? hand_m_s_ : velocity_m_s_;

@@ -31,7 +31,7 @@ const SimulatedDevice& SimulatedDriver::device() const {
   return device_;
 }
 
-// where the hand wants to be now: a new intention begins where the last one has led it
+// updates the intended position; a new target starts from the current one
 void SimulatedDriver::lead_hand(std::int64_t now_ns) {
   if (intentions_->take(to_)) {
     from_ = device_.intention();
@@ -49,7 +49,7 @@ void SimulatedDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::array<DeviceCommand, 1> commands{};
   last_ns_ = now_();
   while (clock.wait()) {
-    // the plant catches up with the clock under the last command
+    // advance the simulation to the current time under the last command
     const std::int64_t now_ns = now_();
     lead_hand(now_ns);
     const double passed_s = std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, kMostAdvance_s);

@@ -19,15 +19,15 @@
 #include "base/test_wait.h"
 #include "device/test_wall.h"
 
-/// What drivers of makers' devices are tried with, each against a stand-in for its maker's side.
+/// Tests of vendors' drivers, each against a stand-in for the vendor's side.
 namespace palpate::testing {
 
-/// A driver that runs in a thread of its own, its first device pressing the wall. Who derives from it has the
-/// maker's side as a base before it, which then outlives the driver.
+/// Runs a driver in a thread of its own, with its first device pressing against a wall. A derived class has
+/// the vendor's side as an earlier base, so that it outlives the driver.
 template <class Driver>
 class DriverRig {
  public:
-  /// @param force_N  of the first device, which acts now
+  /// @param force_N  returns the force that acts on the first device now
   DriverRig(std::unique_ptr<Driver> made, std::function<double()> force_N)
       : driver(std::move(made)), force_N_(std::move(force_N)) {}
   ~DriverRig() { end(); }
@@ -73,13 +73,13 @@ class DriverRig {
   std::thread thread_;
 };
 
-/// What may break at a maker's side, and is mended again.
+/// A fault at the vendor's side that can be injected and removed.
 template <class Side>
 struct DriverFault {
   const char* name;
   std::function<void(Side&)> begin, end;
-  const char* words;   ///< of what the driver says then
-  bool alone = false;  ///< one of these at a time
+  const char* words;   ///< Part of the message that the driver reports then
+  bool alone = false;  ///< Excludes others that are `alone`
 };
 
 template <class Side>
@@ -89,12 +89,12 @@ DriverFault<Side> flag_fault(const char* name, std::atomic<bool> Side::*member, 
           words};
 }
 
-/// Faults that are there at once.
+/// Faults that are active at present.
 template <class Side>
 class BegunFaults {
  public:
   BegunFaults(Side& side, const std::vector<DriverFault<Side>>& known) : side_(side), known_(known) {}
-  /// One to four, one after another within 30 ms each.
+  /// Injects one to four faults at intervals of at most 30 ms.
   void begin_any(std::mt19937& random, const std::function<void()>& meanwhile) {
     for (unsigned step = 1 + random() % 4; step > 0; --step) {
       const DriverFault<Side>& fault = known_[random() % known_.size()];
@@ -105,7 +105,7 @@ class BegunFaults {
       meanwhile();
     }
   }
-  /// In any order.
+  /// Removes all faults in random order.
   void end_all(std::mt19937& random) {
     while (!there_.empty()) {
       const std::size_t next = random() % there_.size();
@@ -125,14 +125,14 @@ class BegunFaults {
   std::vector<const DriverFault<Side>*> there_;
 };
 
-/// PALPATE_TEST_FAULTS takes that many.
+/// Number of fault sequences; PALPATE_TEST_FAULTS overrides the default.
 inline int fault_sequences(int by_default) {
   const char* asked = std::getenv("PALPATE_TEST_FAULTS");
   return asked ? std::atoi(asked) : by_default;
 }
 
-/// Any faults, one after another and together, with halts in between: no force while there is one, and it is
-/// felt again when all is well.
+/// Random faults, in sequence and combined, with halts in between: no force while one is active, and full
+/// force after all are removed.
 template <class Driver, class Side>
 void outlive_any(DriverRig<Driver>& rig, Side& side, const std::vector<DriverFault<Side>>& faults,
                  int by_default, const std::function<void(std::mt19937&)>& meanwhile = {}) {

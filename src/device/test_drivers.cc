@@ -38,7 +38,7 @@ RealTimePlant::RealTimePlant(const SimulatedDevice& device) : device_(device), l
 
 DeviceSample RealTimePlant::advance(const DeviceCommand& acting) {
   const std::int64_t now_ns = monotonic_ns();
-  // a plant that computed its way through a long stall would come ever later
+  // limits the catch-up after a long stall, which would otherwise delay every later update further
   const double passed_s =
       std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, SimulatedDriver::kMostAdvance_s);
   if (passed_s > 0) device_.advance(acting, passed_s);
@@ -90,7 +90,7 @@ void FakeVendor::set_force(const DeviceCommand& command) {
 void FakeVendor::end_frame() {
   if (!may_call(true)) return;
   in_frame_ = false;
-  // the time first: what is delivered after the switch was turned is what the switch says
+  // time first: whatever is recorded after the switch changed must reflect the switch
   const std::int64_t at_ns = monotonic_ns();
   (void)plant_.advance(enabled_ ? acting_ : DeviceCommand{});
   acting_ = enabled_ ? set_ : DeviceCommand{};
@@ -118,7 +118,7 @@ void CallbackDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   vendor_.unschedule();
 }
 
-// the flag for the frames to come, the switch for the one that may hang
+// the flag stops later frames, the switch the current one, which may hang
 void CallbackDriver::halt() noexcept {
   halted_ = true;
   vendor_.enable_force(false);
@@ -174,7 +174,7 @@ ExchangeDriver::ExchangeDriver(FakePeer& peer) : peer_(peer), info_(peer.info())
   info_.drive = DeviceInfo::Drive::kExchange;
 }
 
-// one round trip; where the reply does not come in time the sample stays as it is
+// one round trip; without a reply in time the sample stays unchanged
 void ExchangeDriver::exchange(const DeviceCommand& command, DeviceSample& sample) noexcept {
   const FakePeer::Request request{++number_, command.force_N.eigen()};
   const std::int64_t sent_ns = monotonic_ns();
@@ -186,7 +186,7 @@ void ExchangeDriver::exchange(const DeviceCommand& command, DeviceSample& sample
   while (::poll(&readable, 1, kTimeout_ms) == 1) {
     FakePeer::Reply reply;
     if (::recv(peer_.socket(), &reply, sizeof reply, 0) != sizeof reply) return;
-    // a late reply to an earlier request is no news of now
+    // a late reply to an earlier request is outdated
     if (reply.number != request.number) continue;
     sample.tip = Point<Device>(reply.tip_mm);
     sample.taken_ns = sent_ns;
@@ -199,7 +199,7 @@ void ExchangeDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::array<DeviceCommand, 1> commands{};
   while (!clock.stopped()) {
     exchange(halted_ ? DeviceCommand{} : commands[0], samples[0]);
-    // before the first reply there is no state to answer
+    // no state exists before the first reply
     if (samples[0].taken_ns != 0) servo.update(samples, commands);
   }
   exchange({}, samples[0]);

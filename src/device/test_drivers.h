@@ -9,18 +9,18 @@
 
 #include "palpate/device/simulated_device.h"
 
-/// Drivers of the kinds that have a clock of their own, for tests, with what stands behind them: a vendor's
-/// scheduler that calls back, and a peer that answers requests. Each holds a SimulatedDevice on the real
-/// clock, so that the samples tell what a force does.
+/// Test drivers of the kinds with a clock of their own, and their counterparts: a vendor's scheduler that
+/// calls back, and a peer that answers requests. Each holds a SimulatedDevice on the real clock, so that
+/// samples respond to forces.
 namespace palpate::testing {
 
-/// A clock that a test's servo turns on, whatever the machine has to do; it has run for an hour.
+/// Clock advanced by a test's servo, independent of the machine's load; starts at one hour.
 inline std::atomic<std::int64_t> virtual_ns{3'600'000'000'000};
 inline std::int64_t virtual_time() noexcept {
   return virtual_ns;
 }
 
-/// The servo's clock in a test: even ticks until it is stopped.
+/// The servo's clock in a test: evenly spaced ticks until it is stopped.
 class TestClock final : public ServoClock {
  public:
   explicit TestClock(std::int64_t period_ns = 500'000) : period_ns_(period_ns) {}
@@ -33,15 +33,15 @@ class TestClock final : public ServoClock {
   std::atomic<bool> stopped_{false};
 };
 
-/// A command that a device was given, and its state then.
+/// A command that a device received, and its state at that time.
 struct Delivery {
   std::int64_t at_ns = 0;
   DeviceCommand command;
   DeviceSample sample;
-  bool idle = false;  ///< by the device itself, because no command came
+  bool idle = false;  ///< Sent by the device itself, because no command arrived
 };
 
-/// What a device was given, in order. Any thread.
+/// Commands that a device received, in order. Any thread.
 class DeliveryLog {
  public:
   void add(const Delivery& delivery);
@@ -52,11 +52,11 @@ class DeliveryLog {
   std::vector<Delivery> all_;
 };
 
-/// A plant that goes on by the real time between two looks at it.
+/// Simulated device that advances by the real time between two calls.
 class RealTimePlant {
  public:
   explicit RealTimePlant(const SimulatedDevice& device);
-  /// Up to now under `acting`; what the encoders say then.
+  /// Advances to now under `acting`; returns the encoders' sample.
   DeviceSample advance(const DeviceCommand& acting);
   DeviceInfo info() const { return device_.info(); }
   void intend(const Point<Device>& tip) { device_.intend(tip); }
@@ -66,30 +66,30 @@ class RealTimePlant {
   std::int64_t last_ns_;
 };
 
-/// A vendor's library in the manner of HDAPI: one scheduler thread calls back; states are read and forces set
-/// between the begin and the end of a frame, by that thread alone. What breaks these rules is counted and has
-/// no effect. A force acts from the end of its frame.
+/// Stand-in for a vendor's library modelled on HDAPI: one scheduler thread calls back; states are read and
+/// forces set between begin and end of a frame, on that thread only. Violations of these rules are counted
+/// and have no effect. A force acts from the end of its frame.
 class FakeVendor {
  public:
   explicit FakeVendor(const SimulatedDevice& device) : plant_(device) {}
   ~FakeVendor() { unschedule(); }
 
-  /// Starts the scheduler: `callback` once a period, until it returns false.
+  /// Starts the scheduler, which calls `callback` once a period until it returns false.
   void schedule(std::function<bool()> callback);
   bool scheduled() const { return scheduled_; }
-  /// Calls no more, and returns when the callback has.
+  /// Stops calling back; returns once a running callback has returned.
   void unschedule();
 
   void begin_frame();
   void end_frame();
   DeviceSample state();
   void set_force(const DeviceCommand& command);
-  /// The motors' switch: off, no force acts. Any thread, in a frame or not.
+  /// Motor switch: while off, no force acts. Any thread, inside or outside a frame.
   void enable_force(bool on) { enabled_ = on; }
 
   DeviceInfo info() const { return plant_.info(); }
   int violations() const { return violations_; }
-  /// One for every frame.
+  /// One entry per frame.
   std::vector<Delivery> delivered() const { return delivered_.all(); }
 
   static constexpr std::int64_t kPeriod_ns = 500'000;
@@ -102,17 +102,17 @@ class FakeVendor {
   std::atomic<std::thread::id> scheduler_id_{};
   std::atomic<bool> scheduled_{false}, enabled_{true};
   std::atomic<int> violations_{0};
-  // of the scheduler's thread
+  // owned by the scheduler's thread
   bool in_frame_ = false;
   DeviceSample sample_;
   DeviceCommand set_, acting_;
   DeliveryLog delivered_;
 };
 
-/// Called back inside the vendor's frame: DeviceInfo::Drive::kCallback.
+/// Driver that is called back inside the vendor's frame: DeviceInfo::Drive::kCallback.
 class CallbackDriver final : public DeviceDriver {
  public:
-  /// @param moves_by_itself  its calibration moves the arm
+  /// @param moves_by_itself  calibration moves the arm
   explicit CallbackDriver(FakeVendor& vendor, bool moves_by_itself = false);
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool may_move) override { return require_consent(info_, may_move); }
@@ -126,8 +126,8 @@ class CallbackDriver final : public DeviceDriver {
   std::atomic<bool> halted_{false};
 };
 
-/// The far end of a connection, which holds a device: one reply for every request. Where none comes for
-/// kIdle_ns the device goes idle, without force.
+/// Remote end of a connection, which holds a device and sends one reply per request. Without a request for
+/// kIdle_ns the device goes idle and exerts no force.
 class FakePeer {
  public:
   explicit FakePeer(const SimulatedDevice& device);
@@ -138,16 +138,16 @@ class FakePeer {
     Eigen::Vector3d force_N;
   };
   struct Reply {
-    std::uint64_t number;  ///< of its request
+    std::uint64_t number;  ///< Number of its request
     Eigen::Vector3d tip_mm;
   };
-  /// The driver's end: messages keep their bounds.
+  /// The driver's end of the socket; message boundaries are preserved.
   int socket() const { return near_; }
-  /// Takes requests and answers none, until told otherwise.
+  /// While on, requests are received but not answered.
   void silence(bool on) { silent_ = on; }
 
   DeviceInfo info() const { return plant_.info(); }
-  /// One for every request, and one whenever the device goes idle.
+  /// One entry per request, and one each time the device goes idle.
   std::vector<Delivery> delivered() const { return delivered_.all(); }
 
   static constexpr std::int64_t kIdle_ns = 20'000'000;
@@ -162,7 +162,7 @@ class FakePeer {
   std::thread thread_;
 };
 
-/// One request, one reply, the round trip is the tick: DeviceInfo::Drive::kExchange.
+/// Driver with one reply per request, each round trip a tick: DeviceInfo::Drive::kExchange.
 class ExchangeDriver final : public DeviceDriver {
  public:
   explicit ExchangeDriver(FakePeer& peer);
@@ -172,7 +172,7 @@ class ExchangeDriver final : public DeviceDriver {
   void halt() noexcept override { halted_ = true; }
   void resume(std::uint64_t /*newest*/) noexcept override { halted_ = false; }
 
-  /// How long a reply is awaited before the servo is told the old state, which ages.
+  /// Time to wait for a reply before the servo gets the previous state, which ages.
   static constexpr int kTimeout_ms = 2;
 
  private:

@@ -11,15 +11,15 @@
 #include "palpate/device/device.h"
 #include "palpate/device/simulated_device.h"
 
-/// What a driver of a maker's device is tried with: a hand that presses a wall.
+/// Test scene for vendors' drivers: a hand that presses against a wall.
 namespace palpate::testing {
 
 inline constexpr double kWallHand_N_per_mm = 2, kWall_N_per_mm = 1, kWallIntended_mm = 1.2;
-// where the tip rests, the hand wanting it kWallIntended_mm behind the wall
+// rest position of the tip when the hand aims kWallIntended_mm behind the surface
 inline constexpr double kWallPressed_mm =
     kWallIntended_mm * kWallHand_N_per_mm / (kWallHand_N_per_mm + kWall_N_per_mm);
 
-// a hand and device that come to rest within 20 ms: critically damped, 316 rad/s
+// a hand and device that settle within 20 ms: critically damped, 316 rad/s
 inline SimulatedDevice wall_hand(const Point<Device>& tip) {
   SimulatedDevice device({"light", 0.01, 0, 0, 0, 1e9, 1e9},
                          {"still", 0.01, 12.6, kWallHand_N_per_mm * 1000});
@@ -27,8 +27,7 @@ inline SimulatedDevice wall_hand(const Point<Device>& tip) {
   return device;
 }
 
-/// A wall that begins at x = 0, as an output stage guards it: no force for a fault or a state older than 10
-/// ms.
+/// Wall at x = 0, guarded like the output stage: no force for a fault or a state older than 10 ms.
 class GuardedWall final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -46,7 +45,7 @@ class GuardedWall final : public ServoFunction {
     inside_ = false;
   }
   std::atomic<bool> fault{false};
-  std::atomic<bool> twice_at_once{false};  ///< called while it was being called
+  std::atomic<bool> twice_at_once{false};  ///< Called while a call was active
   std::atomic<double> tip_x_mm{0};
   std::atomic<std::int64_t> taken_ns{0};
   std::atomic<int> updates{0}, samples_taken{0};

@@ -24,7 +24,7 @@ Result<std::filesystem::path> find_vendor_library(const VendorLibraryPlace& plac
                                                   const std::string& get) {
   std::error_code ignored;
   if (!place.file.empty()) {
-    // a bare name would send the loader to look for it
+    // dlopen would search for a bare name
     const auto file = std::filesystem::absolute(place.file, ignored);
     if (std::filesystem::is_regular_file(file, ignored)) return file;
     return Error{ErrorKind::kUnavailable, "there is no such file", printable_name(place.file.string()),

@@ -16,17 +16,17 @@ Point<Device> middle_of(const DeviceInfo& info) {
   return info.workspace->low + (info.workspace->high - info.workspace->low) * 0.5;
 }
 
-// no bit for a button that cannot be
+// 0 for a button that does not exist
 std::uint32_t button_mask(int button) {
   return button >= 0 && button < 32 ? 1u << button : 0;
 }
 
-// what no mapping changes
+// quantities that the mapping leaves unchanged
 void copy_unmapped(const DeviceSample& sample, std::int64_t now_ns, DeviceState& state) {
   state.gripper_rad = sample.gripper_rad;
   state.buttons = sample.buttons;
   if (sample.fault) state.status |= kDeviceFault;
-  // in doubles: the difference of a driver's wildest numbers overflows no integer
+  // subtracted as doubles, because extreme sample times could overflow an integer
   state.age_s = (static_cast<double>(now_ns) - static_cast<double>(sample.taken_ns)) * 1e-9;
 }
 
@@ -50,7 +50,7 @@ DeviceState WorkspaceMapping::to_world(const DeviceSample& sample, std::int64_t 
     held_.reset();
   } else {
     state.status |= kDeviceClutched;
-    // home moves so that the tip rests; where the clutch is let go the device goes on
+    // home follows the device so that the tip stays in place; after release the device continues from there
     if (state.tip.all_finite()) {
       if (!held_) held_ = state.tip;
       home_ = *held_ - from_home;

@@ -2,48 +2,52 @@
 
 #include "palpate/device/device.h"
 
-/// How stiff and how damped a device may be made to feel, by theory alone: what holds with one that nobody
-/// has tried.
+/// Stiffness and damping that a device can render stably, from theory alone. They apply to devices that have
+/// not been measured.
 namespace palpate {
 
-/// Part of what begins to swing that is recommended.
+/// Safety factor: recommended fraction of the stiffness or damping at the stability limit.
 inline constexpr double kStiffnessMargin = 0.6;
 
-/// b / (T/2 + t_d), where a sampled spring gives out as much energy as the damping takes (Colgate & Schenkel
-/// 1997): without friction and encoder steps the critical stiffness.
+/// b / (T/2 + t_d): the stiffness at which a sampled spring generates as much energy as the damping b
+/// dissipates (Colgate & Schenkel 1997). Without friction and encoder quantisation this is the critical
+/// stiffness. N/mm.
+/// @param delay_s  from a command to its force
 inline double theoretical_stiffness_N_per_mm(double damping_N_s_per_m, double rate_hz, double delay_s) {
   return damping_N_s_per_m / (0.5 / rate_hz + delay_s) * 1e-3;
 }
 
-/// The damping that makes a bare mass swing for ever when a force -c v is sent for the mean velocity of the
-/// last window (VelocityWindow), after the delay and half a tick's hold:
+/// Damping coefficient c at which a bare mass oscillates without decay if the force -c v is commanded for the
+/// mean velocity v over the window W (VelocityWindow), with the delay t_d and the zero-order hold of half a
+/// tick:
 ///
-///   m s^2 + c/W (1 - e^(-s W)) e^(-s (t_d + T/2)) = 0
+///  m s^2 + c/W (1 - e^(-s W)) e^(-s (t_d + T/2)) = 0
 ///
-/// On s = j w the phase is whole at w = pi / (2 (t_d + T/2 + W/2)), and there c = m w^2 W / (2 sin(w W/2)):
-/// the force then comes a quarter of a swing late and pushes instead of braking. More mass and any damping of
-/// hand or device allow more.
-/// @param rate_hz  > 0
+/// For s = j w the phase condition holds at w = pi / (2 (t_d + T/2 + W/2)), which gives c = m w^2 W / (2
+/// sin(w W/2)): there the force lags a quarter of a period and drives the motion instead of braking it. A
+/// larger mass and any damping of hand or device allow more. N s/mm.
+/// @param rate_hz  above 0
 double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s);
 
-/// What is taken for a device where it says nothing else.
+/// Values assumed for a device that does not state them.
 struct CarefulDevice {
-  double rate_hz = 250;          ///< the slowest loop that there is
-  double delay_s = 4e-3;         ///< longer than that of any device that we have read of
-  double mass_kg = 0.045;        ///< of the lightest device that we know, the Touch
-  double damping_N_s_per_m = 0;  ///< of the device, beside the hand's
-  double hand_N_s_per_m = 2;     ///< of the lightest grip that we know ("light-grip")
+  double rate_hz = 250;          ///< Slowest loop rate, kLowestRate_hz
+  double delay_s = 4e-3;         ///< Longer than any device's published delay known to us
+  double mass_kg = 0.045;        ///< Mass of the lightest known device, the Touch
+  double damping_N_s_per_m = 0;  ///< Damping of the device, without the hand's
+  double hand_N_s_per_m = 2;     ///< Damping of the lightest known grip ("light-grip")
 };
 
-/// From a command to its force, s: what the device states. One that states nothing, or what no arm has,
-/// counts as CarefulDevice; a simulated one as without delay.
+/// Delay from a command to its force as the device states it, s. CarefulDevice::delay_s if it states none or
+/// an implausible value (outside 0 ... 1 s); 0 for a simulated device.
 double careful_delay_s(const DeviceInfo& info);
 
+/// Conservative limits for a device.
 struct CarefulBounds {
-  double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< both of the device
+  double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< Both at the device at the device
 };
-/// kStiffnessMargin of what theory allows, for what is known of the device and CarefulDevice for the rest.
-/// Of one of which nothing is known: 0.2 N/mm and 0.0042 N s/mm.
+/// kStiffnessMargin times the theoretical limits, using the device's stated properties and CarefulDevice for
+/// the others. For a device that states nothing: 0.2 N/mm and 0.0042 N s/mm.
 CarefulBounds careful_bounds(const DeviceInfo& info);
 
 }  // namespace palpate

@@ -9,72 +9,75 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/geometry/geometry.h"
 
-/// The device port: states in, wrenches out.
+/// The device port: the interface between drivers and the servo. States in, wrenches out.
 namespace palpate {
 
-/// What time it is, ns, never set back. Called by any thread, the servo's too, where it waits for nothing.
+/// Monotonic clock, ns. Called by any thread, including the servo's, so it must not block.
 using TimeSource = std::int64_t (*)() noexcept;
 
-/// Reasons why a device gets no force, besides what its pose says. Bits.
+/// Conditions, besides the pose itself, under which a device gets no force. Bits.
 enum DeviceStatus : std::uint32_t {
-  kDeviceFault = 1u << 0,     ///< its own doing: brake, dead man's switch, over-temperature, lost connection
-  kDeviceClutched = 1u << 1,  ///< the clutch is held: the tip rests where it is while the hand moves on
-  kDeviceHalted = 1u << 2,    ///< the watchdog stopped it
+  /// Caused by the device: brake, dead man's switch, over-temperature, lost connection
+  kDeviceFault = 1u << 0,
+  kDeviceClutched = 1u << 1,  ///< Clutch held: the tip stays in place while the hand moves
+  kDeviceHalted = 1u << 2,    ///< The watchdog halted it
 };
 
-/// What a driver reads from one device, in that device's own frame.
+/// Sample that a driver reads from one device, in the device's own frame.
 struct DeviceSample {
   Point<Device> tip;  ///< mm
   Eigen::Quaterniond R_DeviceTool = Eigen::Quaterniond::Identity();
-  /// The device's own estimates; kNotKnown when it has none.
+  /// Velocities estimated by the device; kNotKnown if it provides none.
   Vector<Device> velocity_mm_s{kNotKnown, kNotKnown, kNotKnown};
   Vector<Device> angular_velocity_rad_s{kNotKnown, kNotKnown, kNotKnown};
   double gripper_rad = kNotKnown;
-  std::uint32_t buttons = 0;  ///< bit n: button n is held
-  bool fault = false;         ///< the device withholds forces by itself
-  /// When the pose was true, ns of CLOCK_MONOTONIC; where that is not known, the earliest time at which it
-  /// can have been (of a request and its reply, the sending). One from the future, by more than a
-  /// millisecond, gets no force.
+  std::uint32_t buttons = 0;  ///< Bit n: button n is held
+  bool fault = false;         ///< The device withholds forces by itself
+  /// Time of the pose, ns of CLOCK_MONOTONIC. If it is not known exactly, the earliest possible time (for a
+  /// request and its reply, the sending). A time more than a millisecond in the future gets no force.
   std::int64_t taken_ns = 0;
 };
 
-/// What a driver sends to one device, in that device's own frame.
+/// Command that a driver sends to one device, in the device's own frame.
 struct DeviceCommand {
   Vector<Device> force_N;
-  Vector<Device> torque_Nmm;  ///< about the tip
-  double gripper_N = 0;       ///< > 0 opens
+  Vector<Device> torque_Nmm;  ///< About the tip
+  double gripper_N = 0;       ///< Above 0 opens
 };
 
-/// What one tick is told of a device: the sample mapped to the workspace.
+/// State of one device as input of a tick: the sample mapped to the workspace.
 struct DeviceState {
   Point<World> tip;  ///< mm
   Eigen::Quaterniond R_WorldTool = Eigen::Quaterniond::Identity();
-  /// As the device estimates them; kNotKnown when it does not. The tick measures the tip's velocity itself.
+  /// Velocities estimated by the device; kNotKnown if it provides none. The tick measures the tip's velocity
+  /// itself.
   Vector<World> velocity_mm_s{kNotKnown, kNotKnown, kNotKnown};
   Vector<World> angular_velocity_rad_s{kNotKnown, kNotKnown, kNotKnown};
   double gripper_rad = kNotKnown;
-  std::uint32_t buttons = 0;  ///< bit n: button n is held
+  std::uint32_t buttons = 0;  ///< Bit n: button n is held
   std::uint32_t status = 0;   ///< DeviceStatus bits
-  double age_s = 0;           ///< how long ago the pose was true
+  double age_s = 0;           ///< Age of the pose
 };
 
-/// What a tick answers: a force and a torque about the tip, as the hand shall feel them, along World's axes.
+/// Output of a tick for one device: force and torque about the tip, as rendered to the hand, in World axes.
 struct Wrench {
   Vector<World> force_N;
   Vector<World> torque_Nmm;
-  double gripper_N = 0;  ///< > 0 opens
+  double gripper_N = 0;  ///< Above 0 opens
 };
 
-/// What is known about a device; what is not known is empty, not zero.
+/// Properties of a device; unknown ones are empty, not zero.
 struct DeviceInfo {
-  /// How the device's update comes about; each keeps its own clock and adds no delay.
+  /// What triggers the driver's update. Each kind keeps its own clock and adds no delay.
   enum class Drive : std::uint8_t {
-    kPulled,    ///< our thread reads and writes it at our rate (Force Dimension, the simulated device)
-    kCallback,  ///< the vendor's scheduler calls us inside its own frame (OpenHaptics)
-    kExchange,  ///< one request, one reply: the round trip is the tick (Haply)
+    /// The servo thread reads and writes at the loop's rate (Force Dimension, the simulated device)
+    kPulled,
+    kCallback,  ///< The vendor's scheduler calls back inside its own frame (OpenHaptics)
+    kExchange,  ///< One request, one reply: each round trip is a tick (Haply)
   };
+  /// Reachable box.
   struct Workspace {
-    Point<Device> low, high;  ///< corners of the box that can be reached, mm
+    Point<Device> low, high;  ///< Opposite corners, mm
   };
   std::string name;
   Drive drive = Drive::kPulled;
@@ -83,51 +86,52 @@ struct DeviceInfo {
   std::optional<double> continuous_force_N;
   std::optional<double> peak_torque_Nmm;
   std::optional<double> peak_gripper_N;
-  std::optional<double> position_step_mm;            ///< encoder resolution
-  std::optional<double> stiffness_N_per_mm;          ///< the most that the maker vouches for
-  std::optional<double> rate_hz;                     ///< of its own clock
-  std::optional<double> delay_s;                     ///< from a command to its force
-  std::optional<double> mass_kg, damping_N_s_per_m;  ///< of the arm, as the tip feels them
+  std::optional<double> position_step_mm;            ///< Encoder resolution
+  std::optional<double> stiffness_N_per_mm;          ///< Largest stiffness that the vendor vouches for
+  std::optional<double> rate_hz;                     ///< Rate of the device's own clock
+  std::optional<double> delay_s;                     ///< Delay from a command to its force
+  std::optional<double> mass_kg, damping_N_s_per_m;  ///< Effective mass and damping of the arm at the tip
   std::optional<Workspace> workspace;
   int degrees_of_freedom_in = 3;
   int degrees_of_freedom_out = 3;
   int buttons = 0;
   bool gripper = false;
-  bool moves_by_itself = false;  ///< calibration moves the arm: needs the user's consent
-  /// Its samples are places in the patient (Patient, LPS): a tracked tool's. No workspace maps them, and the
-  /// tip goes along where the object is turned.
+  bool moves_by_itself = false;  ///< Calibration moves the arm, which requires the user's consent
+  /// Samples are positions in the patient (Patient, LPS), as of a tracked tool. They are not mapped by a
+  /// workspace, and the tip moves with the object when it is rotated.
   bool in_patient = false;
-  /// The device's axes in the workspace, before the user turns it.
+  /// Orientation of the device's axes in the workspace, before the user's yaw.
   Rotation<World, Device> R_WorldDevice;
 };
 
-/// The makers' axes in World. A vector (x, y, z) of theirs is
-Rotation<World, Device> openhaptics_axes();      ///< (x, -z, y): theirs are right, up, to the user
-Rotation<World, Device> force_dimension_axes();  ///< (y, -x, z): theirs are to the user, right, up
-Rotation<World, Device> haply_axes();            ///< (x, y, z): theirs are World's
+// the vendors' axes in World: a vector (x, y, z) of the vendor's is
+Rotation<World, Device> openhaptics_axes();      ///< (x, -z, y): right, up, towards the user
+Rotation<World, Device> force_dimension_axes();  ///< (y, -x, z): towards the user, right, up
+Rotation<World, Device> haply_axes();            ///< (x, y, z): the same as World
 
-/// What open() asks first: an arm that moves by itself may hit somebody. Errors: kUsage.
+/// Precondition of DeviceDriver::open(): consent to an arm that moves by itself and may hit a person. Errors:
+/// kUsage without it.
 Result<void> require_consent(const DeviceInfo& info, bool may_move);
 
-/// States in, wrenches out: what every driver calls once an update, in whichever thread owns its clock.
+/// The servo as a driver calls it, once per update, on the thread that owns the driver's clock.
 class ServoFunction {
  public:
   virtual ~ServoFunction() = default;
-  /// @param samples   one for each device of the driver, in the order of DeviceDriver::devices()
-  /// @param commands  filled, one for each
+  /// @param samples   one per device of the driver, in the order of DeviceDriver::devices()
+  /// @param commands  receives one command per device
   virtual void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept = 0;
 };
 
-/// The clock of the servo's own thread, for drivers that have none.
+/// Clock of the servo's own thread, for drivers without one.
 class ServoClock {
  public:
   virtual ~ServoClock() = default;
-  /// Sleeps until the next tick is due. False: stop was asked.
+  /// Sleeps until the next tick is due. Returns false if a stop was requested.
   virtual bool wait() noexcept = 0;
   virtual bool stopped() const noexcept = 0;
 };
 
-/// A driver: one or more devices that share a clock. run() fits every kind:
+/// A driver of one or more devices that share a clock. run() supports every kind of Drive:
 ///
 ///   pulled     while (clock.wait())     { read; servo.update(...); write; }
 ///   callback   register a callback that calls servo.update inside the vendor's frame; sleep until
@@ -136,32 +140,32 @@ class ServoClock {
 class DeviceDriver {
  public:
   virtual ~DeviceDriver() = default;
-  /// At least one and at most kMaxDevices; complete once open() has succeeded.
+  /// Devices, 1 ... kMaxDevices; complete once open() has succeeded.
   virtual std::span<const DeviceInfo> devices() const = 0;
-  /// The one whose clock the driver ticks by.
+  /// Index of the device whose clock the driver ticks by.
   virtual std::size_t clock_owner() const { return 0; }
-  /// Connects and calibrates; once it has succeeded, another call does nothing. Errors: kUnavailable, kUsage
-  /// when an arm would move by itself without consent.
-  /// @param may_move  the user has agreed that the arm moves by itself
+  /// Connects and calibrates; no effect once it has succeeded. Errors: kUnavailable; kUsage if an arm would
+  /// move by itself without consent.
+  /// @param may_move  the user has consented to an arm that moves by itself
   virtual Result<void> open(bool may_move) = 0;
-  /// Calls `servo` once an update until the clock says stop, then sends zeros. On the servo thread.
+  /// Calls `servo` once per update until `clock` is stopped, then sends zeros. Runs on the servo thread.
   virtual void run(ServoFunction& servo, ServoClock& clock) noexcept = 0;
-  /// From now on the devices get zeros, whatever update() answers. Any thread, at any time, also while the
-  /// servo thread hangs: the watchdog calls it.
+  /// Sends zeros to the devices from now on, whatever update() returns. Any thread, at any time, including
+  /// while the servo thread hangs: the watchdog calls it.
   virtual void halt() noexcept = 0;
-  /// Ends halt(), and of the halts that came by halt_file() those up to this number: a newer one stays, also
-  /// where the device hears of it first.
-  /// @param newest  number of the newest halt that ends (Heartbeat::halts); 0: none
+  /// Ends halt(), and halts received by halt_file() up to the given number. A newer one stays in force, even
+  /// if the device receives it first.
+  /// @param newest  number of the newest halt to end (Heartbeat::halts); 0: none
   virtual void resume(std::uint64_t newest) noexcept = 0;
-  /// For devices that another process holds: a pipe that, written to by any process, has the same effect
-  /// there as halt(), also when this process is gone. What is written is the halt's number, eight bytes as
-  /// this machine stores them; Heartbeat::kHaltForGood, and the end of all who could write, is for good.
-  /// The device reads all that lies there before it acts on a command, and gives no force while the
-  /// largest number that it has read is above every one that resume() has ended. Open from construction to
-  /// destruction. -1: the devices live in this process.
+  /// File descriptor of a pipe for devices that another process holds; -1: the devices are held by this
+  /// process. Writing to it, from any process, halts the devices like halt(), even after this process has
+  /// ended. The data written is the halt's number, eight bytes in native byte order; Heartbeat::kHaltForGood,
+  /// and hang-up of all writers, halt permanently. The device reads all pending numbers before it acts on a
+  /// command, and exerts no force while the largest number read is above every number that resume() has
+  /// ended. Open from construction to destruction.
   virtual int halt_file() const noexcept { return -1; }
-  /// Why a device gives no force or no pose at present, with its cure, for a person: the connection is lost,
-  /// its brake is on. Empty: nothing is wrong. Any thread but the servo's; may wait for a moment.
+  /// Why a device currently provides no force or no pose, with its remedy, for the user: a lost connection,
+  /// an engaged brake. Empty: no problem. Any thread but the servo's; may block briefly.
   virtual std::optional<Error> trouble() const { return std::nullopt; }
 };
 

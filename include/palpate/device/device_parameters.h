@@ -9,44 +9,46 @@
 
 namespace palpate {
 
-/// What one device may be sent. kNotKnown where nobody knows: then the user's limit alone holds for forces,
-/// and torques and the gripper, for which the user sets no limit, stay off.
+/// Output limits of one device; kNotKnown where unknown. Then forces are limited by the user's limit alone,
+/// and torque and gripper force, for which the user sets no limit, stay off.
 struct OutputLimits {
   double peak_force_N = kNotKnown;
-  double continuous_force_N = kNotKnown;  ///< of the thermal budget; unknown: there is none
+  /// Rating that the thermal budget is based on; unknown: no thermal limit
+  double continuous_force_N = kNotKnown;
   double peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown;
-  /// Most change of force. A wall of 2 N/mm met at half a metre a second asks for 1000 N/s.
+  /// Limit of the rate of change of the force, N/s. A surface of 2 N/mm met at 0.5 m/s requires 1000 N/s.
   double slew_N_per_s = 2000;
 };
+/// Limits that the device states.
 OutputLimits limits_of(const DeviceInfo& info);
-/// The most stiffness that a device is made to feel, N/mm of the device: what its maker vouches for, and 0
-/// for what is no stiffness (negative, not a number). Where that is not known, infinite for a simulated
-/// device, and for a physical one careful_bounds(): none runs without a bound.
+/// Largest stiffness to render with a device, device N/mm: the value that its vendor vouches for, or 0 if
+/// that is invalid (negative, NaN). If the vendor states none or an infinite one: infinite for a simulated
+/// device, careful_bounds() for a physical one, which is never run without a bound.
 double bound_of_stiffness_N_per_mm(const DeviceInfo& info);
-/// Whether that bound is ours and not the maker's, in words for whoever is to hold it; empty: it is not.
+/// Message for the user if the bound is careful_bounds() instead of the vendor's value; else empty.
 std::string careful_bound_told(const DeviceInfo& info);
 
-/// Inputs of a tick that belong to one device.
+/// Tick inputs that belong to one device.
 struct DeviceParameters {
-  double force_gain = 1;  ///< N at the device for one N in the patient (WorkspaceSettings::force_gain)
-  double scale = 1;  ///< mm in the patient for one mm of the device; torques shrink with it, as the tool does
+  double force_gain = 1;  ///< Device N per N in the patient (WorkspaceSettings::force_gain)
+  double scale = 1;  ///< Patient mm per device mm; torques are divided by it, because lever arms scale too
   OutputLimits limits;
-  /// What a hand holds with the device, N/mm of the device, and no more than what its maker vouches for.
-  /// Stiffer tissues are felt as this stiff: by the proxy each for itself, by the direct methods all softer
-  /// by one factor.
+  /// Largest stiffness that an operator can hold stable with the device, device N/mm, at most the vendor's
+  /// value. Stiffer tissues are rendered at this stiffness: by the proxy each tissue is clamped separately,
+  /// by the direct methods all are scaled by one factor.
   double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-  double position_step_mm = kNotKnown;  ///< of its encoders: less is no motion to the passivity controller
-  /// Damping that the device bears, N s/mm of the device: more of a tissue's viscosity, the published
-  /// friction's and the coupling's is felt as so much. Not above 0 or not a number: nothing is known of it,
-  /// and nothing clamped.
+  /// Encoder step; the passivity controller ignores smaller displacements
+  double position_step_mm = kNotKnown;
+  /// Largest damping that the device renders stably, device N s/mm. Viscosity of tissue, the published
+  /// friction and the coupling's damping are clamped to it. Not above 0 or NaN: unknown, nothing is clamped.
   double most_damping_N_s_per_mm = kNotKnown;
-  /// From a command to its force, s; 0: none. The passivity observer counts with it. Whoever starts a loop
-  /// may tell a longer one than the device's, and no shorter one.
+  /// Delay from a command to its force, s; 0: none. Used by the passivity observer. The caller of
+  /// ServoLoop::start() may state a longer delay than the device does, but not a shorter one.
   double delay_s = 0;
 };
-/// What is known of a device alone: as stiff as its maker vouches for, which a hand need not hold; of a
-/// physical one of which that, the damping that it bears or its delay is not known, what is careful.
+/// Parameters from the device's own properties: the stiffness that its vendor vouches for, which an operator
+/// need not be able to hold, and careful bounds for unknown stiffness, damping or delay of a physical device.
 DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettings& settings);
 
 }  // namespace palpate

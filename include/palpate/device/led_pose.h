@@ -7,34 +7,35 @@
 
 namespace palpate {
 
-/// A pose that somebody tells from time to time, as the servo's ticks take it: a viewer's pointer, a tracked
-/// tool. Nothing is sent back.
+/// Pose that is updated at irregular times, interpolated for the servo's ticks: a viewer's pointer or a
+/// tracked tool. No force is returned.
 ///
-///     tell()       |        |           |  . . . . . . . . .      20 to 250 a second
-///     tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      a straight line over the last interval
-///     age of it    0                              |__________/    0 as long as it is held; then it grows
+///    tell()       |        |           |  . . . . . . . . .      20 to 250 updates a second
+///    tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
+///    age          0                              |__________/    0 while updated; grows after kHeld_s
 ///
-/// Between two messages the tip goes evenly and never beyond what was said, so that the force has no steps;
-/// so does the orientation. It arrives one interval later; the first one, and one that comes after the pose
-/// has grown old, is there at once. A pose holds as long as it is told again: after kHeld_s without a word
-/// its age grows, and the output stage takes the force away.
+/// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
+/// steps. They lag one interval behind. The first pose, and one that follows a pose that has expired, applies
+/// at once. A pose stays valid for kHeld_s after an update; then its age grows and the output stage removes
+/// the force.
 class LedPose {
  public:
-  /// @param tip  where it rests, held by nobody, until something is told
+  /// @param tip  initial position, invalid (age unlimited) until the first update
   explicit LedPose(const Point<Device>& tip) : from_{tip}, to_{tip} {}
 
-  /// It is there as of `at_ns`; what is no number is a bug. Never waits. Any thread, one at a time, as for
-  /// let_go().
+  /// Sets the pose as of `at_ns`. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
+  /// time; the same holds for let_go().
   void tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns) noexcept;
-  /// Nobody holds it: its pose is old at once.
+  /// Invalidates the pose: its age is unlimited from the next tick on.
   void let_go() noexcept;
 
-  /// The servo's thread: where it is now, and when that was true.
+  /// Writes the interpolated pose at `now_ns` and its sample time. Servo thread only.
   void fill(DeviceSample& sample, std::int64_t now_ns) noexcept;
 
-  /// How long a pose holds without another word.
+  /// Time for which a pose stays valid after an update.
   static constexpr double kHeld_s = 0.1;
-  /// The tip goes no faster, of the device: a click elsewhere is a way, and no jump.
+  /// Speed limit of the interpolation, device mm/s: a distant new position is approached along a path instead
+  /// of reached by a jump.
   static constexpr double kMostSpeed_mm_s = 2000;
 
  private:
@@ -51,7 +52,7 @@ class LedPose {
   Place place_at(std::int64_t now_ns) const noexcept;
 
   Mailbox<Message> messages_;
-  // the servo thread's: the way, from where and when to where and when
+  // owned by the servo thread: interpolation from one place and time to another
   Place from_, to_;
   std::int64_t from_ns_ = 0, to_ns_ = 0;
   Message last_;

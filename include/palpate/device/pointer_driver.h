@@ -7,28 +7,26 @@
 
 namespace palpate {
 
-/// A mouse, pen or finger as a device: somebody says from time to time where the tip shall be (LedPose), 60
-/// to 120 times a second and at rest 30, and nothing is sent back, because there is nothing that could push.
-/// Pulled, at the servo's own rate.
+/// A mouse, pen or finger as a device (LedPose). Positions arrive 60 to 120 times a second, at rest 30 times.
+/// The device exerts no force. Pulled, at the servo's own rate.
 class PointerDriver final : public DeviceDriver {
  public:
-  /// @param tip  where it rests, held by nobody, until it is moved
-  /// @param now  the clock of its ways and samples, which move() asks too; none: CLOCK_MONOTONIC
+  /// @param tip  initial position, invalid until the first move()
+  /// @param now  clock for interpolation and sample times, also used by move(); nullptr: CLOCK_MONOTONIC
   explicit PointerDriver(const Point<Device>& tip, TimeSource now = nullptr);
 
-  /// The pointer is there as of now; one that is no number is a bug. Never waits. Any thread, one at a time,
-  /// as for release().
+  /// Sets the position as of now. A non-finite position is a bug. Never blocks. Any thread, but only one at a
+  /// time; the same holds for release().
   void move(const Point<Device>& tip) noexcept;
-  /// Nobody holds it: its pose is old at once.
+  /// Invalidates the position: its age is unlimited from the next tick on.
   void release() noexcept;
 
-  /// Simulated: nothing can move. Neither its force nor its stiffness has a limit of its own, and its steps
-  /// are not known.
+  /// Simulated, because nothing moves. States neither a force limit, a stiffness limit nor a position step.
   static DeviceInfo info();
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
-  // there is nothing to halt
+  // no force to halt
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
 

@@ -7,44 +7,46 @@
 
 #include "palpate/device/device.h"
 
-/// The devices that a program knows, by name: whoever links a driver adds its maker, and nobody lists them
-/// all anywhere else.
+/// Registry of the devices that a program supports, by name. The program that links a driver registers its
+/// vendor; there is no other list.
 namespace palpate {
 
-/// One thing that a driver needs, looked for without moving or arming anything.
+/// Result of checking one prerequisite of a driver, without moving or arming anything.
 struct DeviceCheck {
-  std::string what;  ///< "service at 127.0.0.1:10001"
+  std::string what;  ///< Prerequisite, e.g. "service at 127.0.0.1:10001"
   bool fine = false;
-  std::string found;  ///< what is there, or exactly what is missing
-  std::string cure;   ///< what a technician does about it; empty where it is fine
+  std::string found;  ///< State found, or exactly what is missing
+  std::string cure;   ///< Remedy for a technician; empty if the check passed
 };
 
-/// A device that is there.
+/// A connected device.
 struct ConnectedDevice {
-  std::string id;     ///< by which its maker tells it from others of its kind
-  std::string state;  ///< "ready", or what it waits for
+  std::string id;     ///< Identifier by which the vendor distinguishes devices of one kind
+  std::string state;  ///< "ready", or what it is waiting for
 };
 
+/// Availability of one vendor's devices on this machine.
 struct DeviceReport {
   std::vector<DeviceCheck> checks;
   std::vector<ConnectedDevice> connected;
 };
 
+/// A vendor's device kind and how to create and probe it.
 struct DeviceMaker {
-  std::string name;  ///< as `--device` has it: lower-case letters, digits and hyphens
-  std::string what;  ///< in a line
-  /// A driver that is not connected yet: open() does that.
+  std::string name;  ///< Name for `--device`: lower-case letters, digits and hyphens
+  std::string what;  ///< One-line description
+  /// Creates a driver that is not connected; DeviceDriver::open() connects it.
   std::function<std::unique_ptr<DeviceDriver>()> make;
-  /// What there is of it on this machine. Takes some seconds at most.
+  /// Reports prerequisites and connected devices on this machine. Takes some seconds at most.
   std::function<DeviceReport()> look;
 };
 
 class DeviceRegistry {
  public:
-  /// A name that is there already is a bug.
+  /// Registers a vendor. A name that is already registered is a bug.
   void add(DeviceMaker maker);
   const std::vector<DeviceMaker>& all() const { return makers_; }
-  /// nullptr: there is none of that name.
+  /// Vendor of that name; nullptr if there is none.
   const DeviceMaker* find(const std::string& name) const;
 
  private:

@@ -7,27 +7,29 @@
 
 #include "palpate/device/registry.h"
 
-/// What is plugged in, as the system sees it, whatever a maker's library says.
+/// USB devices as the operating system reports them, independent of the vendors' libraries.
 namespace palpate {
 
+/// A connected USB device.
 struct UsbDevice {
   std::uint16_t vendor = 0, product = 0;
-  std::string name;            ///< as it calls itself
-  std::filesystem::path node;  ///< under /dev/bus/usb
-  bool may_use = false;        ///< this account may read and write it
+  std::string name;            ///< Product name that the device reports
+  std::filesystem::path node;  ///< Device node under /dev/bus/usb
+  bool may_use = false;        ///< This account may read and write the node
 };
 
-/// @param product  0: any of the vendor's
-/// @param root     where /sys and /dev are, for tests
+/// Connected USB devices of one vendor, sorted by node.
+/// @param product  product id; 0: any of the vendor's
+/// @param root     parent of /sys and /dev, for tests
 std::vector<UsbDevice> usb_devices(std::uint16_t vendor, std::uint16_t product = 0,
                                    const std::filesystem::path& root = "/");
 
-/// A line for each that is plugged in, with the rule that lets an account use it; one that says so where none
-/// is.
-/// @param what  "a device of Force Dimension's"
+/// One check per connected device, with the udev rules as remedy if this account may not use it; a single
+/// failed check if none is connected.
+/// @param what  description of the device, e.g. "a device of Force Dimension's"
 std::vector<DeviceCheck> usb_checks(const std::vector<UsbDevice>& plugged, const std::string& what);
 
-/// What a technician enters so that the group `haptics` may use devices that palpate drives: it installs
+/// Commands for a technician that let the group `haptics` use the supported devices: they install
 /// data/system/60-palpate-haptics.rules.
 std::string udev_cure();
 
