@@ -34,8 +34,8 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
   return differs ? std::make_shared<const Bricks<LabelId>>(labels->with(patch)) : labels;
 }
 
-// What part of a voxel is swept: a plane's share of it is as even as its distance, so of eight eighths the
-// depth of each one's middle says it.
+// Swept fraction of a voxel: mean over its eight octants, each a linear function of the depth at its centre.
+// This is exact for a plane parallel to the octants' faces.
 double swept_part(const SweptShape& shape, const GridGeometry& grid,
                   const Transform<Patient, Voxel>& X_PatientVoxel, int i, int j, int k) {
   const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
@@ -84,7 +84,7 @@ Carving::Carving(const Model& model)
     made_.push_back(model.surfaces[structure].kept ? nullptr : felt.surface);
   }
   felt_ = made_.size();
-  // distances are to what is left
+  // distances are measured to the remaining material
   for (const TrackedStructure& tracked : model.distances.structures()) {
     const auto& surface = tracked.tree->surface();
     const auto end = made_.begin() + static_cast<std::ptrdiff_t>(felt_);
@@ -113,7 +113,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
   return next;
 }
 
-// cuts of one stroke
+// applies cuts of one stroke
 void Carving::take(std::span<const Cut> cuts) {
   std::vector<Sweep> sweeps;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;

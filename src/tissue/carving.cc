@@ -16,7 +16,7 @@ namespace {
 using Steps = std::int16_t;
 using Index = Eigen::Array3i;
 
-/// Voxels of a grid.
+/// Range of voxels of a grid.
 class Box {
  public:
   Box(const Index& low, const Index& high) : low_(low), size_((high - low).max(0)) {}
@@ -53,21 +53,21 @@ std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
   return values;
 }
 
-// voxels within so many mm of where a sweep's balls have their middles
+// voxels within `within_mm` of the centres of a sweep's balls
 Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
            const Transform<Voxel, Patient>& X_VoxelPatient) {
   const auto [least, greatest] = middles_of(sweep, X_VoxelPatient);
   const Eigen::Array3d reach = within_mm / grid.spacing_mm.array();
-  // a path from far outside is as good as one from just outside
+  // clamped: a sweep far outside the grid has the same effect as one just outside
   const Eigen::Array3d most = Eigen::Array3d(grid.dims[0], grid.dims[1], grid.dims[2]) + 1;
   const Eigen::Array3d low = (least - reach).floor().max(-1).min(most);
   const Eigen::Array3d high = (greatest + reach).ceil().max(-1).min(most) + 1;
   return {low.cast<int>(), high.cast<int>()};
 }
 
-/// Voxels near a surface, with their distances to it, which are negative inside.
+/// Voxels near a surface, with their signed distances (negative inside).
 class Nearby {
-  // The same bits however wide the vectors are: roots and sums are rounded exactly. An expression of Eigen's.
+  // Eigen expression; bit-identical for any SIMD width, because roots and sums are rounded exactly.
   auto ways_mm(const Eigen::Array3f& at_mm) const {
     return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
             (voxels_.col(2) - at_mm[2]).square())
@@ -76,16 +76,17 @@ class Nearby {
   }
 
  public:
-  /// Of those that were added: the least of the way to each and its distance.
+  /// Least sum of a stored voxel's distance from `at_mm` and its own distance to the surface.
   float distance_mm(const Eigen::Array3f& at_mm) const {
     return size() == 0 ? std::numeric_limits<float>::infinity() : ways_mm(at_mm).minCoeff();
   }
-  /// Those that can have the least at any place within `radius_mm` of one, if that is below `most_mm` there.
+  /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
+  /// `most_mm` there.
   Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float most_mm) const {
     Nearby nearest;
     if (size() == 0) return nearest;
     const Eigen::ArrayXf ways = ways_mm(at_mm);
-    // a little more for rounding
+    // margin for rounding
     const float most = std::min(most_mm + radius_mm, ways.minCoeff() + 2 * radius_mm) + 1e-3f;
     const Eigen::Index count = (ways <= most).count();
     nearest.voxels_.resize(count, 4);
@@ -95,15 +96,15 @@ class Nearby {
   }
   Eigen::Index size() const { return voxels_.rows(); }
 
-  /// Room for so many, to be set one by one.
+  /// Allocates `count` entries for set().
   explicit Nearby(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
-  /// @param at_mm  from the grid's first voxel, along its axes
+  /// @param at_mm  position from the grid's first voxel, along its axes
   void set(std::size_t n, const Eigen::Array3f& at_mm, float distance_mm) {
     voxels_.row(static_cast<Eigen::Index>(n)) << at_mm[0], at_mm[1], at_mm[2], distance_mm;
   }
 
  private:
-  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // place and distance
+  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // position and distance
 };
 
 template <class F>
@@ -114,18 +115,19 @@ void for_voxels(const Box& box, const F& run_at) {
       for (int i = box.low()[0]; i < box.high()[0]; ++i) run(i, j, k);
 }
 
-/// What a surface's position becomes in a box of its grid.
+/// New position values of a surface in a box of its grid.
 class Carved {
  public:
-  /// @param now  what earlier sweeps have made of the position
-  /// @param cut  their depth
+  /// @param now  position after earlier sweeps
+  /// @param cut  depth within the earlier sweeps
   Carved(const SignedField& made, const Bricks<Steps>& now, const Bricks<Steps>& cut,
          std::span<const Sweep> sweeps, std::span<const std::shared_ptr<const Surface>> kept)
       : grid_(made.geometry()),
         X_PatientVoxel_(grid_.X_PatientVoxel()),
         step_mm_(made.steps().scale),
         far_(made.steps().outside),
-        // of two neighbours on both sides of a surface one is in it
+        // of two neighbouring voxels on opposite sides of a surface, at least one is within this distance of
+        // it
         band_mm_(grid_.spacing_mm.norm()),
         changing_(reached(made, sweeps)),
         read_(changing_.grown(voxels_in(reach_mm() + band_mm_)).clipped(whole(grid_))) {
@@ -149,7 +151,7 @@ class Carved {
     return patch;
   }
 
-  /// Of all voxels that may be others now.
+  /// Position values of all voxels that may have changed.
   PatchOf<Steps> position() {
     for_voxels(changing_, [&](int i, int j, int k) {
       const std::size_t n = read_.offset(i, j, k);
@@ -157,7 +159,7 @@ class Carved {
     });
     const std::vector<char> beside_made = beside(made_, [](Steps value) { return value < 0; });
     const Surroundings all{nearby(made_, beside_made), nearby(is_, beside_), gone()};
-    // first what is near to large blocks, then to smaller ones within
+    // candidates are narrowed down for large blocks first, then for smaller ones inside
     for_blocks(changing_, 16, [&](const Box& large) {
       const std::optional<Surroundings> around_large = surroundings(all, large);
       if (!around_large) return;
@@ -173,7 +175,7 @@ class Carved {
   double reach_mm() const { return far_ * step_mm_; }
   Index voxels_in(double mm) const { return (mm / grid_.spacing_mm.array()).ceil().cast<int>() + 1; }
 
-  // voxels that the sweeps can change: as far from what they take as a distance reaches
+  // voxels that the sweeps can change: within the range of the distance field around the removed material
   Box reached(const SignedField& made, std::span<const Sweep> sweeps) const {
     Index low = Index::Constant(std::numeric_limits<int>::max()), high = -low;
     for (const Sweep& sweep : sweeps) {
@@ -210,7 +212,7 @@ class Carved {
     }
   }
 
-  // nothing is cut out of this
+  // excludes a protected structure from the cuts
   void keep(const Surface& kept) {
     Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     for (unsigned at = 0; at < 8; ++at) {
@@ -230,7 +232,7 @@ class Carved {
     });
   }
 
-  // whether something is so of a voxel or one of its 26 neighbours
+  // dilation: whether the predicate holds for a voxel or one of its 26 neighbours
   template <class F>
   std::vector<char> beside(const std::vector<Steps>& values, const F& is_so) const {
     std::vector<char> beside(values.size());
@@ -250,7 +252,7 @@ class Carved {
     return beside;
   }
 
-  // those of some voxels that are near the surface
+  // the selected voxels that are near the surface
   Nearby nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
     const double deepest = -std::min(band_mm_, reach_mm()) / step_mm_;
     const auto counts = [&](std::size_t n) { return of[n] != 0 && values[n] >= deepest; };
@@ -263,7 +265,7 @@ class Carved {
     });
     return nearby;
   }
-  // what has changed since the last version, with what was beside that
+  // voxels that have changed since the last version, with their neighbours
   Nearby gone() const {
     std::vector<Steps> more(is_.size());
     std::transform(is_.begin(), is_.end(), before_.begin(), more.begin(),
@@ -275,12 +277,12 @@ class Carved {
     return (Eigen::Array3d(i, j, k) * grid_.spacing_mm.array()).cast<float>();
   }
 
-  /// What the voxels of a block follow from: of the surface as it was prepared, as it is, and what is gone of
-  /// it since the last version.
+  /// Candidates for the values of a block: near the prepared surface, near the current one, and near material
+  /// removed since the last version.
   struct Surroundings {
     Nearby made, is, gone;
   };
-  // nothing where no distance in the block can be another than before
+  // empty if no distance in the block can have changed
   std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const {
     int greatest = -1;
     bool was_inside = false;
@@ -295,8 +297,8 @@ class Carved {
     const Eigen::Array3d high = (block.high() - 1).cast<double>() * grid_.spacing_mm.array();
     const Eigen::Array3f middle = (0.5 * (low + high)).cast<float>();
     const auto radius = static_cast<float>(0.5 * (high - low).matrix().norm());
-    // what is gone was the nearest only where it was no farther than the distance, which by what is found
-    // from voxels is a cell longer at most
+    // Removed material was nearest only if its distance was no larger than the stored one, which is at most a
+    // cell larger when found from voxels.
     const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
     Nearby gone = all.gone.near(middle, radius, least);
     if (gone.size() == 0 && !was_inside) return std::nullopt;
@@ -337,14 +339,14 @@ class Carved {
   Steps far_;
   double band_mm_;
   Box changing_, read_;
-  // in the box that is read: as prepared, the sweeps' depth, and the two united, before and now
+  // in the box that is read: prepared position, depth in the sweeps, and their union before and after
   std::vector<Steps> made_, cut_, before_, is_;
-  std::vector<char> beside_;     // what is inside now or has a neighbour that is
+  std::vector<char> beside_;     // voxels that are inside now, or have a neighbour that is
   std::vector<Steps> position_;  // in the box that changes
 };
 
-// The greatest slope in a brick's cells, per mm. Its square is convex along every axis, each derivative being
-// linear in the other two coordinates, so that it is greatest in a corner.
+// Greatest slope in a brick's cells, per mm. The squared slope is convex along every axis, because each
+// derivative is linear in the other two coordinates, so the maximum is at a corner.
 double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_mm) {
   using Layout = BrickLayout;
   if (bricks.is_uniform(number)) return 0;
@@ -352,7 +354,7 @@ double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_
   constexpr std::array<std::ptrdiff_t, 3> kStride{1, Layout::kRow, Layout::kSlice};
   const Eigen::Array3f per_step = (step_mm / bricks.geometry().spacing_mm.array()).cast<float>();
   float steepest = 0;
-  // squares of the derivatives along an axis, on the four edges of a cell
+  // squared derivatives along an axis, on the four edges of a cell
   std::array<std::array<float, 4>, 3> square;
   for (int k = 0; k < Layout::kCells; ++k) {
     for (int j = 0; j < Layout::kCells; ++j) {
@@ -376,11 +378,11 @@ double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_
       }
     }
   }
-  // a little more for rounding
+  // margin for rounding
   return std::sqrt(static_cast<double>(steepest)) * (1 + 1e-6);
 }
 
-// the smallest box of what a patch changes
+// reduces a patch to the bounding box of the values that differ
 PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before) {
   const Box box(Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]),
                 Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]) +
@@ -404,7 +406,7 @@ PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before)
   return crop;
 }
 
-/// The normal where a box of the position has changed.
+/// Normal field where a box of the position has changed.
 PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const VoxelBox& changed) {
   const SignedField& normal = made.normal();
   const auto X_PatientVoxel = position.geometry().X_PatientVoxel();
@@ -441,7 +443,7 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
   return patch;
 }
 
-// by how much a head does not fit where it was swept, where it took something
+// largest lack of clearance along a sweep, where it removed material
 double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
   double short_mm = 0;
   for_balls_of(sweep, 0.5 * made.position().geometry().min_spacing_mm(),

@@ -12,9 +12,9 @@
 namespace palpate {
 namespace {
 
-// of a frame: what a dent spreads by, and what is let go comes back by
+// relaxation passes per frame, which spread a dent or restore the rest state
 constexpr int kPasses = 4;
-// what is nearer to rest is at rest
+// displacement below which a mail counts as at rest
 constexpr double kAtRest_mm = 1e-3;
 
 struct Step {
@@ -44,7 +44,7 @@ bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, D
   return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5;
 }
 
-/// Where a node's displacement may lie for one of its neighbours, by axis.
+/// Bounds that one neighbour imposes on a node's displacement, by axis.
 struct ChainMail::Bounds {
   std::array<float, 3> low, high;
 };
@@ -78,7 +78,8 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
   for (int c = 0; c < 3; ++c) {
     const float its = moved_mm_.values[layout_.node(at[0], at[1], at[2], c)];
     const auto n = static_cast<std::size_t>(c);
-    // with the neighbour in front it may come nearer by `shorter` and stay behind by `longer`
+    // relative to a neighbour in the positive direction the node may approach by `shorter` and recede by
+    // `longer`
     const float back = c != axis ? aside : way > 0 ? longer : shorter;
     const float on = c != axis ? aside : way > 0 ? shorter : longer;
     bounds.low[n] = its - back;
@@ -94,13 +95,13 @@ void ChainMail::queue_neighbours(int i, int j, int k) {
     for (std::size_t axis = 0; axis < 3; ++axis)
       within = within && at[axis] >= 0 && at[axis] <= layout_.cells[axis];
     if (!within) continue;
-    // from there this one is the neighbour the other way
+    // the pulling neighbour as seen from there is in the opposite direction
     queue_.push_back({static_cast<std::int16_t>(at[0]), static_cast<std::int16_t>(at[1]),
                       static_cast<std::int16_t>(at[2]), static_cast<std::int16_t>(neighbour ^ 1)});
   }
 }
 
-// those that are queued, first in, first out
+// processes the queued links, first in, first out
 void ChainMail::pull() {
   ++move_;
   for (std::size_t n = 0; n < queue_.size(); ++n) {
@@ -130,12 +131,12 @@ void ChainMail::let_go() {
 
 void ChainMail::press(const Dent& dent) {
   let_go();
-  // a tool that is thinner than cells are moves the nodes around it
+  // a tool thinner than a cell still moves the surrounding nodes
   const double radius_mm = std::max(dent.radius_mm, box_.cell_mm);
   const Eigen::Vector3d middle = box_.local_mm(dent.at);
   const Eigen::Vector3d outward = box_.axes.transpose() * dent.outward.eigen();
   struct Moved {
-    double to_mm;  // of its displacement, outward: the tool is there
+    double to_mm;  // outward displacement that the tool imposes
     int i, j, k;
   };
   std::vector<Moved> moved;
@@ -144,7 +145,7 @@ void ChainMail::press(const Dent& dent) {
     const Eigen::Vector3d from = Eigen::Vector3d(i, j, k) * box_.cell_mm - middle;
     const double above_mm = from.dot(outward);
     const double aside_squared = (from - outward * above_mm).squaredNorm();
-    // of a column the node at the surface, and those of cells that reach into it from above
+    // the column's node at the surface, and nodes of partly filled cells above it
     if (above_mm < -0.5 * box_.cell_mm || above_mm > box_.cell_mm || aside_squared >= radius_mm * radius_mm)
       return;
     const double to_mm = radius_mm - std::sqrt(radius_mm * radius_mm - aside_squared) - dent.depth_mm;
@@ -163,7 +164,7 @@ void ChainMail::press(const Dent& dent) {
     queue_neighbours(i, j, k);
     pull();
   }
-  // what stays pulls back as far as there is room
+  // fixed nodes pull back as far as the bounds allow
   for_each_node({{0, 0, 0}, layout_.cells}, [&](int i, int j, int k) {
     if (state_[number(i, j, k)] == kFixed) queue_neighbours(i, j, k);
   });
@@ -178,7 +179,7 @@ void ChainMail::relax(int passes) {
       std::array<float, 3> sum{}, low{-kWide_mm, -kWide_mm, -kWide_mm}, high{kWide_mm, kWide_mm, kWide_mm};
       float count = 0;
       for (int neighbour = 0; neighbour < 6; ++neighbour) {
-        // those of the faces stay, so that every other one has six
+        // nodes on faces are fixed, so every other node has six neighbours
         const auto at = beside(i, j, k, neighbour);
         if (state_[number(at[0], at[1], at[2])] == kNone) continue;
         const Bounds bounds = bounds_of(i, j, k, neighbour);
@@ -190,7 +191,7 @@ void ChainMail::relax(int passes) {
         count += 1;
       }
       for (std::size_t c = 0; c < 3; ++c)
-        // where bounds leave no room it stays
+        // contradictory bounds: no movement
         if (count > 0 && low[c] <= high[c])
           moved_mm_.values[layout_.node(i, j, k, static_cast<int>(c))] =
               std::clamp(sum[c] / count, low[c], high[c]);

@@ -4,7 +4,7 @@
 
 namespace palpate {
 
-/// visit(i, j, k) for all cells of a box, along i first.
+/// Calls visit(i, j, k) for all cells of a box, with i as innermost loop.
 template <class Visit>
 void for_each_cell(const CellBox& box, const Visit& visit) {
   for (int k = box.low[2]; k < box.high[2]; ++k)
@@ -12,7 +12,7 @@ void for_each_cell(const CellBox& box, const Visit& visit) {
       for (int i = box.low[0]; i < box.high[0]; ++i) visit(i, j, k);
 }
 
-/// Likewise for all of its nodes, those of its faces included.
+/// Calls visit(i, j, k) for all nodes of a box, those of its faces included.
 template <class Visit>
 void for_each_node(const CellBox& box, const Visit& visit) {
   for (int k = box.low[2]; k <= box.high[2]; ++k)

@@ -9,17 +9,18 @@
 namespace palpate {
 namespace {
 
-/// Places of a patch, of equal force each.
+/// Number of sample points of a patch, with equal shares of the force.
 constexpr int kPatchPlaces = 128;
-/// Times that the radius of a wide contact is looked for.
+/// Maximum number of iterations for the radius of a wide contact.
 constexpr int kMostRadii = 6;
 
-// where the displacement of a place is read: a cell, and how far in it
+// sample point of a patch: the cell from which its displacement is interpolated, and its position in that
+// cell
 struct PlaceInCell {
   std::array<int, 3> cell;
-  Eigen::Vector3d place;  ///< in cells from the box's corner
+  Eigen::Vector3d place;  ///< In cells from the box's corner
   Eigen::Vector3d fraction;
-  bool inside[3];  ///< not at the cell's end because it lies beyond it
+  bool inside[3];  ///< False where the point was clamped to the cell's boundary
 };
 
 bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& place, const Eigen::Vector3d& down,
@@ -61,7 +62,7 @@ double product(const Weights& weights, const ElasticField& field) {
   return sum;
 }
 
-// depth at a force, and how it grows
+// depth at a force, and its derivative
 struct DepthAt {
   double depth_mm, per_N;
 };
@@ -73,9 +74,9 @@ DepthAt depth_of(double force_N, double compliance, double rho_mm, double radius
   return {force_N * (grid + own), grid + own * 2 / 3};
 }
 
-// the force at which the depth is that, from a start by Newton's method
+// force at a depth, by Newton's method
 double force_at(double depth_mm, double compliance, double rho_mm, double radius_mm, double modulus) {
-  // no less than the tissue's own, were it all the sphere's contact
+  // initial guess: Hertz contact, a lower bound, as if the grid contributed nothing
   double force = 4.0 / 3 * modulus * std::sqrt(radius_mm) * std::pow(depth_mm, 1.5);
   for (int n = 0; n < 50; ++n) {
     const DepthAt at = depth_of(force, compliance, rho_mm, radius_mm, modulus);
@@ -96,11 +97,11 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
   const Eigen::Vector3d across = outward_.unitOrthogonal(), other = outward_.cross(across);
   const Eigen::Vector3d centre = grid.box().local_mm(at) / h;
   std::array<Eigen::Vector3d, kPatchPlaces> places;
-  // turned on by the golden angle, pi (3 - sqrt 5); sines of a library differ from one machine to the next
+  // rotation by the golden angle, pi (3 - sqrt 5); constants, because library sines differ between machines
   constexpr double kCos = -0.73736887807831985, kSin = 0.67549029426152364;
   double c = 1, s = 0;
   for (int n = 0; n < kPatchPlaces; ++n) {
-    // so much of the force is within r: 1 - (1 - r2 / rho2)^(3/2)
+    // the force share within r is 1 - (1 - r2 / rho2)^(3/2)
     const double beyond = cube_root(1 - (n + 0.5) / kPatchPlaces);
     const double r = rho_mm / h * std::sqrt(1 - beyond * beyond);
     places[static_cast<std::size_t>(n)] = centre + r * (c * across + s * other);
@@ -183,7 +184,7 @@ double PressurePatch::displacement(const ElasticField& u_mm) const {
 }
 
 HeldMeans PressurePatch::columns(double part) const {
-  // one past the last node of the column that begins there
+  // end of the column that begins at an index
   const auto end_of = [&](std::size_t first) {
     std::size_t end = first;
     while (end < borne_.size() && borne_[end].column == borne_[first].column) ++end;
@@ -234,7 +235,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
     contact.force_N = force;
     contact.compliance_mm_per_N = w;
     contact.contact_radius_mm = std::cbrt(3 * force * radius_mm / (4 * modulus));
-    // W(rho) - 0.6 / (rho E*) changes so little with rho that few steps do
+    // W(rho) - 0.6 / (rho E*) depends only weakly on rho, so few iterations suffice
     contact.tangential_N = patch.change(unit_mm) * (force * force);
     const double next_mm = std::max(contact.contact_radius_mm, least_mm);
     if (std::abs(next_mm - rho_mm) <= 1e-3 * rho_mm) break;
@@ -262,8 +263,8 @@ Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const Pressu
 }
 
 Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::VectorXd& depth_mm) {
-  // an active set that changes by one patch at a time (Lawson and Hanson 1974, of least squares): ends, as
-  // the energy falls with every set
+  // Active set that changes by one patch at a time (Lawson and Hanson 1974, for least squares). Terminates,
+  // because the energy decreases with every set.
   const Eigen::Index count = depth_mm.size();
   Eigen::VectorXd force = Eigen::VectorXd::Zero(count);
   std::vector<bool> pressed(static_cast<std::size_t>(count), false);
@@ -284,7 +285,7 @@ Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::V
       if (set.empty()) break;
       const Eigen::MatrixXd part = compliance(set, set);
       const Eigen::VectorXd asked = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
-      // as far that way as none pulls
+      // largest step for which no patch pulls
       double step = 1;
       for (std::size_t n = 0; n < set.size(); ++n)
         if (asked[static_cast<Eigen::Index>(n)] <= 0)

@@ -10,8 +10,8 @@ using internal::elastic::Operator;
 
 namespace {
 
-/// A step is halved so many times at most, and is good where the force left along it is no more than this
-/// part.
+/// Line search: maximum number of halvings, and fraction of the initial directional residual below which a
+/// step is accepted.
 constexpr int kMostHalvings = 6;
 constexpr double kGoodPart = 0.9;
 
@@ -58,7 +58,7 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   FiniteSolution told;
-  // r = f - forces(at); what the residual is measured by
+  // residual r = f - forces(at); returns the least volume fraction
   const auto left_over = [&](const ElasticValues& at) {
     const double least = k.apply_finite(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
@@ -78,14 +78,14 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
   scale += held.norm(s.q);
   told.residual = part();
   while (told.residual > settings.tolerance && told.steps < settings.most_steps) {
-    // T step = r by conjugate gradients; where T is not positive, as far as it was
+    // Solves T step = r by conjugate gradients, truncated where the tangent T is not positive definite.
     std::fill(s.step.begin(), s.step.end(), 0.0f);
     s.tried = s.r;
     double rz = 0;
     const double enough = settings.step_tolerance * std::sqrt(dot(s.r, s.r));
     for (int n = 0; n < settings.most_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
-      // the V-cycle knows nothing of what is held besides: that is taken out of its result, which leaves it
-      // symmetric and positive where the rest may move
+      // The V-cycle ignores the additional constraints. They are projected out of its result, which keeps it
+      // symmetric positive definite on the remaining components.
       s.multigrid.cycle(s.r, s.z);
       held.take_out(s.z);
       const double next = dot(s.r, s.z);
@@ -109,7 +109,7 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
     }
     const double downhill = dot(s.tried, s.step);
 
-    // as much of it as turns no cell inside out and leaves less force along it
+    // longest step that inverts no cell and reduces the residual along the step
     double length = 1, least = 0;
     bool good = false;
     for (int n = 0; n <= kMostHalvings && !good; ++n, length /= 2) {

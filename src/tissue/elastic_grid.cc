@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-/// So many nodes hold a part of the tissue, in each direction.
+/// Number of held nodes, per direction, that fix a part of the tissue.
 constexpr int kHoldingNodes = 3;
 
 template <class Visit>
@@ -65,7 +65,7 @@ ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_c
   const double way = static_cast<double>(to.fill) - from.fill;
   if (std::abs(way) <= most_change) return to;
   const double fill = std::max(from.fill + (way > 0 ? most_change : -most_change), kLeastFill);
-  // with more than that to go, one of the two is soft
+  // if the remaining change is larger, at least one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;
   return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(part * solid.mu),
@@ -103,7 +103,7 @@ bool ElasticGrid::set_cells(const CellBox& cells, const std::function<ElasticCel
   return set_nodes(cells) || other;
 }
 
-// a node is held by any of its cells that is rigid, and is one if any is soft
+// a node is held if any of its cells is rigid, and exists if any is soft
 bool ElasticGrid::set_nodes(const CellBox& cells) {
   bool other = false;
   for_each_node(cells, [&](int i, int j, int k) {
@@ -131,7 +131,7 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
     const ElasticMaterial middle = at(0.5, 0.5, 0.5);
     bool alike = true;
     for (int corner = 0; corner < 8 && alike; ++corner) {
-      // within the cell, not on its border
+      // inside the cell, not on its boundary
       const auto end = [corner](int axis) { return (corner >> axis & 1) != 0 ? 0.999 : 0.001; };
       alike = at(end(0), end(1), end(2)) == middle;
     }
@@ -154,7 +154,7 @@ ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, doub
   Point<Voxel> corner;
   for (int a = 0; a < 3; ++a) {
     corner[a] = region.first[a] - 0.5;
-    // a last sliver that no voxel's middle lies in is none
+    // a last sliver that contains no voxel centre gets no cell
     if (cell_mm > 0)
       box.cells[a] = static_cast<int>(std::ceil(region.size[a] * grid.spacing_mm[a] / cell_mm - 1e-6));
   }
@@ -212,7 +212,7 @@ void ElasticGrid::set_springs(const CellBox& cells) {
         const std::array<int, 3> node{a, b, c};
         if (node[axis] != cell[axis] + end || !cells.contains_node(a, b, c)) return;
         const Eigen::Vector3d way_mm = Eigen::Vector3d(a, b, c) * h - about_mm_;
-        // nearer than a cell no field of a load is known
+        // closer than a cell the load's field is unknown
         const double r = std::max(way_mm.norm(), h);
         const double spring = 3 / (3 - 2 * nu) * mu * (h * h / 4) * std::abs(way_mm[axis]) / (r * r);
         for (int component = 0; component < 3; ++component)
@@ -233,7 +233,7 @@ std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<s
   std::size_t loose = 0;
   for_each_cell(grid.all_cells(), [&](int i, int j, int k) {
     if (grid.mu()[layout.cell(i, j, k)] == 0 || seen_[layout.cell(i, j, k)]) return;
-    // the cells that hang together by faces, and how often a node of them is held in each direction
+    // flood fill over cells that share faces, counting constrained nodes in each direction
     part_.assign(1, {i, j, k});
     seen_[layout.cell(i, j, k)] = true;
     std::array<int, 3> holds{0, 0, 0};

@@ -2,14 +2,14 @@
 
 // The stiffness of a cube by the Walsh transform of its eight corners (docs/concepts/tissue.md).
 //
-//     w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c) = -1 for each bit of m whose
-//                                                    coordinate is the lower one in c, multiplied
-//     w_x, w_y, w_z (m = 1, 2, 4)                    4 h times the displacement gradient in the middle
-//     w_3, w_5, w_6, w_7                             hourglass modes, of which that gradient sees nothing
-//     w_0                                            8 times the mean displacement: makes no force
+//    w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c): product over the bits of m of
+//                                                   -1 where c has the lower coordinate, 1 elsewhere
+//    w_x, w_y, w_z (m = 1, 2, 4)                    4 h times the displacement gradient at the centre
+//    w_3, w_5, w_6, w_7                             hourglass modes, which do not affect that gradient
+//    w_0                                            8 times the mean displacement: no force
 //
-//     p_x, p_y, p_z = mu (G + G^T) + lambda tr(G) I, G = (w_x, w_y, w_z), columns; mu and lambda times h / 16
-//     p_m           = kHourglass mu w_m              of the four others
+//    p_x, p_y, p_z = mu (G + G^T) + lambda tr(G) I, G = (w_x, w_y, w_z), columns; mu and lambda times h / 16
+//    p_m           = kHourglass mu w_m              for the four hourglass modes
 //     f_c           = sum over m of H_m(c) p_m
 //
 // Neo-Hookean (Smith et al. 2018, without the barrier): energy mu / 2 (F : F - 3) - mu (J - 1) + (lambda +
@@ -19,15 +19,15 @@
 //     p / 4 h         = mu F + s C,   s = (lambda + mu) (J - 1) - mu
 //     dp              = mu dG + (lambda + mu) (C : dG) C + s dC
 //
-// A row of cells along x is done at a time. Of a cell only what its left corners and what its right corners
-// get is known; a node gets from the cell before it and the one after it. Both halves of a whole row are kept
-// and then added up, node by node, so that the order of sums does not depend on how many lanes there are.
-// Nothing is fused. Hence the same bits on every target.
+// Cells are processed in rows along x. A cell contributes to the nodes at its left and right corners; a node
+// sums the contributions of the cells before and after it. Both halves of a row are stored first and then
+// summed node by node, so that the order of summation does not depend on the number of lanes. No fused
+// multiply-add is used. Hence the results are bit-identical on every target.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tissue/elastic_kernel.cc"
 #include <hwy/foreach_target.h>
-// after foreach_target.h
+// must follow foreach_target.h
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -38,7 +38,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, ElasticLayout::kLanes>;
 using V = hn::Vec<D>;
 
-// the four rows of nodes around a row of cells: (0, 0), (1, 0), (0, 1), (1, 1) along y, z
+// the four rows of nodes around a row of cells, at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1)
 struct NodeRows {
   std::size_t at[4];
 };
@@ -48,7 +48,7 @@ HWY_INLINE NodeRows node_rows(const ElasticLayout& layout, int j, int k) {
            layout.node(0, j + 1, k + 1, 0)}};
 }
 
-// w_1 ... w_7 of one component; w[0] is not touched
+// w_1 ... w_7 of one component; w[0] is not computed
 HWY_INLINE void transform(const float* u, const NodeRows& rows, std::size_t offset, V* w) {
   const D d;
   V even[4], odd[4];
@@ -71,10 +71,10 @@ HWY_INLINE void transform(const float* u, const NodeRows& rows, std::size_t offs
   w[7] = hn::Sub(odd_o1, odd_o0);
 }
 
-// what p_1 ... p_7 give to the left and the right corners of the four rows, one component
+// contributions of p_1 ... p_7 to the left and right corners of the four rows, one component
 HWY_INLINE void transform_back(const V* p, float* left, float* right, std::size_t stride) {
   const D d;
-  // by z, then y, then x: the low end takes the odd part away
+  // by z, then y, then x: the low end subtracts the odd part
   const V zero_low = hn::Neg(p[4]), zero_high = p[4];
   const V y_low = hn::Sub(p[2], p[6]), y_high = hn::Add(p[2], p[6]);
   const V x_low = hn::Sub(p[1], p[5]), x_high = hn::Add(p[1], p[5]);
@@ -85,12 +85,12 @@ HWY_INLINE void transform_back(const V* p, float* left, float* right, std::size_
                     hn::Add(x_high, xy_high)};
   for (int r = 0; r < 4; ++r) {
     hn::Store(hn::Sub(even[r], odd[r]), d, left + r * stride);
-    // a node on
+    // shifted by one node
     hn::StoreU(hn::Add(even[r], odd[r]), d, right + r * stride + 1);
   }
 }
 
-// adds both halves up, node by node; a row's first part is not added but stored
+// sums both halves node by node; stores instead of adding for the first contribution to a row
 HWY_INLINE void gather_row(const float* left, const float* right, int row, bool first, float* force) {
   const D d;
   for (int i = 0; i < row; i += static_cast<int>(hn::Lanes(d))) {
@@ -100,7 +100,7 @@ HWY_INLINE void gather_row(const float* left, const float* right, int row, bool 
   }
 }
 
-// Where a node's three components are held. A row of nodes has a byte for each.
+// Zeroes forces where a node's components are held. There is one byte of constraint bits per node.
 HWY_INLINE void hold_row(const std::uint8_t* held, int row, float* force) {
   const D d;
   const hn::Rebind<std::uint8_t, D> bytes;
@@ -116,8 +116,8 @@ HWY_INLINE void hold_row(const std::uint8_t* held, int row, float* force) {
   }
 }
 
-// From the two halves of a row of cells to the forces of the four rows of nodes around it. A row of nodes is
-// done when the last row of cells around it is.
+// Adds the two halves of a row of cells to the four surrounding rows of nodes. A row of nodes is complete
+// after the last row of cells around it.
 HWY_INLINE void finish_cell_row(const Cells& cells, int j, int k, const NodeRows& rows, const float* left,
                                 const float* right, std::size_t stride, float* force) {
   const ElasticLayout& layout = cells.layout;
@@ -134,8 +134,8 @@ HWY_INLINE void finish_cell_row(const Cells& cells, int j, int k, const NodeRows
     if (done[r]) hold_row(cells.held + rows.at[r] / 3, layout.row, force + rows.at[r]);
 }
 
-// Calls stress(cell + i, x, y, z) for the cells of every row, which makes p_m of w_m, and gathers the forces.
-// `w` are the modes of each component of `displacement`.
+// For every vector of cells in every row, calls `stress` to turn the modes w_m of each displacement component
+// into p_m in place, then gathers the forces.
 template <class Stress>
 HWY_INLINE void for_each_vector(const Cells& cells, const float* displacement, float* force,
                                 const Stress& stress) {
@@ -144,7 +144,7 @@ HWY_INLINE void for_each_vector(const Cells& cells, const float* displacement, f
   const std::size_t row = static_cast<std::size_t>(layout.row), stride = row + ElasticLayout::kLanes;
   float* const left = cells.scratch;
   float* const right = left + 12 * stride;
-  // no cell is before the first node
+  // no cell precedes the first node
   for (int q = 0; q < 12; ++q) right[q * stride] = 0;
   for (int k = 0; k < layout.cells[2]; ++k) {
     for (int j = 0; j < layout.cells[1]; ++j) {
@@ -193,7 +193,7 @@ void linear(const Cells& cells, const float* displacement, float* force) {
                   });
 }
 
-// column a of a 3 x 3: component c of direction a
+// 3 x 3 matrix, at[a][c]: column a (direction), component c
 struct Matrix {
   V at[3][3];
 };
@@ -203,7 +203,7 @@ HWY_INLINE V cross_part(const V* a, const V* b, int c) {
   return hn::Sub(hn::Mul(a[e], b[f]), hn::Mul(a[f], b[e]));
 }
 
-// F of modes of displacement
+// deformation gradient F from the displacement modes
 HWY_INLINE Matrix deformation(const V* x, const V* y, const V* z, V per_edge) {
   const D d;
   Matrix f;

@@ -6,30 +6,30 @@
 
 namespace palpate::internal::elastic {
 
-/// Stiffness of a cell's four hourglass modes, as a part of `mu`: docs/concepts/tissue.md.
+/// Stiffness of a cell's four hourglass modes, as a fraction of `mu`: docs/concepts/tissue.md.
 inline constexpr float kHourglass = 0.25f;
 
-/// What the operator needs of a grid. Moduli are times h / 16.
+/// Data of a grid for the stiffness operator. Moduli are multiplied by h / 16.
 struct Cells {
   ElasticLayout layout;
   const float* mu;
   const float* lambda;
-  const std::uint8_t* held;  ///< by node; null: nothing is held
-  float* scratch;            ///< scratch_floats(layout)
+  const std::uint8_t* held;  ///< Constraint bits by node; null: nothing is held
+  float* scratch;            ///< scratch_floats(layout) values
 };
 inline std::size_t scratch_floats(const ElasticLayout& layout) {
   return static_cast<std::size_t>(2) * 12 * (layout.row + ElasticLayout::kLanes);
 }
 
-/// force = K displacement, 0 where nodes are held. What is held may be displaced; what stands beyond the
-/// last node of a row must be finite. The same bits on every SIMD target.
+/// force = K displacement, 0 where nodes are held. Held nodes may have a displacement; padding beyond the
+/// last node of a row must be finite. Bit-identical on every SIMD target.
 void apply_linear(const Cells& cells, const float* displacement, float* force);
 
-/// The forces of a neo-Hookean body that is displaced so, as apply_linear's where it hardly is.
-/// @param volumes  by cell: det F, 1 where nothing yields
+/// Forces of a displaced neo-Hookean body; equal to apply_linear()'s for small displacements.
+/// @param volumes  receives det F by cell, 1 in cells that are not soft
 void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacement, float* force,
                        float* volumes);
-/// How these change from `base` on, for a small displacement.
+/// Derivative of these forces at `base` in the direction of a small displacement.
 void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
                                const float* displacement, float* force);
 

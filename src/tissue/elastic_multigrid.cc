@@ -8,33 +8,32 @@
 namespace palpate::internal::elastic {
 namespace {
 
-/// Grids with no more free values are factorized.
+/// Grids with at most this number of free values are factorised.
 constexpr std::size_t kMostFactorized = 400;
 constexpr int kDegree = 3;
-/// The smoother takes care of eigenvalues from the greatest down to this part of it.
+/// The smoother damps eigenvalues between this fraction of the greatest and the greatest.
 constexpr double kSmoothedFrom = 0.1;
-/// The greatest is found by so many multiplications, and meant to be no more than so many times that.
+/// Power iterations for the greatest eigenvalue, and safety factor on their result.
 constexpr int kPowerIterations = 15;
 constexpr double kPowerMargin = 1.1;
-/// A coarse body that hangs together by next to nothing can still be factorized.
+/// Relative diagonal shift, so that a coarse body with nearly disconnected parts can be factorised.
 constexpr double kLeastPivot = 1e-6;
 
 std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
   return layout.node(0, j, k, 0) / 3 + static_cast<std::size_t>(i);
 }
 
-// of the nodes along an axis of a grid, those that node `coarse` of a grid twice as coarse moves, with
-// weights
+// fine nodes along an axis that coarse node `coarse` interpolates, with weights
 template <class Visit>
 void for_each_moved(int coarse, int cells, const Visit& visit) {
   for (int n = std::max(0, 2 * coarse - 1); n <= std::min(cells, 2 * coarse + 1); ++n)
     visit(n, n == 2 * coarse ? 1.0f : 0.5f);
 }
 
-// coarse = P^T fine
+// restriction: coarse = P^T fine
 void restrict_to(const ElasticLayout& fine, const ElasticValues& from, const ElasticLayout& coarse,
                  const Operator& of_coarse, std::vector<float>& scratch, ElasticValues& to) {
-  // a row, with a node more before it
+  // one row, with one node of padding before it
   float* const row = scratch.data() + 1;
   for (int k = 0; k <= coarse.cells[2]; ++k)
     for (int j = 0; j <= coarse.cells[1]; ++j)
@@ -54,7 +53,7 @@ void restrict_to(const ElasticLayout& fine, const ElasticValues& from, const Ela
       }
 }
 
-// fine += P coarse, where it is free
+// prolongation: fine += P coarse, at free values
 void prolong_to(const ElasticLayout& coarse, const ElasticValues& from, const ElasticLayout& fine,
                 const Operator& of_fine, std::vector<float>& scratch, ElasticValues& to) {
   float* const row = scratch.data();
@@ -117,7 +116,7 @@ void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, cons
     const std::size_t cell = layout_.cell(i, j, k);
     mu_[cell] = mu[cell] * scale;
     lambda_[cell] = lambda[cell] * scale;
-    // nothing yields there any more, or not yet
+    // resets cells that are no longer, or not yet, soft
     volumes_[cell] = 1;
   });
   for_each_node(box, [&](int i, int j, int k) {
@@ -128,7 +127,7 @@ void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, cons
   find_inverse_diagonal(box);
 }
 
-// springs are at the faces of all cells alone
+// springs only exist on the faces of the grid
 void Operator::list_springs(const CellBox& box) {
   bool any = false;
   for (int axis = 0; axis < 3; ++axis)
@@ -146,7 +145,7 @@ void Operator::find_inverse_diagonal(const CellBox& box) {
       const int x = i - 1 + (corner & 1), y = j - 1 + (corner >> 1 & 1), z = k - 1 + (corner >> 2 & 1);
       if (!layout_.contains_cell(x, y, z)) continue;
       const std::size_t cell = layout_.cell(x, y, z);
-      // a component's own slope, two shears, four hourglass modes
+      // a component's normal strain, two shears, four hourglass modes
       of_cells += (4 + 4 * kHourglass) * mu_[cell] + lambda_[cell];
     }
     const int held = held_[node_number(layout_, i, j, k)];
@@ -159,10 +158,10 @@ void Operator::find_inverse_diagonal(const CellBox& box) {
   });
 }
 
-// from finer cells and nodes, which a box of coarse ones takes the place of
+// averages cells and constraints of the finer operator over a box of coarse cells
 void Operator::average(const Operator& finer, const CellBox& box) {
   const ElasticLayout& fine = finer.layout_;
-  // an eighth of each of eight, by an edge twice as long
+  // mean of eight moduli, times 2 for the edge length in the factor h / 16
   for_each_cell(box, [&](int i, int j, int k) {
     float mu = 0, lambda = 0;
     for (int corner = 0; corner < 8; ++corner) {
@@ -209,7 +208,7 @@ Operator Operator::coarser() const {
 CellBox Operator::follow(const Operator& finer, const CellBox& changed) {
   CellBox box;
   for (int axis = 0; axis < 3; ++axis) {
-    // a coarse node moves with those from one before it to one after
+    // a coarse node interpolates fine nodes up to one coarse cell before and after it
     box.low[axis] = changed.low[axis] / 2 - 1;
     box.high[axis] = (changed.high[axis] + 1) / 2 + 1;
   }
@@ -269,7 +268,7 @@ void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement
 float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
   apply_neo_hookean(cells(held_.data()), cell_mm_, displacement.data(), force.data(), volumes_.data());
   add_springs(false, displacement, force);
-  // NaN is the least of all
+  // NaN counts as the least
   float least = 1;
   for (const float volume : volumes_) least = volume >= least ? least : volume;
   return least;
@@ -309,7 +308,7 @@ Multigrid::Multigrid(Operator finest) {
 }
 
 void Multigrid::follow(const CellBox& changed) {
-  // what can be steeper than anything before is near what has changed
+  // only eigenmodes near the change can exceed the bound
   constexpr int kAround = 2;
   CellBox box = changed;
   for (std::size_t n = 0; n < levels_.size(); ++n) {
@@ -321,9 +320,9 @@ void Multigrid::follow(const CellBox& changed) {
   factorize();
 }
 
-// of K scaled by its diagonal, from below; at least 1
+// lower bound of the greatest eigenvalue of the diagonally scaled K, by power iteration; at least 1
 double Multigrid::greatest_eigenvalue(Level& level) {
-  // from anything that has a part of the steepest mode, the same each time
+  // fixed pseudo-random start vector, which contains all modes
   std::uint32_t state = 12345;
   for (std::size_t n = 0; n < level.x.size(); ++n) {
     state = state * 1664525u + 1013904223u;
@@ -383,7 +382,7 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
   float* const d = level.step.data();
   float* const p = x.data();
   const float* const product = level.product.data();
-  // Chebyshev's iteration over [kSmoothedFrom, 1] most (Saad, Iterative Methods, algorithm 12.1)
+  // Chebyshev iteration over [kSmoothedFrom, 1] most (Saad, Iterative Methods, algorithm 12.1)
   const double middle = level.most * (1 + kSmoothedFrom) / 2, half = level.most * (1 - kSmoothedFrom) / 2;
   const double sigma = middle / half;
   double rho = 1 / sigma;

@@ -11,40 +11,40 @@
 
 namespace palpate::internal::elastic {
 
-/// a . b over a layout's values, summed in one order whatever the machine.
+/// Dot product of two fields, summed in the same order on every machine.
 double dot(const ElasticValues& a, const ElasticValues& b);
 
-/// K of one grid: its cells, its springs, what is held.
+/// Stiffness operator K of one grid: cells, springs, and constraints.
 class Operator {
  public:
   Operator() = default;
-  /// @param mu,lambda  N/mm2, by cell
+  /// @param mu,lambda  Lame's moduli by cell, N/mm2
   Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu, const ElasticValues& lambda,
            const ElasticValues& springs, std::vector<std::uint8_t> held);
-  /// Cells of a box, and whatever holds its nodes, are others now; the rest is as it was. The same bits as if
-  /// it were made anew.
+  /// Replaces cells of a box and the constraints of their nodes. The result is bit-identical to a new
+  /// operator.
   void change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
               const std::vector<std::uint8_t>& held, const CellBox& box);
-  /// The same body with cells twice as long: moduli averaged, springs shared out, a node held where any is
-  /// that it moves with.
+  /// Operator of the same body on cells twice as long: moduli averaged, springs restricted, a node held if
+  /// any fine node that it interpolates is held.
   Operator coarser() const;
-  /// Where a finer one was changed, this one, which was made of it, follows. @returns where it has changed
+  /// Updates this operator, made by coarser(), after a change of the finer one. @returns box of changed cells
   CellBox follow(const Operator& finer, const CellBox& changed);
-  /// Some of its cells alone, held all around by what the others are.
+  /// Operator of a sub-box, with nodes on its inner boundary held.
   Operator part(const CellBox& box) const;
 
   const ElasticLayout& layout() const { return layout_; }
   bool can_be_coarser() const { return *std::max_element(layout_.cells.begin(), layout_.cells.end()) > 1; }
   /// force = K displacement, 0 where nodes are held.
   void apply(const ElasticValues& displacement, ElasticValues& force);
-  /// Where nodes are held, too: what holds them gives that force.
+  /// force = K displacement everywhere; at held nodes, the reaction.
   void apply_everywhere(const ElasticValues& displacement, ElasticValues& force);
-  /// Forces of a neo-Hookean body and its least det F, and how they change from `base` on; 0 where nodes are
-  /// held.
+  /// Forces of a neo-Hookean body, and their derivative at `base`; 0 where nodes are held.
+  /// @returns the least det F of all cells
   float apply_finite(const ElasticValues& displacement, ElasticValues& force);
   void apply_tangent(const ElasticValues& base, const ElasticValues& displacement, ElasticValues& force);
   void apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force);
-  /// 1 / the diagonal of K; 0 where nodes are held.
+  /// 1 / diagonal of K; 0 where nodes are held.
   const ElasticValues& inverse_diagonal() const { return inverse_diagonal_; }
   bool free(std::size_t value) const { return inverse_diagonal_[value] > 0; }
   std::size_t free_values() const;
@@ -61,7 +61,7 @@ class Operator {
   void list_springs(const CellBox& box);
 
   ElasticLayout layout_;
-  ElasticValues mu_, lambda_;     ///< times h / 16
+  ElasticValues mu_, lambda_;     ///< Multiplied by h / 16
   ElasticValues spring_of_node_;  ///< 0: none
   std::vector<std::pair<std::uint32_t, float>> springs_;
   std::vector<std::uint8_t> held_;
@@ -69,41 +69,42 @@ class Operator {
   float cell_mm_ = 0;
 };
 
-/// A V-cycle as a preconditioner: symmetric and positive, the same linear map each time. Smoothed by
-/// Chebyshev's polynomial of degree 3 in K scaled by its diagonal (Adams et al. 2003), on the coarsest grid
-/// solved by Cholesky's factors.
+/// Multigrid V-cycle as a preconditioner: a symmetric positive definite linear map, identical in every call.
+/// Smoothed by Chebyshev polynomials of degree 3 in the diagonally scaled K (Adams et al. 2003); the coarsest
+/// grid is solved by Cholesky factorisation.
 class Multigrid {
  public:
   explicit Multigrid(Operator finest);
 
   Operator& finest() { return levels_.front().k; }
-  /// After finest() was changed in a box: the coarser ones follow. The bounds of the smoothers never fall by
-  /// it.
+  /// Updates the coarser levels after finest() was changed in a box. The eigenvalue bounds of the smoothers
+  /// never decrease.
   void follow(const CellBox& changed);
-  /// z = V r. @param r  0 where nodes are held
+  /// z = V r.
+  /// @param r  0 where nodes are held
   void cycle(const ElasticValues& r, ElasticValues& z);
 
  private:
   struct Level {
     explicit Level(Operator with);
     Operator k;
-    double most = 0;  ///< no eigenvalue of the scaled K is above it
+    double most = 0;  ///< Upper bound of the eigenvalues of the scaled K
     ElasticValues x, b, residual, step, product;
   };
 
   static double greatest_eigenvalue(Level& level);
   void factorize();
-  // x, which is 0 if `from_zero`, by the polynomial; level.residual is b - K x where that is asked for
+  // smooths x, which is 0 if `from_zero`; sets level.residual to b - K x if requested
   void smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero, bool want_residual);
   void solve_coarsest(const ElasticValues& b, ElasticValues& x);
   void cycle(std::size_t number, const ElasticValues& b, ElasticValues& x);
 
   std::vector<Level> levels_;
-  std::vector<std::size_t> coarsest_;  ///< its free values
+  std::vector<std::size_t> coarsest_;  ///< Indices of its free values
   Eigen::MatrixXd coarsest_k_;
   Eigen::LLT<Eigen::MatrixXd> factors_;
   Eigen::VectorXd coarsest_x_;
-  std::vector<float> row_;  ///< scratch of between()
+  std::vector<float> row_;  ///< Scratch of restriction and prolongation
 };
 
 }  // namespace palpate::internal::elastic

@@ -26,7 +26,7 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
   if (other) {
     s.held = grid.held();
     s.loose.hold(grid, s.held);
-    // parts that have come loose or are so no more reach farther than the cells that have changed
+    // constraints of loose parts can change beyond the cells that were replaced
     const ElasticLayout& layout = grid.layout();
     for (int c = 0; c <= layout.cells[2]; ++c)
       for (int b = 0; b <= layout.cells[1]; ++b)
@@ -79,7 +79,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   ElasticSolution told;
 
-  // the residual that the start leaves, and what it is measured by
+  // initial residual, and the norm that it is relative to
   double scale = s.held_norm(displacement_mm);
   k.apply(u, s.q);
   double load = 0;
@@ -99,7 +99,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
        told.residual = part()) {
     s.multigrid.cycle(s.r, s.z);
     const double next = dot(s.r, s.z);
-    // not above 0 only where the residual is what rounding leaves
+    // fails only where the residual is rounding error
     if (!(next > 0) || !std::isfinite(next)) break;
     const float beta = told.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
     rz = next;

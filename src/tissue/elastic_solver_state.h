@@ -10,14 +10,14 @@ namespace palpate {
 
 struct ElasticSolver::State {
   explicit State(const ElasticGrid& grid);
-  /// What is held, displaced alone, asks of the others: |K u|.
+  /// Norm |K u| of the free nodal forces caused by the prescribed displacements alone.
   double held_norm(const ElasticField& u);
 
   ElasticGrid::LooseParts loose;
-  std::vector<std::uint8_t> held;  ///< by the grid, and loose parts
+  std::vector<std::uint8_t> held;  ///< Constraints of the grid and of loose parts
   internal::elastic::Multigrid multigrid;
-  ElasticValues r, z, p, q;   ///< of conjugate gradients
-  ElasticValues step, tried;  ///< of Newton's method: where it goes, where it would be
+  ElasticValues r, z, p, q;   ///< Conjugate gradients
+  ElasticValues step, tried;  ///< Newton's method: step and trial displacement
 };
 
 }  // namespace palpate

@@ -9,12 +9,12 @@ namespace palpate {
 namespace {
 
 constexpr double kN_per_mm2_of_kPa = 1e-3;
-/// What yields is so little of a cell's solid matter that the cell does not.
+/// A cell counts as rigid if less than this fraction of its solid matter is soft.
 constexpr double kLeastSoftPart = 0.05;
-/// Of a voxel that is gone.
+/// Value of a voxel that is completely removed.
 constexpr double kAllTaken = 255;
 
-// the least and the greatest of a box's corners, as a map has them
+// bounding box of the images of a box's corners under a map
 template <class Map>
 std::pair<Eigen::Array3d, Eigen::Array3d> bounds_of(const Eigen::Array3d& low, const Eigen::Array3d& high,
                                                     const Map& map) {
@@ -58,7 +58,7 @@ LabelCells::LabelCells(const GridGeometry& labels, std::span<const ElasticMateri
     : grid_(labels),
       by_label_(by_label.begin(), by_label.end()),
       box_(box),
-      // two samples in each voxel at least, so that cells of whole voxels are known exactly
+      // at least two samples per voxel, so that cells of whole voxels are sampled exactly
       samples_(
           std::clamp(2 * static_cast<int>(std::ceil(box.cell_mm / labels.min_spacing_mm() - 1e-6)), 2, 16)) {
   const Transform<Voxel, Patient> X_VoxelPatient = labels.X_PatientVoxel().inverse();
@@ -133,7 +133,7 @@ CellBox LabelCells::cells_of(const VoxelBox& voxels) const {
   });
   CellBox cells;
   for (int axis = 0; axis < 3; ++axis) {
-    // a border that rounding puts in the next cell
+    // tolerance for boundaries that rounding moves into the next cell
     constexpr double kRounding = 1e-9;
     const double most = box_.cells[axis];
     cells.low[axis] = static_cast<int>(std::clamp(std::floor(low[axis] - kRounding), 0.0, most));

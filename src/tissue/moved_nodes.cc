@@ -10,7 +10,8 @@
 namespace palpate {
 namespace {
 
-// Empty nodes go along so far from tissue: a slope of a third at most, by which nothing is folded.
+// Distance that the field is continued into empty nodes, per displacement: limits the slope to 1/3, so that
+// nothing folds.
 constexpr double kCarriedPerMoved = 3;
 constexpr int kLeastCarried = 4, kMostCarried = 24;
 
@@ -24,7 +25,7 @@ MovedNodes::MovedNodes(const ElasticBox& box, std::vector<Eigen::Vector3f> moved
   continue_into_what_is_empty(empty);
 }
 
-// A layer of empty nodes after the other takes the mean of its neighbours, less from layer to layer.
+// Layer by layer, empty nodes take the mean of their known neighbours, scaled down with each layer.
 void MovedNodes::continue_into_what_is_empty(const std::vector<bool>& empty) {
   const auto& cells = box_.cells;
   float most_mm = 0;
@@ -73,7 +74,7 @@ void MovedNodes::add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm
   double share = 1;
   for (int axis = 0; axis < 3; ++axis) {
     const double beyond = std::max({-in_cells[axis], in_cells[axis] - box_.cells[axis], 0.0}) / fade_cells_;
-    // what is not finite, too
+    // negated comparison: also rejects non-finite values
     if (!(beyond < 1)) return;
     share *= 1 - beyond;
   }

@@ -23,7 +23,7 @@ NearestMeter::NearestMeter(const Model& model)
 void NearestMeter::see(const TickRecord& tick) {
   if (protected_.empty()) return;
   const bool switched_on = (tick.switches & kSwitchMotor) != 0;
-  // without force it stands still, and where no proxy is held nobody knows where it would be
+  // without force the motor stands still, and without a proxy the burr's position is unknown
   constexpr std::uint32_t kStill = kFaultFlags | kFlagPaused | kFlagClutched | kFlagRamp | kFlagInside;
   for (std::size_t d = 0; d < static_cast<std::size_t>(tick.devices); ++d) {
     const DeviceTick& device = tick.device[d];
@@ -40,7 +40,7 @@ void NearestMeter::see(const TickRecord& tick) {
   }
 }
 
-// as the hand turned it, in the object as it was turned
+// vector along the head's row of balls, in the object's frame at its current rotation
 Vector<Patient> NearestMeter::row_mm(const BurrSettings& burr, const TickRecord& tick,
                                      const DeviceTick& device) const {
   if (!(burr.length_mm > 0)) return {};

@@ -12,17 +12,17 @@
 namespace palpate {
 namespace {
 
-// It looks for material so far before its surface. Half of that deep, an edge begins to count, so that beside
-// a pocket, where its surface comes out of the material, little counts that it does not touch.
+// Depth of the sampling point in material from which an edge begins to count: half of ahead_mm, so that
+// beside a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
 constexpr double kCounts_mm = kCuttingFeel.ahead_mm / 2;
 
-/// Where a layer holds the burr.
+/// Pose of the burr's head as constrained by one layer.
 struct HeadPose {
   Point<Patient> at;
   Eigen::Quaterniond attitude;
 };
 
-/// A burr as a hand turns it, and as layers hold it.
+/// A burr at the hand's attitude, and at those of the layers' proxies.
 class HeldBurr {
  public:
   HeldBurr(const Burr& burr, const ToolPose& hand) : burr_(burr), hand_(hand), head_(burr.head(0)) {}
@@ -33,11 +33,11 @@ class HeldBurr {
   ToolSphere head(const Eigen::Quaterniond& attitude) const {
     return TurnedTool({&head_, 1}, hand_.attitude, attitude).spheres()[0];
   }
-  /// Its spindle, unit.
+  /// Unit vector of its spindle.
   Vector<Patient> spindle(const ToolSphere& head) const {
     return is_ball() ? burr_.axis : head.along_mm / burr_.length_mm;
   }
-  /// A part of the way from one place to another. A ball is turned as it is in the end.
+  /// Pose interpolated between two poses. A ball always has the final attitude.
   HeadPose partway(const HeadPose& from, const HeadPose& to, double part) const {
     const bool turns = !is_ball() && part < 1 && from.attitude.coeffs() != to.attitude.coeffs();
     return {from.at + (to.at - from.at) * part, turns ? from.attitude.slerp(part, to.attitude) : to.attitude};
@@ -49,7 +49,7 @@ class HeldBurr {
   ToolSphere head_;
 };
 
-// whether a surface's bounds say that none of a head comes within so many mm, its radii aside
+// whether a surface's bounds prove that no centre of the head's balls is within `within_mm`
 bool is_known_beyond(const Surface& surface, const ToolSphere& head, const Point<Patient>& at,
                      double within_mm) {
   if (head.along_mm == Vector<Patient>()) return surface.is_beyond(at, within_mm);
@@ -57,18 +57,18 @@ bool is_known_beyond(const Surface& surface, const ToolSphere& head, const Point
   return surface.is_beyond(begin.min(end), begin.max(end), within_mm);
 }
 
-// whether no ball's middle, as if all were of the first one's radius, comes as near as this
+// whether no ball of the head, treated as if all had the first one's radius, is closer than `mm`
 bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm) {
   const double wider_mm = std::max(0.0, head.widens_mm);
   const double beside_mm = 0.5 * head.along_mm.norm() * surface.steepest();
   return surface.at_least_mm(at + head.along_mm * 0.5) >= mm + wider_mm + beside_mm;
 }
 
-/// The way of both ends of a head's row.
+/// Displacements of both ends of a head's axis.
 struct HeadWay {
-  double length_mm = 0;                  // of the one that goes farther
-  std::array<Vector<Patient>, 2> along;  // unit
-  std::array<double, 2> part{};          // of the length
+  double length_mm = 0;                  // of the end that moves farther
+  std::array<Vector<Patient>, 2> along;  // unit vectors
+  std::array<double, 2> part{};          // fraction of length_mm
 
   HeadWay(const Vector<Patient>& first, const Vector<Patient>& last) {
     const std::array ways{first, last};
@@ -82,17 +82,18 @@ struct HeadWay {
   }
 };
 
-/// The material right before a burr, as seen along a way.
+/// Material directly in front of a burr, projected along its displacement.
 struct Front {
   double area_mm2 = 0;
-  double edge_mm_per_s = 0;      // mean over it
-  double energy_mJ_per_mm3 = 0;  // mean over it
+  double edge_mm_per_s = 0;      // mean over the area
+  double energy_mJ_per_mm3 = 0;  // mean over the area
 };
 
+/// Samples the material around a burr's head.
 class Ahead {
  public:
-  /// @param head  as a layer holds it
-  /// @param at    in that layer
+  /// @param head  at the layer's attitude
+  /// @param at    position of the head in that layer
   Ahead(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
         const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
       : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
@@ -106,7 +107,7 @@ class Ahead {
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
-    // what it swept last is what it stands in
+    // most recent sweeps first: the burr is most likely inside these
     const std::span<const Sweep> pending = state.pending();
     for (auto sweep = pending.rbegin(); sweep != pending.rend(); ++sweep)
       swept_[swept_count_++].emplace(*sweep);
@@ -122,19 +123,19 @@ class Ahead {
     return front_of(sum);
   }
 
-  /// Where it leans on an edge, such as the rim of a groove, in which no place is deep enough to count: for
-  /// each contact as much as one place ahead is.
+  /// Estimate for a burr resting on an edge, such as the rim of a groove, where no sampling point is deep
+  /// enough to count: each contact contributes as much as one sampling direction.
   Front leant_on(const ProxyLayer& layer) const {
     if (count_ == 0) return {};
     Sum sum;
     for (int n = 0; n < layer.contacts; ++n) {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
       const Point<Patient> middle = at_ + head_.along_mm * contact.part;
-      // the normal is a broader one, which at an edge leads past it
+      // the contact normal is smoothed and may point past the edge
       const FeltSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
       const Vector<Patient> outward =
           sample_central_differences(felt.surface->position(), middle).gradient.normalized();
-      // between voxels the edge may be read nearer than it is
+      // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.part);
       add(middle - outward * felt.short_mm, -outward, radius_mm,
           std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions, 0, sum);
@@ -143,12 +144,12 @@ class Ahead {
   }
 
  private:
-  // over places on the head: what they are of the front, and that times what is to be told of it
+  // sums over sampling points: area, and area-weighted edge speed and energy
   struct Sum {
     double area_mm2 = 0, speed = 0, energy = 0;
   };
   struct Material {
-    double part = 0;    // 0 ... 1, of an edge in that direction
+    double part = 0;    // fraction that counts, 0 ... 1
     double energy = 0;  // mJ/mm3
   };
 
@@ -158,7 +159,7 @@ class Ahead {
     return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2};
   }
 
-  // half a ball, but for what lies in the rest of the head
+  // samples the hemisphere of one end, except where the rest of the head covers it
   void add_end(std::size_t end, const HeadWay& way, Sum& sum) const {
     const double along_row = end == 0 ? 0 : 1, radius_mm = head_.radius_at_mm(along_row);
     const Vector<Patient>& ahead = way.along[end];
@@ -166,17 +167,17 @@ class Ahead {
     const double share_mm2 =
         std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions * way.part[end];
     for (int n = 0; n < kCuttingFeel.directions; ++n) {
-      // Vogel's spiral: so many places, evenly over a disc
+      // Vogel's spiral: points evenly spread over a disc
       const double r = std::sqrt((n + 0.5) / kCuttingFeel.directions), turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
-      // the end that reaches farther that way
+      // only the end that extends farther in this direction
       if ((head_.along_mm.dot(direction) + head_.widens_mm > 0) != (end == 1)) continue;
       add(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2, kCounts_mm, sum);
     }
   }
 
-  // the lateral surface, which is straight along the row
+  // samples the lateral surface, which is straight along the axis
   void add_side(const HeadWay& way, Sum& sum) const {
     const double length_mm = head_.along_mm.norm(), slope = head_.widens_mm / length_mm;
     if (!(std::abs(slope) < 1)) return;
@@ -185,7 +186,7 @@ class Ahead {
                           up = axis.cross(side);
     const std::array ways{way.along[0] * way.part[0], way.along[1] * way.part[1]};
     for (int n = 0; n < kCuttingFeel.side_places; ++n) {
-      // a spiral again, evenly along the row and around it
+      // spiral with even spacing along and around the axis
       const double part = (n + 0.5) / kCuttingFeel.side_places, turn = n * kGoldenAngle;
       const Vector<Patient> direction =
           axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
@@ -198,7 +199,7 @@ class Ahead {
     }
   }
 
-  // @param counts_mm  so deep in material a place begins to count
+  // @param counts_mm  depth in material at which a point begins to count
   void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
            double counts_mm, Sum& sum) const {
     const Material material = before(middle + direction * (radius_mm + kCuttingFeel.ahead_mm), counts_mm);
@@ -224,7 +225,7 @@ class Ahead {
       least_mm = std::max(least_mm, swept_[n]->depth_mm(place));
       if (!(least_mm < 0)) return {};
     }
-    double cut = 0, energy = 0;  // shares of what is not kept
+    double cut = 0, energy = 0;  // shares of structures that are not protected
     for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
       const FeltSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
       if (structure.kept) continue;
@@ -254,7 +255,7 @@ class Ahead {
   std::size_t swept_count_ = 0;
 };
 
-// adds a way to what was swept; false where there is no room
+// appends a path to the sweeps, or extends the last one; false if the capacity is exhausted
 bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
   const Vector<Patient> axis_mm = burr.head(to.attitude).along_mm;
   if (state.sweeps > 0 && !state.closed) {
@@ -277,7 +278,7 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
   return true;
 }
 
-// how far a burr of its whole radii lies in what its proxies lean on
+// largest penetration of a burr with its full radii into the surfaces that its proxies are in contact with
 double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double sunk = 0;
@@ -294,8 +295,8 @@ double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, cons
   return sunk;
 }
 
-// by how much it may not fit where something was taken, as the surfaces are read there: less towards what was
-// not, so that nothing jumps
+// Largest lack of clearance of the head where material was removed, as the interpolated surfaces read. It
+// decreases towards uncut material, so that nothing jumps.
 double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr,
                         const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
@@ -311,7 +312,8 @@ double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& b
   return most;
 }
 
-/// What a burr takes that sinks in by so much: its front grows as it does, as in a plane.
+/// Volume removed by a burr that sinks in by a feed: its front area grows with depth as for a ball entering a
+/// plane.
 class Sinking {
  public:
   Sinking(double front_mm2, double radius_mm)
@@ -327,7 +329,7 @@ class Sinking {
   double front_mm2_, grows_mm_;
 };
 
-// puts a layer's proxy elsewhere
+// moves a layer's proxy and updates force and stored energy
 void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
              ProxyResult& result) {
   const Vector<Patient> more_N = (pose.at - layer.position) * (layer.part * force.stiffness_N_per_mm);
@@ -341,9 +343,9 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
   force.stored_mJ = stored_mJ;
 }
 
-// Where a head that has gone from one place to another is put so that it comes no deeper into what is kept
-// than it was: beside it, so that it slides, or where it was. One that lies in it a little, because surfaces
-// are not the same to a hair, comes out slowly.
+// Pose of a head after a displacement, corrected so that it enters no protected structure deeper than before:
+// moved beside the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
+// surfaces can cause, is resolved at regained_mm per tick.
 HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
@@ -378,7 +380,7 @@ int innermost_touched(const ProxyState& proxy) {
 
 ToolSphere Burr::head(double inset_mm) const {
   if (!(length_mm > 0)) return {Vector<Patient>(), radius_mm - inset_mm};
-  // a row of the same places however deep it has sunk in, or it would not fit where it has just been
+  // sample spacing independent of the inset: otherwise the head might not fit where it has just been
   return {Vector<Patient>(), radius_mm - inset_mm, axis * length_mm, end_radius_mm - radius_mm,
           0.5 * thinnest_mm()};
 }
@@ -394,14 +396,13 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   const HeldBurr held(burr, hand);
   state.open_s += options.dt_s;
   if (state.open_s >= kCuttingFeel.longest_sweep_s) state.closed = true;
-  // a proxy that was let go comes anew: what the burr has swept is still to be carved, and no more of it goes
-  // on
+  // After a reset of the proxy, sweeps made so far are still to be carved but are not extended.
   if (!proxy.layer(std::max(state.layer, 0)).coupled) {
     state.sunk_mm = state.pressed_N = state.front_mm2 = 0;
     state.layer = -1;
     state.closed = true;
   }
-  // how far the burr may sink in by what the motor works in this tick, as far as is known before it
+  // Inset allowed by the motor's work in this tick, estimated from the last tick's press force.
   const bool cuts = burr.revolutions_per_s > 0 && !state.full;
   const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
   const Sinking sinking(state.front_mm2, burr.widest_mm());
@@ -413,7 +414,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kCuttingFeel.most_feed_mm),
                               std::max(state.sunk_mm, kCuttingFeel.most_inset_part * burr.thinnest_mm()));
   }
-  // a burr that cuts makes its way; one that does not is to come out where it went in
+  // a burr that does not cut must be able to leave by the path on which it entered
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
   if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
@@ -425,7 +426,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
   }
   const ToolSphere head = burr.head(state.inset_mm);
-  // what the motor cuts sets its pace, and no slip
+  // the motor's work limits the displacement, not the slip rate
   ProxyOptions led = options;
   led.most_slip_N_per_s = std::numeric_limits<double>::infinity();
   if (cuts) led.away = kCuttingFeel.away;
@@ -438,7 +439,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     if (!same) move_to(pose, hand.tip, layer, result.of_layer[n], result);
   }
   state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, held, proxy));
-  // where it has sunk in it is in material, pressed or not
+  // a burr that has sunk in is in material even without a contact
   const int touched = innermost_touched(proxy);
   if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
   const int is_in = state.layer;
@@ -449,8 +450,8 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     state.spare_mJ = 0;
     return result;
   }
-  // a proxy does not follow every thousandth of a millimetre: work that is not used yet is kept, but for what
-  // would carry it farther in one tick than it may go
+  // The proxy does not follow every thousandth of a millimetre: unspent work is stored, up to what moves the
+  // burr by most_feed_mm in one tick.
   if (in_material) {
     const double now_N = std::min(result.force_N.norm(), burr.most_press_N);
     const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
@@ -470,12 +471,12 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
         Ahead(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state).along(way);
     const double cost_mJ = swept.area_mm2 * way.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
-      // through material it comes no farther than the motor has worked for, and than can be remembered
+      // motion through material is limited by the motor's work and by the capacity for sweeps
       double part = std::min(1.0, state.spare_mJ / cost_mJ);
       const HeadPose there = beside_kept(held, from, held.partway(from, to, part));
       state.full = part > 0 && !sweep(held, from, there, state);
       if (state.full) part = 0;
-      // the layers are one burr: none goes ahead of the one that cuts
+      // all layers represent one burr: none may move ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
         ProxyLayer& layered = proxy.layer(static_cast<int>(n));
         if (!layered.coupled || layered.contacts == 0) continue;

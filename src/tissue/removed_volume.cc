@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr int kAlong = 4;  // places along each axis
+constexpr int kAlong = 4;  // sample points along each axis
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
 }  // namespace

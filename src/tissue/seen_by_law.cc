@@ -8,7 +8,7 @@ Model seen_under_law(const Model& model, TissueLaw law) {
   seen.relaxation_times = {};
   if (!is_elastic(law)) return seen;
   for (const Tissue& tissue : seen.tissues)
-    // more times than there is room for no such model has
+    // models never have more relaxation times than the capacity
     if (tissue.elastic && tissue.felt && !seen.relaxation_times.add(tissue.relaxation)) {
       seen.relaxation_times = {};
       break;

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// of a ball on a straight way: from its middle's way to a place, which is given from where the way begins
+// distance of a point from the path of a ball's centre; `from` is relative to the path's start
 double to_way_mm(const Vector<Patient>& way, double squared, const Vector<Patient>& from) {
   const double part = squared > 0 ? std::clamp(from.dot(way) / squared, 0.0, 1.0) : 0.0;
   return (from - way * part).norm();
@@ -32,14 +32,14 @@ SweptShape::SweptShape(const Sweep& sweep)
   slope_ = widens_mm_ / std::sqrt(axis_squared_);
   sine_ = std::abs(slope_) < 1 ? std::sqrt(1 - slope_ * slope_) : 0;
 
-  // a way along the axis, or none, spans no plane with it
+  // a path along the axis, or a zero one, spans no plane with it
   constexpr double kLeastSine = 1e-6;
   const Vector<Patient> across = way_.cross(sweep.axis_mm);
   determinant_ = across.squared_norm();
   if (!(determinant_ > kLeastSine * kLeastSine * way_squared_ * axis_squared_)) return;
   normal_ = across / std::sqrt(determinant_);
   dot_ = way_.dot(sweep.axis_mm);
-  // the radius does not change along the way
+  // the gradient is orthogonal to the path, along which the radius is constant
   const Vector<Patient> off_way = sweep.axis_mm - way_ * (dot_ / way_squared_);
   gradient_ = off_way * (widens_mm_ / off_way.squared_norm());
   const double squared = gradient_.squared_norm();
@@ -54,7 +54,7 @@ double SweptShape::head_depth_mm(const Vector<Patient>& from) const {
     const double height_mm = (from - sweep_.axis_mm * foot).norm();
     part = std::clamp(foot + slope_ * height_mm / (sine_ * std::sqrt(axis_squared_)), 0.0, 1.0);
   } else {
-    // one ball holds the other
+    // one ball contains the other
     part = slope_ > 0 ? 1 : 0;
   }
   return sweep_.radius_mm + widens_mm_ * part - (from - sweep_.axis_mm * part).norm();
@@ -67,7 +67,7 @@ double SweptShape::depth_mm(const Point<Patient>& at) const {
   if (has_inside_) {
     const double height_mm = std::abs(from.dot(normal_));
     const Vector<Patient> best = from + gradient_ * (height_mm / plane_sine_);
-    // its share of way and axis, by Cramer's rule
+    // coordinates along path and axis, by Cramer's rule
     const double by_way = best.dot(way_), by_axis = best.dot(sweep_.axis_mm);
     const double s = by_way * axis_squared_ - by_axis * dot_, t = by_axis * way_squared_ - by_way * dot_;
     if (s >= 0 && s <= determinant_ && t >= 0 && t <= determinant_)

@@ -7,10 +7,10 @@
 
 #include "palpate/tissue/carving.h"
 
-/// Which places and voxels a sweep can concern.
+/// Voxels that a sweep can affect.
 namespace palpate {
 
-/// Where the middles of a sweep's balls are, in voxels: the least and the greatest indices.
+/// Bounding box of the centres of a sweep's balls, in voxel indices.
 struct MiddlesOfSweep {
   Eigen::Array3d least, greatest;
 };
@@ -26,7 +26,7 @@ inline MiddlesOfSweep middles_of(const Sweep& sweep, const Transform<Voxel, Pati
   return middles;
 }
 
-/// Runs at balls of a sweep: their middles and radii, not farther apart than so many mm.
+/// Calls run(centre, radius) for balls that cover a sweep, at most `apart_mm` apart.
 template <class F>
 void for_balls_of(const Sweep& sweep, double apart_mm, const F& run) {
   const Vector<Patient> way = sweep.to - sweep.from;
@@ -42,7 +42,7 @@ void for_balls_of(const Sweep& sweep, double apart_mm, const F& run) {
   }
 }
 
-/// Those whose centres lie within so many mm of the middles of its balls, at least; none outside the grid.
+/// Voxels of the grid whose centres may lie within `within_mm` of the centres of the sweep's balls.
 inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGeometry& grid) {
   const auto [least, greatest] = middles_of(sweep, grid.X_PatientVoxel().inverse());
   VoxelBox box;
@@ -57,7 +57,7 @@ inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGe
   return box;
 }
 
-/// By label, for all that there can be: what is not felt, or kept, is not taken away.
+/// Whether each possible label is cut: it is felt and not protected.
 inline std::vector<bool> labels_that_are_cut(const Model& model) {
   std::vector<bool> is_cut(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   for (std::size_t label = 0; label < is_cut.size(); ++label) {

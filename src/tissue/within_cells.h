@@ -7,12 +7,12 @@
 
 namespace palpate {
 
-/// The cell that a place lies in, in steps of cells, and the part of the way to the next.
+/// Cell that contains a point, and the point's relative position in it, for trilinear interpolation.
 struct WithinCells {
   int low[3];
   double part[3];
 
-  /// @param last  of nodes, or of cells by their middles
+  /// @param last  index of the last node, or of the last cell if values are at cell centres
   WithinCells(const Eigen::Vector3d& at, const std::array<int, 3>& last) {
     for (int axis = 0; axis < 3; ++axis) {
       const double within = std::clamp(at[axis], 0.0, static_cast<double>(last[axis]));
@@ -20,7 +20,7 @@ struct WithinCells {
       part[axis] = within - low[axis];
     }
   }
-  /// Calls visit(i, j, k, weight) for those of the eight corners that count.
+  /// Calls visit(i, j, k, weight) for the corners with a weight above 0.
   template <class Visit>
   void corners(Visit&& visit) const {
     for (int c = 0; c < 8; ++c) {

@@ -9,24 +9,23 @@
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/yield_solver.h"
 
-/// The cells around a tool on which soft tissue is solved.
+/// Placement of the boxes of cells around tools on which soft tissue is solved.
 namespace palpate {
 
-/// No patch has a radius of more than this part of the box.
+/// Upper limit of a patch's radius, as a fraction of the box's width.
 inline constexpr double kMostPatchPart = 0.25;
 
-/// Where the middle of a box belongs for a tool that presses at a place of the surface: so deep below it that
-/// most of the box is tissue. In cells of the lattice over the whole volume, on which every box lies wherever
-/// it goes.
-/// @param outward  unit, of the surface there
+/// Middle of the box for a tool that presses on a surface point: far enough below the surface that most of
+/// the box is tissue. In cells of the lattice over the whole volume, with which every box is aligned.
+/// @param outward  unit normal of the surface there
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
-/// The first cell of a box with that middle, and whether a box still reaches around one.
+/// First cell of the box with that middle, and whether an existing box still covers a middle.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
-/// YieldSolver::displacing_N of tissue that relaxes.
-/// @param tissue  where the tool leans
+/// YieldSolver::displacing_N for relaxing tissue.
+/// @param tissue  tissue at the contact
 double displacing_at_once_N(const DeviceTick& felt, const YieldingTissue& tissue, double radius_mm);
-/// The cells of a box, with tissue beyond its faces as a load at YieldBox::about finds it.
+/// Cells of a box, with springs on its faces for a load at YieldBox::about.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& box);
 

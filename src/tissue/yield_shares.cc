@@ -6,8 +6,8 @@
 namespace palpate {
 namespace {
 
-/// The energy of cells along a row, twice and over their volume, from the displacements of their nodes: of
-/// the strain in the middle and of the modes that the middle does not see (docs/concepts/tissue.md).
+/// Strain energy of cells along a row, times two and per volume, from their nodal displacements: of the
+/// strain at the centre and of the hourglass modes (docs/concepts/tissue.md).
 class RowEnergy {
  public:
   RowEnergy(const ElasticGrid& grid, const ElasticValues& u, int j, int k)
@@ -44,7 +44,7 @@ class RowEnergy {
         const double e = 0.5 * (slope[a][b] + slope[b][a]);
         squares += e * e;
       }
-    // mu h / 64 for each of these modes; 1 / (4 h) is per_cell_
+    // mu h / 64 for each hourglass mode; 1 / (4 h) is per_cell_
     return 2 * mu * squares + lambda * trace * trace + mu * unseen * per_cell_ * per_cell_ * 0.25;
   }
 
@@ -55,7 +55,7 @@ class RowEnergy {
   const float* row_[4][3];
 };
 
-// of the voxel there; -1: none that yields
+// index of the deformable tissue of the voxel at a point; -1: none
 int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Point<Voxel>& at) {
   std::array<int, 3> voxel;
   for (int axis = 0; axis < 3; ++axis)

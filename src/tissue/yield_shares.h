@@ -9,30 +9,31 @@
 
 namespace palpate {
 
-/// Which of the tissues in a box of cells give way under a tool, and so how what it feels relaxes.
+/// Relaxing fractions of the tissues in a box of cells, weighted by their contribution to the compliance
+/// under a tool.
 class YieldShares {
  public:
-  /// A cell counts to the tissue in its middle, or to one beside that where it is none that yields.
-  /// @param model  with a tissue that relaxes
+  /// Assigns each cell to the tissue at its centre or, if that is not deformable, at one of its corners.
+  /// @param model  with at least one relaxing tissue
   YieldShares(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid);
 
-  /// What relaxes of a load's own way: of each tissue the parts of its series, by the part of the energy that
-  /// is stored in it. By just that part the compliance changes with the tissue's modulus, dW / W = - sum of
-  /// share x dE / E, as W = f K^-1 f says.
-  /// @param displaced_mm  under the load, of the grid's nodes
+  /// Relaxation of the tissue under a load: each tissue's series weighted by its share of the stored energy.
+  /// This is the sensitivity of the compliance to the tissue's modulus, dW / W = - sum of share x dE / E,
+  /// which follows from W = f K^-1 f.
+  /// @param displaced_mm  displacements of the grid's nodes under the load
   RelaxedParts relaxed(const ElasticGrid& grid, const ElasticField& displaced_mm) const;
 
-  /// Whether the model's tissues relax as they did.
+  /// Whether the model's tissues have the same relaxation as at construction.
   bool is_of(const Model& model) const;
 
  private:
-  static constexpr std::uint8_t kNone = 0;  // of kinds: what does not relax
+  static constexpr std::uint8_t kNone = 0;  // index into kinds_: no relaxation
 
   std::vector<Relaxation> by_tissue_;
-  std::vector<RelaxedParts> kinds_;  // the first relaxes by nothing
-  std::vector<std::uint8_t> kind_;   // of the layout's cells
-  bool alike_ = true;                // all that yields is of one kind
-  std::uint8_t first_ = kNone;       // that one
+  std::vector<RelaxedParts> kinds_;  // distinct relaxations; the first is none
+  std::vector<std::uint8_t> kind_;   // index into kinds_ by cell of the layout
+  bool alike_ = true;                // all deformable cells have the same kind
+  std::uint8_t first_ = kNone;       // the first such cell's kind
 };
 
 }  // namespace palpate

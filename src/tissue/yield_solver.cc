@@ -24,13 +24,13 @@ Tagged tagged(const std::array<double, 3>& v) {
   return {v[0], v[1], v[2]};
 }
 
-// a place on the outermost surfaces
+// point on the outermost surfaces
 struct OnSurface {
   Point<Patient> at;
   Vector<Patient> outward;
 };
 
-// the nearest to a point within reach
+// nearest point of the outermost surfaces within reach_mm
 std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& near) {
   constexpr int kSteps = 3;
   OnSurface found{near, {}};
@@ -53,7 +53,7 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
   return found;
 }
 
-// where a tool will press when the solution is felt
+// contact point at the time when the solution will be used
 std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& felt) {
   const auto tip = tagged<Point<Patient>>(felt.tip_patient_mm);
   Vector<Patient> way =
@@ -71,7 +71,7 @@ bool presses(const DeviceTick& felt) {
   return felt.contact_label[0] != 0 && felt.depth_mm > 0;
 }
 
-// how deep it will be then; not above 0: in the air
+// depth at that time; not above 0: no contact
 double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, double radius_mm) {
   const Vector<Patient> above = tagged<Point<Patient>>(felt.tip_patient_mm) - contact.at;
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
@@ -80,7 +80,7 @@ double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, doubl
   return now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
 }
 
-// the radius of its contact: by Hertz from the depth, and where it presses now from the force as well
+// Contact radius at a depth: Hertz's, and while in contact no more than the force implies.
 // @param force_N  YieldSolver::displacing_N
 double radius_at_depth_mm(const DeviceTick& felt, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
@@ -114,23 +114,23 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
   return YieldBox{first_cell_around(model, middle), contact->at};
 }
 
-/// The neo-Hookean body around a device's tool.
+/// Neo-Hookean body around a device's tool.
 ///
-/// The surface under the patch is held where the linear body has it under a force s on the patch
-/// (PressurePatch::columns), and all else finds its place; so nothing pinches, and where strains are small it
-/// is the linear body, u = s u1. With E(s) its energy the force is that against which the patch is pushed,
-/// F = E'(s) / W, at a depth of s W. E'(s) = u1 . f(u) over all nodes: where they are not yet in balance, u1
-/// . K makes no error of the first order of it. Along the surface E changes by s (dJ) y, K y = f(u): as J
-/// does, of which u1 is made.
+/// The surface under the patch is constrained to the displacement of the linear body under a force s on the
+/// patch (PressurePatch::columns), and all other nodes equilibrate, so that nothing is pinched; for small
+/// strains the solution is the linear one, u = s u1. With E(s) its energy, the patch is pushed with the force
+/// F = E'(s) / W at a depth of s W. E'(s) = u1 . f(u) over all nodes; where they are not in equilibrium yet,
+/// the error of u1 . K u is of second order. Along the surface E changes by s (dJ) y with K y = f(u), in the
+/// same way as J, from which u1 follows.
 struct YieldSolver::Finite {
-  ElasticField correction_mm;  ///< u - s u1, whose means under the patch are 0
-  ElasticField turning_mm;     ///< y - F u1
-  ElasticField u_mm, force_N;  ///< scratch
+  ElasticField correction_mm;  ///< U - s u1; its means under the patch are 0
+  ElasticField turning_mm;     ///< Y - F u1
+  ElasticField u_mm, force_N;  ///< Scratch
   double give_mm = 0;          ///< s W of the last frame; 0: none
   double most_give = kSolvingFeel.most_give;
-  double depth_mm = 0;   ///< of the tool in the last frame; 0: none
-  double failed_mm = 0;  ///< of a tool at rest, for which more than most_give had no solution; 0: none
-  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< as told of it
+  double depth_mm = 0;   ///< Depth of the tool in the last frame; 0: none
+  double failed_mm = 0;  ///< Depth of a resting tool at which more than most_give had no solution; 0: none
+  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Values last published
 
   explicit Finite(const ElasticLayout& layout)
       : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
@@ -141,20 +141,20 @@ struct YieldSolver::Finite {
   }
 };
 
-/// A box of cells around a device's tool.
+/// Box of cells around a device's tool, with its solver.
 struct YieldSolver::Region {
-  std::vector<ElasticMaterial> by_label;  ///< that it is made of
+  std::vector<ElasticMaterial> by_label;  ///< Materials that the cells were made with
   YieldBox box;
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  std::optional<YieldShares> shares;  ///< where something relaxes
-  double modulus = 0;                 ///< under the patch, of the last frame
-  double radius_mm = 0;               ///< of the tool
-  bool is_new = true;                 ///< nothing was solved in it yet
-  std::unique_ptr<Finite> finite;     ///< of the neo-Hookean law
+  std::optional<YieldShares> shares;  ///< If any tissue relaxes
+  double modulus = 0;                 ///< Contact modulus under the patch in the last frame
+  double radius_mm = 0;               ///< Of the tool
+  bool is_new = true;                 ///< Nothing has been solved in it yet
+  std::unique_ptr<Finite> finite;     ///< For the neo-Hookean law
 
-  /// @param before  the box that it takes the place of; may be null
+  /// @param before  box that it replaces; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
          const Region* before)
       : by_label(std::move(materials)),
@@ -173,27 +173,27 @@ struct YieldSolver::Region {
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
-  // whatever is gone of these labels
+  // same labels before removal, and same materials
   bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
   }
-  // likewise, and what relaxes does it as it did
+  // the same, and the same law and relaxation
   bool is_of(const Model& model, const CarvedLabels& labels,
              const std::vector<ElasticMaterial>& materials) const {
     return is_of(labels, materials) && (finite != nullptr) == (model.tissue_law == TissueLaw::kNeoHookean) &&
            shares.has_value() == model.relaxation_times.any() && (!shares || shares->is_of(model));
   }
-  // with just that gone of them
+  // same removal, with all cells at their target
   bool stands_at(const CarvedLabels& labels) const {
     return labels.taken == cells.labels().taken && cells.on_their_way().empty();
   }
 
-  // from one of its cells to the same one of another box
+  // offset from one of its cells' index to that of the same cell in another box
   std::array<int, 3> way_from(const Region& other) const {
     const auto &here = box.first_cell, &there = other.box.first_cell;
     return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
-  // what both know is kept as it was
+  // copies the solution where both boxes overlap
   void take_over(const Region& before) {
     if (before.grid().layout().cells != grid().layout().cells) return;
     take_over(before, before.unit_mm, unit_mm);
@@ -219,7 +219,7 @@ struct YieldSolver::Region {
         }
     solver.put_at_rest(to);
   }
-  // what was taken away since the last frame, or put back
+  // follows material that was removed or restored since the last frame
   void follow(const CarvedLabels& labels) {
     if (cells.follow(labels, solver).empty()) return;
     solver.put_at_rest(unit_mm);
@@ -228,7 +228,7 @@ struct YieldSolver::Region {
     solver.put_at_rest(finite->turning_mm);
   }
 
-  /// The neo-Hookean body, pressed as deep as the tool will be: what that adds to the spot of the linear one.
+  /// Solves the neo-Hookean body at the tool's expected depth and adds its parameters to the linear spot.
   void solve_finite(const PressurePatch& patch, double depth_mm, bool anew, YieldSpot& spot);
 };
 
@@ -253,7 +253,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   const double give_mm = std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
   const double s = give_mm / w;
 
-  // from what was found before, which grows with the square of the depth
+  // initial guess from the previous correction, which grows with the square of the depth
   const double grown = f.give_mm > 0 ? std::min(give_mm / f.give_mm, kFarthest) : 0;
   const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
   for (float& value : f.turning_mm.values) value *= by;
@@ -262,7 +262,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
 
-  // load_N is that of the linear one, 1 N; where nothing is held it presses as it does there
+  // load_N is the linear load of 1 N; it acts on nodes of the patch that are not constrained
   for (float& value : load_N.values) value *= force_by;
   FiniteSettings settings;
   settings.most_steps = kSolvingFeel.finite_steps;
@@ -276,14 +276,14 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
       !(std::abs(stiffer) <= kYieldFeel.most_stiffening) || !(force_N > 0)) {
     const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
     if (at_rest && f.finite_N > 0) {
-      // what was found is felt on, and nothing deeper is tried until the tool moves: else the force of a hand
-      // at rest would go to and fro with every try
+      // The previous result stays in effect, and no greater depth is attempted until the tool moves:
+      // otherwise the force on a resting hand would oscillate with every attempt.
       spot.finite_N = f.finite_N;
       spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
       f.give_mm = give_mm;
       f.failed_mm = depth_mm;
     } else {
-      // the linear one is what is known; less deep next time, from there
+      // falls back to the linear law; the next attempt is shallower and starts from it
       f.forget();
     }
     f.most_give = less;
@@ -294,7 +294,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   f.give_mm = give_mm;
   if (f.failed_mm == 0) f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
 
-  // what the forces are beyond those of the linear body
+  // forces in excess of the linear body's
   patch.add(-force_N, f.force_N);
   solver.solve(f.force_N, f.turning_mm, anew ? kSolvingFeel.first_iterations : kSolvingFeel.aside_iterations,
                kTolerance);
@@ -315,7 +315,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     const DeviceTick& device = felt.device[d];
-    // by what the frame before says
+    // based on the previous frame
     const double force_N = displacing_N(d, device);
     YieldSpot& spot = frame_.spot[d];
     spot = {};
@@ -353,7 +353,7 @@ const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt)
                          anew ? kSolvingFeel.first_iterations : kSolvingFeel.iterations, kTolerance);
     spot.at = contact->at;
     spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
-    // the patch pushes and is pushed: W is quadratic in it
+    // the patch both applies the load and measures the displacement, so W is quadratic in it
     spot.slope_per_N = patch.change(region->unit_mm) * 2;
     spot.modulus_N_per_mm2 = region->modulus;
     spot.patch_radius_mm = rho_mm;

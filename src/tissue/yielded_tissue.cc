@@ -15,11 +15,11 @@
 namespace palpate {
 namespace {
 
-// a stiff nodule takes longest (docs/decisions/0034)
+// a stiff nodule converges slowest (docs/decisions/0034)
 constexpr int kMostIterations = 60;
 constexpr double kConverged = 1e-4;
 
-/// Of all nodes, along the box's axes.
+/// Displacements of all nodes, along the box's axes.
 std::vector<Eigen::Vector3f> moved_by(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N) {
   const ElasticBox& box = grid.box();
   std::vector<Eigen::Vector3f> moved_mm(MovedNodes::node(box, 0, 0, box.cells[2] + 1));
@@ -51,7 +51,7 @@ YieldedTissue::YieldedTissue(const Model& model, const TickRecord& felt) {
 }
 
 void YieldedTissue::move(const Model& model, const TickRecord& felt) {
-  constexpr int kPasses = 64;  // as a second of frames
+  constexpr int kPasses = 64;  // one second of frames
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     Dent dent;
@@ -69,7 +69,7 @@ void YieldedTissue::solve(const Model& model, const TickRecord& felt) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     Dent press;
-    const double pressed_N = felt.device[d].contact_N[0];  // its tissue's patch alone
+    const double pressed_N = felt.device[d].contact_N[0];  // contact with the deformable tissue only
     if (!find_dent(model, felt, d, press) || !(pressed_N > 0 && std::isfinite(pressed_N))) continue;
     const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
@@ -108,7 +108,7 @@ double YieldedTissue::strain(const Point<Patient>& at_rest) const {
   for (const Part& part : parts_) known = part.add_slope(at_rest, slope) || known;
   if (!known) return std::numeric_limits<double>::quiet_NaN();
   const Eigen::Matrix3d gradient = Eigen::Matrix3d::Identity() + slope;
-  // turned inside out is more than anything
+  // an inverted cell counts as infinite strain
   if (!(gradient.determinant() > 0)) return std::numeric_limits<double>::infinity();
   const Eigen::Matrix3d back = gradient.inverse();
   Eigen::Matrix3d e = 0.5 * (Eigen::Matrix3d::Identity() - back.transpose() * back);
@@ -121,7 +121,7 @@ YieldedTissue::Part::Part(const ElasticGrid& grid, const ElasticField& unit_mm, 
   find_slopes(grid);
 }
 
-// As the solver's cells have it: from the differences of their corners (tissue.md, "What is solved").
+// Displacement gradient at cell centres, as in the solver (docs/concepts/tissue.md, "What is solved").
 void YieldedTissue::Part::find_slopes(const ElasticGrid& grid) {
   const ElasticBox& box = moved_.box();
   const auto& cells = box.cells;

@@ -11,41 +11,43 @@
 
 namespace palpate {
 
-/// What each label of a model is made of: what is felt and has a modulus yields, what has none is rigid.
+/// Material of each label of a model: soft if its tissue is felt and has a modulus, rigid if it is felt and
+/// has none, else empty.
 std::vector<ElasticMaterial> materials_of(const Model& model);
 
-/// Labels of which something may be gone.
+/// Label volume together with what has been removed from it.
 struct CarvedLabels {
-  std::shared_ptr<const Bricks<LabelId>> made;  ///< as they were
-  /// Carving::taken; null: nothing is gone.
+  std::shared_ptr<const Bricks<LabelId>> made;  // labels before removal
+  /// Carving::taken; null: nothing removed.
   std::shared_ptr<const Bricks<std::uint8_t>> taken;
 };
 CarvedLabels carved_labels(const Model& model);
 
-/// The voxels of a box at which two versions differ, as a box; null is 0 everywhere. The work goes with the
-/// bricks that they do not share.
+/// Bounding box of the voxels inside `within` at which two versions differ; null stands for 0 everywhere. The
+/// cost is proportional to the number of bricks that the versions do not share.
 VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::uint8_t>* now,
                         const VoxelBox& within);
 
-/// Cells that follow what is taken away from the labels that they are made of, and what is put back. What has
-/// changed is sampled again, in place; a cell's fill changes by no more than kSolvingFeel.most_fill_change at
-/// a time, so that a solver with a few iterations goes along.
+/// Cells of a box that follow changes of the labels they cover, in place. Changed cells are sampled again. A
+/// cell's fill changes by at most kSolvingFeel.most_fill_change per step, so that a solver with few
+/// iterations per frame stays converged.
 class CarvedCells {
  public:
-  /// With springs on all faces.
+  /// Samples the cells, with springs on all faces of the box.
   CarvedCells(CarvedLabels labels, const std::vector<ElasticMaterial>& by_label, const ElasticBox& box,
               const Point<Patient>& about);
 
   const ElasticGrid& grid() const { return grid_; }
-  /// That they follow, as of the last step.
+  /// Labels that the cells represent, as of the last step.
   const CarvedLabels& labels() const { return labels_; }
 
-  /// One step. @returns the cells that may be others now
+  /// Advances the cells by one step towards `labels` and updates `solver`.
+  /// @returns cells that may have changed
   CellBox follow(const CarvedLabels& labels, ElasticSolver& solver);
-  /// Cells that have a way to go yet.
+  /// Cells that have not reached their target fill yet.
   const CellBox& on_their_way() const { return on_their_way_; }
-  /// Where cells of others that are on their way are these cells too, these stand where those do.
-  /// @param offset  from the number of one of these cells to that of the other
+  /// Copies the state of cells that are still changing in `other` to the same cells here.
+  /// @param offset  added to a cell's index here gives its index in `other`
   void take_over(const CarvedCells& other, const std::array<int, 3>& offset);
 
  private:

@@ -12,130 +12,130 @@
 #include "palpate/tissue/stroke_history.h"
 #include "palpate/tissue/sweep.h"
 
-/// Tissue that is taken away by a tool. A surface is carved as it was prepared and never smoothed anew: what
-/// the tool's head swept is subtracted from it, and distances around follow.
+/// Material removal. A surface is carved from its prepared form without smoothing it again: the volume that
+/// the tool's head swept is subtracted, and distances nearby are updated.
 namespace palpate {
 
-/// A surface with all that was ever taken from it. A version is a value: with() makes the next one, which
-/// shares everything that did not change; undoing is going back to one that was kept.
+/// A surface with all material ever removed from it. Instances are immutable values: with() returns the next
+/// version, which shares all unchanged data. To undo, return to an earlier version.
 ///
-/// With S the signed distance as prepared and C the depth within the union of all sweeps (SweptShape; for
-/// many the greatest), at every voxel of the position's grid:
+/// With S the prepared signed distance and C the depth within the union of all sweeps (the greatest
+/// SweptShape depth), the value at every voxel of the position's grid is:
 ///
-///     inside and beside the surface   max(S, C)
-///     free, and free when prepared    S, and by how much the nearest material is farther away now
-///     free, and cut                   the distance to what is left
+///    inside and adjacent to the surface   max(S, C)
+///    free, and free when prepared         S plus the increase of the distance to the nearest material
+///    free, and cut                        the distance to the remaining material
 ///
-/// Where structures are kept, with K the least of their signed distances as prepared, it is min(C, K) in
-/// place of C: what lies in them stays.
+/// With protected structures, of which nothing is removed, C is replaced by min(C, K), where K is the least
+/// of their prepared signed distances.
 ///
-/// Every voxel follows from S and C near it alone, so that it is the same bit for bit however many versions
-/// led to it and in whatever order. The cells through which the surface passes hold max(S, C) at all corners:
-/// it lies where the sweeps end, to what trilinear interpolation keeps, and is not rounded.
+/// Every voxel depends only on S and C in its neighbourhood, so the result is the same bit for bit for any
+/// number and order of versions. Cells through which the surface passes hold max(S, C) at all corners: the
+/// surface lies where the sweeps end, up to trilinear interpolation, and is not rounded.
 ///
-/// The distance to what is left: the least, over voxels y in the cells through which the surface passes and
-/// a little deeper, of the way to y and y's own distance, which is negative inside. Exact where one of them
-/// lies on the line through the nearest place. (Additively weighted distance transform; the distances make it
-/// finer than a voxel.) Before an edge that two sweeps leave it is a little short, so that no slope is much
-/// steeper than a distance's.
+/// The distance to the remaining material is the least, over voxels y in the cells through which the surface
+/// passes and slightly deeper, of |p - y| plus the (negative) distance at y: an additively weighted distance
+/// transform, which the weights make more accurate than a voxel. It is exact if such a voxel lies on the line
+/// through the nearest point. In front of an edge between two sweeps it is slightly too small, so that no
+/// slope is much steeper than that of a distance.
 ///
-/// The normal is the prepared one where nothing is taken away, and the new position's where something is.
+/// The normal is the prepared one where nothing was removed, and that of the new position elsewhere.
 class CarvedSurface {
  public:
-  /// @param made  as prepared; its grid's axes perpendicular
-  /// @param kept  surfaces of structures of which nothing is taken away
+  /// @param made  prepared surface; the axes of its grid must be perpendicular
+  /// @param kept  surfaces of protected structures
   explicit CarvedSurface(std::shared_ptr<const Surface> made,
                          std::vector<std::shared_ptr<const Surface>> kept = {});
 
-  /// After more sweeps. The work goes with the box around all of them.
+  /// Version after more sweeps. The cost is proportional to the volume of their bounding box.
   CarvedSurface with(std::span<const Sweep> sweeps) const;
 
-  /// As it is now. The very surface that was prepared while nothing is taken from it.
+  /// Current surface. Identical to made() while nothing has been removed.
   const std::shared_ptr<const Surface>& surface() const { return now_; }
-  /// As it was prepared.
+  /// Prepared surface.
   const std::shared_ptr<const Surface>& made() const { return made_; }
-  /// By so much a head does not fit at most where it has just been, as the surface is read between voxels:
-  /// the axis of a hole lies on a ridge of the distance, which trilinear interpolation cuts off.
+  /// Largest amount by which a head exceeds the clearance at a position it has just cut, in the interpolated
+  /// surface: the axis of a hole lies on a ridge of the distance, which trilinear interpolation flattens.
   double short_mm() const { return short_mm_; }
 
  private:
   std::shared_ptr<const Surface> made_, now_;
   std::vector<std::shared_ptr<const Surface>> kept_;
-  Bricks<std::int16_t> cut_;  ///< C, in steps of the position
-  /// Of every brick of the position that is not the prepared one: its greatest slope. 0: it is that.
+  Bricks<std::int16_t> cut_;  ///< C, in units of the position's steps
+  /// Greatest slope of each brick of the position that differs from the prepared one; 0: unchanged.
   std::vector<double> steepest_;
   double short_mm_ = 0;
 };
 
-/// A sweep of one device's burr.
+/// Sweep of one device's burr.
 struct Cut {
-  std::uint32_t device = 0;  ///< below kMaxDevices
+  std::uint32_t device = 0;  ///< Below kMaxDevices
   Sweep sweep;
 };
 
 Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
-/// All that is taken from a model's surfaces and labels. A version is a value, as that of a surface. It holds
-/// what the last kMostUndone strokes led from and to, which shares everything that did not change.
+/// All material removed from a model's surfaces and labels. Instances are immutable values, like
+/// CarvedSurface. Contains the states before and after the last kMostUndone strokes, which share all
+/// unchanged data.
 class Carving {
  public:
-  /// Nothing taken yet.
+  /// Nothing removed yet.
   explicit Carving(const Model& model);
-  /// After more cuts; takes milliseconds where a burr was at work for some. Of the labels, those that are
-  /// felt and not kept are gone where their voxels' centres were swept.
+  /// Version after more cuts; takes milliseconds for some milliseconds of cutting. Voxels of felt,
+  /// unprotected labels are cleared if their centre was swept.
   std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
 
-  /// Without the last stroke; null where none can be undone. Bit for bit as it was before that stroke, but
-  /// for sweeps(), which never goes down.
+  /// Version without the last stroke; null if none can be undone. Bit for bit the state before that stroke,
+  /// except sweeps(), which never decreases.
   std::shared_ptr<const Carving> undone() const;
-  /// With the stroke that was undone last, likewise; null where there is none.
+  /// Version with the last undone stroke restored; null if there is none.
   std::shared_ptr<const Carving> redone() const;
   std::size_t strokes_to_undo() const { return strokes_.done().size(); }
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
-  /// The model's labels before anything was taken.
+  /// Labels before any removal.
   const std::shared_ptr<const Bricks<LabelId>>& made_labels() const { return made_labels_; }
-  /// Of every voxel of what is cut: what part of it is gone, of 255, finer than labels say it, so that soft
-  /// tissue gives way little by little (YieldSolver). The greatest of all sweeps', so the same whatever their
-  /// order. null while nothing is gone, and of models whose tissue does not yield.
+  /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness
+  /// gradually (YieldSolver). The maximum over all sweeps, so independent of their order. null while nothing
+  /// is removed, and for models without deformable tissue.
   const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
-  /// Whether taken() is known: the tissue moved when the carving was begun.
+  /// Whether taken() is recorded: the tissue was deformable (TissueLaw) when the carving began.
   bool tells_parts() const { return tells_parts_; }
 
-  /// How many sweeps of a device's burr it has taken, counted from the start; those that were undone too.
+  /// Number of sweeps of a device's burr that have been applied since the start, including undone ones.
   std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
-  /// Model::content_hash with this taken from it. @param uncut  Model::uncut_hash, which it is where nothing
-  /// is
+  /// Model::content_hash after this removal.
+  /// @param uncut  Model::uncut_hash, which is returned if nothing was removed
   std::uint64_t content_hash(std::uint64_t uncut) const;
-  /// The next version of a model that has other parts taken from it, or nothing: a local edit.
-  /// @param felt  the model that the carving was begun with, or one that followed from it
+  /// Next version of a model, with this carving's removal in place of the model's own: a local edit.
+  /// @param felt  the model with which the carving began, or a later version of it
   std::shared_ptr<const Model> taken_from(const Model& felt) const;
 
  private:
-  // what is left
+  // remaining material
   struct Left {
-    std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing is taken from it
+    std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing removed from it
     std::shared_ptr<const Bricks<LabelId>> labels;
     std::shared_ptr<const Bricks<std::uint8_t>> taken;
-    std::uint64_t hash = 0;  // of all cuts that led to it, in their order; 0: of none
+    std::uint64_t hash = 0;  // of all cuts applied, in order; 0: none
   };
   struct Stroke {
-    std::shared_ptr<const Left> before, after;  // after: once it was undone
+    std::shared_ptr<const Left> before, after;  // after: set by the first undo
   };
   void take(std::span<const Cut> cuts);
   void take_parts(const Sweep& sweep);
 
-  // by surface; null: it is met by common ones, or nothing is taken from it. Then those that distances are
-  // measured to and nobody leans on.
+  // Prepared surfaces: those of the model by index, then those that distances are measured to but that have
+  // no contact. null: part of a common surface, or protected.
   std::vector<std::shared_ptr<const Surface>> made_;
-  std::size_t felt_ = 0;  // how many of them are surfaces of the model
-  std::vector<int>
-      made_of_tracked_;  // by structure of Model::distances, its place in made_; -1: it is not cut
+  std::size_t felt_ = 0;              // number of made_ that are surfaces of the model
+  std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> made_labels_;
   std::vector<bool> is_cut_;  // by label
   bool tells_parts_ = false;
-  std::vector<std::shared_ptr<const Surface>> kept_;  // of structures of which nothing is taken
+  std::vector<std::shared_ptr<const Surface>> kept_;  // of protected structures
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;
   StrokeHistory<Stroke> strokes_;

@@ -10,51 +10,53 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/tissue/elastic_grid.h"
 
-/// Tissue that moves as a chain mail does, for what it looks like. It knows no forces: those are the layers'.
+/// Deformation of tissue by 3D ChainMail, for display only. It computes no forces; those are the force
+/// layers'.
 namespace palpate {
 
-/// Where a tool leans on a surface, and its dent in that at rest.
+/// Contact of a tool with a surface, and the dent that it makes.
 struct Dent {
-  Point<Patient> at;        ///< place on the surface
-  Vector<Patient> outward;  ///< of the surface there, unit
-  double depth_mm = 0;      ///< of the tool's foremost point below it; not above 0: it moves nothing
-  double radius_mm = 0;     ///< of the tool's sphere
+  Point<Patient> at;        ///< Contact point on the surface
+  Vector<Patient> outward;  ///< Unit outward normal of the surface there
+  double depth_mm = 0;      ///< Depth of the tool's deepest point below it; 0 or less: no dent
+  double radius_mm = 0;     ///< Radius of the tool's sphere
 };
-/// Of a device's tool in what moves (Model::moves), as a tick tells it; false where it leans on nothing of
-/// that.
+/// Dent of a device's tool in deformable tissue (Model::moves), from a tick. Returns false without such a
+/// contact.
 bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, Dent& dent);
 
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
-/// Interactive 3D Graphics 1997). Nodes of cells are links: of two neighbours along an axis
+/// Interactive 3D Graphics 1997). The nodes of cells are links. Two neighbours along an axis satisfy
 ///
-///     kLeast <= way along the axis <= kMost,     |way along the others| <= kShear       (edges of a cell)
+///     kLeast <= spacing along the axis <= kMost,     |offset along the others| <= kShear     (in cell edges)
 ///
-/// A node that the tool moves pulls its neighbours as little as puts that right, these theirs, first in,
-/// first out, each at most once; then the tool moves the next one, the deepest first. Then each node goes to
-/// where its neighbours would have it (the mean of their displacements), as far as all of these bounds let
-/// it: the published relaxation, by which tissue spreads what moved it and comes back when it is let go.
+/// The tool moves its nodes, the deepest first. Each moved node pulls its neighbours by the least
+/// displacement that restores the bounds, these pull theirs, first in, first out, each at most once per move.
+/// Then every node moves to the mean displacement of its neighbours, as far as the bounds allow: the
+/// published relaxation, which spreads a deformation and restores the rest state after release.
 ///
-/// Nodes that the grid holds (bone) and those of the box's faces stay, and bounds that lead from them to what
-/// the tool moves break where there is no room. All soft tissue is alike to it, however stiff. The same bits
-/// everywhere; for one thread.
+/// Nodes fixed by the grid (bone) and on the box's faces do not move; bounds between them and the tool are
+/// violated if there is not enough space. All soft tissue behaves alike, regardless of stiffness.
+/// Bit-identical on all machines; not thread-safe.
 class ChainMail {
  public:
   static constexpr double kLeast = 0.5, kMost = 1.5, kShear = 0.5;
 
-  /// At rest.
+  /// Starts at rest.
   explicit ChainMail(const ElasticGrid& grid);
 
-  /// The tool makes a dent: nodes beside the surface go below the tool, the others follow. The nodes that the
-  /// tool moved are held until the next dent.
+  /// Makes a dent: nodes near the surface move below the tool, the others follow. The nodes that the tool
+  /// moved stay constrained until the next dent.
   void press(const Dent& dent);
+  /// Releases the nodes constrained by the tool.
   void let_go();
-  /// So many times over all nodes.
+  /// Relaxes all nodes `passes` times.
   void relax(int passes);
-  /// Where another mail's nodes are these nodes too, they are moved as there.
-  /// @param offset  from the number of one of these nodes to that of the other
+  /// Copies the displacements of nodes shared with another instance.
+  /// @param offset  added to a node's index here gives its index in `other`
   void take_over(const ChainMail& other, const std::array<int, 3>& offset);
 
-  /// Displacements of all nodes, along the box's axes.
+  /// Displacements of all nodes along the box's axes, mm.
   const ElasticField& moved_mm() const { return moved_mm_; }
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
@@ -63,7 +65,7 @@ class ChainMail {
  private:
   struct Bounds;
   struct Link {
-    std::int16_t i, j, k, by;  ///< by: the neighbour that pulls, 0 ... 5
+    std::int16_t i, j, k, by;  ///< Node, and the neighbour that pulls it, 0 ... 5
   };
   enum State : std::uint8_t { kFree, kFixed, kByTool, kNone };
 
@@ -75,21 +77,22 @@ class ChainMail {
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticField moved_mm_;
-  std::vector<State> state_;         ///< by node
-  std::vector<std::uint32_t> seen_;  ///< by node: in which move it was pulled last
+  std::vector<State> state_;         ///< By node
+  std::vector<std::uint32_t> seen_;  ///< By node: number of the last move that pulled it
   std::uint32_t move_ = 0;
   std::vector<Link> queue_;
 };
 
-/// A chain mail around each device's tool, which follows it.
+/// A ChainMail box around each device's tool, which follows the tool.
 class ChainMailTissue {
  public:
   ChainMailTissue();
   ~ChainMailTissue();
 
-  /// A frame after a tick. @param model  with labels, tissues and surfaces
+  /// Advances by one frame after a tick.
+  /// @param model  with labels, tissues and surfaces
   void advance(const Model& model, const TickRecord& felt);
-  /// The mail around a device's tool; null: all is at rest.
+  /// Deformation around a device's tool; null: everything is at rest.
   const ChainMail* of(std::size_t device) const;
 
  private:

@@ -13,45 +13,47 @@
 #include "palpate/haptics/elastic_constants.h"
 #include "palpate/volume/bricks.h"
 
-/// Soft tissue as cubes that yield: what they are made of, what holds them. docs/concepts/tissue.md has the
-/// equations.
+/// Soft tissue as cubic cells: their material and the constraints of their nodes. docs/concepts/tissue.md has
+/// the equations.
 namespace palpate {
 
+/// Kind of material.
 enum class Matter : std::uint8_t {
-  kNone,   ///< air, or whatever gives no resistance
-  kSoft,   ///< yields
-  kRigid,  ///< bone: what is soft holds fast to it
+  kNone,   ///< Air, or anything without resistance
+  kSoft,   ///< Deformable
+  kRigid,  ///< Bone; soft tissue is bonded to it
 };
 
-/// What a place is made of.
+/// Material at a point.
 struct ElasticMaterial {
   Matter matter = Matter::kNone;
-  double youngs_modulus_kPa = 0;  ///< of what is soft, in kElasticModulusRange
-  double poissons_ratio = 0.45;   ///< 0 ... kMostPoissonsRatio
+  double youngs_modulus_kPa = 0;  ///< Of soft material, in kElasticModulusRange
+  double poissons_ratio = 0.45;   ///< Of soft material, 0 ... kMostPoissonsRatio
   bool operator==(const ElasticMaterial&) const = default;
 };
-/// What is wrong with it, and how to mend it; nothing where it is right.
+/// Errors: kBadInput, with the remedy, if a property is out of range.
 Result<void> check_elastic_material(const ElasticMaterial& material);
 
-/// A box of cubic cells in the patient.
+/// Box of cubic cells in the patient.
 struct ElasticBox {
-  Point<Patient> corner;                               ///< of the first cell, its outermost
-  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  ///< columns: its axes, orthonormal; may be left-handed
+  Point<Patient> corner;  ///< Outermost corner of the first cell
+  /// Columns: the box's axes, orthonormal; may be left-handed
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
   double cell_mm = 1;
   std::array<int, 3> cells{0, 0, 0};
 
-  /// Its own coordinates: mm from the corner along its axes.
+  /// Box coordinates of a point: mm from the corner along the axes.
   Eigen::Vector3d local_mm(const Point<Patient>& p) const { return axes.transpose() * (p - corner).eigen(); }
   Point<Patient> patient(const Eigen::Vector3d& local_mm) const {
     return corner + Vector<Patient>(axes * local_mm);
   }
 };
 
-/// The box over a region of voxels: its axes are the grid's, where those are not at right angles the nearest
-/// that are.
+/// Box over a region of voxels. Its axes are those of the grid, or the nearest orthogonal ones if the grid is
+/// skewed.
 ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm);
 
-/// Some of a box's cells: low ... high - 1 along each axis. Its nodes are low ... high.
+/// Range of a box's cells: low ... high - 1 along each axis. Its nodes are low ... high.
 struct CellBox {
   std::array<int, 3> low{0, 0, 0}, high{0, 0, 0};
 
@@ -59,26 +61,26 @@ struct CellBox {
   bool contains_node(int i, int j, int k) const {
     return i >= low[0] && j >= low[1] && k >= low[2] && i <= high[0] && j <= high[1] && k <= high[2];
   }
-  /// The least box that holds both.
+  /// Bounding box of both.
   CellBox joined(const CellBox& other) const;
   CellBox grown(int by) const;
-  /// What of it lies in a box of so many cells.
+  /// Intersection with a box of that many cells.
   CellBox clipped(const std::array<int, 3>& cells) const;
 };
 
-/// What a cell is made of.
+/// Homogenised material of a cell.
 struct ElasticCell {
   Matter matter = Matter::kNone;
-  float fill = 0;            ///< part of it that is solid; 0 of what is none
-  float mu = 0, lambda = 0;  ///< Lame's moduli of all of it, N/mm2; 0 unless it is soft
+  float fill = 0;            ///< Solid fraction; 0 if empty
+  float mu = 0, lambda = 0;  ///< Lame's moduli of the whole cell, N/mm2; 0 unless it is soft
   bool operator==(const ElasticCell&) const = default;
 };
-/// On the way from what a cell is to what it is to be: its fill changes by no more than `most_change`, its
-/// solid matter keeps the moduli that it has, or is to have where it is to be soft. To and from what is rigid
-/// there is no way.
+/// Intermediate state of a cell between two materials: its fill changes by at most `most_change`, while its
+/// solid matter has the moduli of `from`, or of `to` if that is soft. Changes to and from rigid material are
+/// immediate.
 ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_change);
 
-/// Floats at a multiple of 64 bytes, so that a whole vector is one line of the cache.
+/// Allocates at multiples of 64 bytes, so that a whole SIMD vector lies in one cache line.
 template <class T>
 struct CacheLineAllocator {
   using value_type = T;
@@ -91,14 +93,13 @@ struct CacheLineAllocator {
 };
 using ElasticValues = std::vector<float, CacheLineAllocator<float>>;
 
-/// Where the values of nodes and cells stand. Nodes are the cells' corners, one more than cells along an
-/// axis:
+/// Memory layout of nodal and cell values. Nodes are the corners of cells, one more than cells along an axis:
 ///
 ///     node row (j, k)    x x x ...  y y y ...  z z z ...      3 * row floats, row = cells[0] + 1 and more
 ///     cell row (j, k)    c c c ...                            row floats
 ///
-/// A row is as long as a whole number of the longest vectors. What stands in it beyond the last node or cell
-/// is 0, as are kSpare floats after the last row.
+/// A row is padded to a multiple of the longest SIMD vector. Padding beyond the last node or cell is 0, as
+/// are kSpare floats after the last row.
 struct ElasticLayout {
   static constexpr int kLanes = 16;
   static constexpr std::size_t kSpare = kLanes;
@@ -131,41 +132,42 @@ struct ElasticField {
   ElasticValues values;
 };
 
-/// Cells, what they are made of, and what holds their nodes.
+/// Cells, their material, and the constraints of their nodes.
 ///
-/// A cell's moduli are those of its matter laid in layers: 1/mu and 1/(lambda + 2 mu) are means over what is
-/// solid in it, rigid matter yielding nothing, and both moduli count by the part that is solid. That is exact
-/// for layers pressed across, also with a seam inside a cell (Backus 1962). Air counts by its part alone.
+/// A cell's moduli are those of its solid matter laid in layers: 1/mu and 1/(lambda + 2 mu) are averaged over
+/// the solid samples, with 0 for rigid matter, and both moduli are scaled by the solid fraction. This is
+/// exact for layers compressed normally, even with an interface inside a cell (Backus 1962). Air enters only
+/// through the fraction.
 ///
-/// Nodes of a cell that is rigid are held. Nodes that touch nothing solid are none, and never move. A part of
-/// the tissue that nothing holds (its cells share faces with no cell whose nodes are held or rest on springs)
-/// is held where it is.
+/// Nodes of a rigid cell are held. Nodes that touch no solid cell do not exist and never move. A loose part
+/// of the tissue (whose cells share no faces with a cell whose nodes are held or rest on springs) is held in
+/// place.
 class ElasticGrid {
  public:
-  /// What stands at a place; called from one thread, in a fixed order.
+  /// Material at a point; called from one thread, in a fixed order.
   using MaterialAt = std::function<ElasticMaterial(const Point<Patient>&)>;
 
-  /// A cell whose corners and middle are of one material is of that; what is smaller than a cell may so be
-  /// missed.
-  /// @param samples  along each axis of any other cell, evenly, by whose places it is known: 1 ... 16
+  /// Samples each cell. A cell whose corners and centre have the same material is assumed to be uniform, so
+  /// smaller features may be missed.
+  /// @param samples  samples of any other cell along each axis, evenly spaced, 1 ... 16
   ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples);
 
-  /// Cells over labels, along the labels' own axes. A cell is made of what the voxels are that it covers, by
-  /// their share of its volume; beyond the grid there is nothing.
-  /// @param by_label  label 0 and those beyond its end are air
-  /// @param box       as elastic_box_of() makes it, or elsewhere; cells of 1 to 3 of the smallest voxel
-  /// spacing
-  ///                  are meant
-  /// @param taken     of every voxel what part is gone, of 255 (Carving::taken); null: nothing
-  /// Errors: kBadInput for a material that none can be, a cell that is not above 0, or a box without cells.
+  /// Cells over labels, along the labels' own axes. A cell has the materials of the voxels that it covers,
+  /// weighted by volume; beyond the grid it is empty.
+  /// @param by_label  material per label; label 0 and labels beyond its end are air
+  /// @param box       from elastic_box_of() or elsewhere; intended for cells of 1 to 3 times the smallest
+  ///                  voxel spacing
+  /// @param taken     removed fraction of every voxel, 0 ... 255 (Carving::taken); null: none
+  /// Errors: kBadInput for an invalid material, a cell size not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
                                        std::span<const ElasticMaterial> by_label, const ElasticBox& box,
                                        const Bricks<std::uint8_t>* taken = nullptr);
 
-  /// Makes some cells anew, in place: what they are, what holds their nodes, and the springs there, as if all
-  /// had been laid so. What hold() has held of their nodes is forgotten. Allocates nothing.
-  /// @param made  what a cell is to be, asked once for each in one order
-  /// @returns whether other cells yield than before, or something is held that was not, or no more
+  /// Replaces some cells in place, with the constraints of their nodes and the springs there; the result is
+  /// the same as constructing all of them. Constraints added by hold() to their nodes are removed. Does not
+  /// allocate.
+  /// @param made  returns the new material of a cell; called once for each in a fixed order
+  /// @returns whether the set of soft cells or of held nodes has changed
   bool set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made);
 
   const ElasticBox& box() const { return box_; }
@@ -175,35 +177,36 @@ class ElasticGrid {
   /// Lame's moduli by the layout's cells, N/mm2.
   const ElasticValues& mu() const { return mu_; }
   const ElasticValues& lambda() const { return lambda_; }
-  /// Part of each cell that is solid, 0 ... 1.
+  /// Solid fraction of each cell, 0 ... 1.
   const ElasticValues& fill() const { return fill_; }
-  /// Cells of which something yields.
+  /// Number of soft cells.
   std::size_t soft_cells() const;
 
-  /// Bits of what holds a node: its components along the box's axes.
+  /// Bits for the held components of a node, along the box's axes.
   static constexpr std::uint8_t kHeldX = 1, kHeldY = 2, kHeldZ = 4, kHeld = 7;
-  /// It touches nothing solid.
+  /// The node touches no solid cell.
   static constexpr std::uint8_t kNoNode = 8;
   std::uint8_t held(int i, int j, int k) const { return held_[node_number(i, j, k)]; }
-  /// Holds components of a node, which then have the displacement that a solver is given for them.
+  /// Holds components of a node; a solver prescribes their displacement.
   void hold(int i, int j, int k, std::uint8_t components) { held_[node_number(i, j, k)] |= components; }
-  /// Lets them go again.
+  /// Releases components of a node.
   void release(int i, int j, int k, std::uint8_t components) {
     held_[node_number(i, j, k)] &= static_cast<std::uint8_t>(~components);
   }
 
-  /// The faces of the box where tissue goes on beyond it: low x, high x, low y, ... There nodes rest on
-  /// springs, k = 3 / (3 - 2 nu) mu A cos(theta) / r for the node's area A, with r and theta of the way from
-  /// the load that is expected at `about`, and twice that along the face's normal. So stress and displacement
-  /// stand to each other straight below a load on a half space (Boussinesq 1885); elsewhere it is near
-  /// enough.
+  /// Declares on which faces of the box (low x, high x, low y, ...) tissue continues beyond it. Nodes there
+  /// rest on springs k = 3 / (3 - 2 nu) mu A cos(theta) / r for the node's area A, with r and theta the
+  /// distance and the angle to the face's normal of the vector from the expected load at `about`; along the
+  /// face's normal, twice that. This reproduces the ratio of stress to displacement directly below a load on
+  /// a half space (Boussinesq 1885), and approximates it elsewhere.
   void continue_beyond(const std::array<bool, 6>& faces, const Point<Patient>& about);
-  /// Of the layout's nodes, N/mm.
+  /// Spring constants by nodal value of the layout, N/mm.
   const ElasticValues& springs() const { return springs_; }
 
-  /// Holds what is connected to nothing that holds it; the number of its cells. A solver does it.
+  /// Holds every part that is not connected to a constraint; returns the number of its cells. Solvers call
+  /// it.
   std::size_t hold_loose_parts();
-  /// The same in a copy of what is held, by node_number.
+  /// Same as hold_loose_parts(), applied to a copy of the constraints, by node_number().
   class LooseParts {
    public:
     std::size_t hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held);
@@ -226,8 +229,8 @@ class ElasticGrid {
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, fill_, springs_;
-  std::vector<std::uint8_t> held_;  ///< by node_number
-  std::array<bool, 6> beyond_{};    ///< continue_beyond
+  std::vector<std::uint8_t> held_;  ///< By node_number()
+  std::array<bool, 6> beyond_{};    ///< Faces given to continue_beyond()
   Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();
 };
 

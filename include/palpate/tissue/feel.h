@@ -4,40 +4,43 @@
 
 namespace palpate {
 
-/// What decides how a burr cuts and feels besides the scene, the same in every run of one version of palpate:
-/// recordings tell it (docs/reference/feel.md). docs/decisions/0029 has the choices; mm in the patient.
+/// Constants of material removal besides the scene. They are fixed for one version of palpate and written to
+/// every recording (docs/reference/feel.md). docs/decisions/0029 justifies the values. mm in the patient.
 struct CuttingFeel {
-  /// It looks for material so far before its surface. Half of that deep, an edge begins to count, so that
-  /// beside a pocket, where its surface comes out of the material, little counts that it does not touch.
+  /// Distance ahead of the burr's surface at which material is sampled. An edge counts from half that depth,
+  /// so that beside a pocket, where the burr's surface leaves the material, little counts that the burr does
+  /// not touch.
   double ahead_mm = 0.1;
-  /// It sinks in by no more in a tick, and while the surfaces are not made by no more than a part of its
-  /// least radius.
+  /// Limits of the feed: depth per tick, and, while the surfaces have not been rebuilt, total inset as a
+  /// fraction of the burr's least radius.
   double most_feed_mm = 0.1, most_inset_part = 0.8;
-  /// Ways that bend by less, and are no longer, are one sweep, if the far end is turned aside by no more than
-  /// turned_mm: what the head is turned by is taken as its end has it. The end before it was so turned as the
-  /// next one begins, so that what is between them and in neither is thinner by far.
+  /// Merging of consecutive paths into one sweep: largest deviation from a straight line, largest length, and
+  /// largest displacement of the far end by rotation. A sweep has the head's orientation at its end. Its
+  /// start had the orientation with which the next sweep begins, so material between two sweeps that belongs
+  /// to neither is much thinner than turned_mm.
   double straight_mm = 0.002, longest_mm = 0.25, turned_mm = 0.05;
-  /// A sweep is finished after so long at the latest.
+  /// A sweep is completed after this time at the latest.
   double longest_sweep_s = 0.01;
-  /// A stride of a head that leads away from the tip by more than this part of itself is not taken: one that
-  /// climbs more takes more than its motor works for.
+  /// A substep of the proxy that moves the head away from the tip by more than this fraction of its length is
+  /// rejected: a steeper climb would remove more than the motor's work pays for.
   double away = 0.02;
-  /// Less of a way is none.
+  /// Displacements below this count as no motion.
   double still_mm = 1e-6;
-  /// A head touches what is kept from so near on, and comes out of it, where it lies in it a little, so fast
-  /// in a tick.
+  /// Distance at which a head is in contact with a protected structure, and the speed per tick at which it
+  /// leaves a slight penetration.
   double touching_mm = 1e-4, regained_mm = 1e-3;
-  /// A surface is read from between its voxels: it may be so much nearer than it was cut.
+  /// Error of the surface between voxels: it may read closer by this much than it was cut.
   double rounding_mm = 1e-4;
-  /// Where a surface moved by this much its normal is all its own: the prepared one is of what is gone.
+  /// Displacement of a surface from which on the normal is entirely recomputed, because the prepared normal
+  /// describes removed material.
   double moved_mm = 0.25;
-  /// A motor stands still while the pose is so old or older.
+  /// Pose age from which on a motor stands still.
   double motor_stops_s = 10e-3;
-  /// Directions ahead, spread evenly over the disc that a ball is from ahead.
+  /// Number of sampling directions, spread evenly over a ball's projection.
   int directions = 64;
-  /// Places on the side of a cylinder or cone, all around; half of them are ahead.
+  /// Number of sampling points around the lateral surface of a cylinder or cone; half of them face forwards.
   int side_places = 128;
-  /// Tries of a tick to put the head beside what is kept, at most.
+  /// Maximum number of iterations per tick that place the head outside protected structures.
   int most_tries = 4;
 
   template <class Visit>
@@ -62,39 +65,42 @@ struct CuttingFeel {
   }
 };
 
-/// What decides how soft tissue beside the tick is solved (yield_solver.h).
+/// Constants of the soft tissue solver that runs beside the tick (yield_solver.h).
 struct SolvingFeel {
-  /// A solution is for where the tool will be so many frames after the tick that it is made from: one until
-  /// it is told, and the middle of the one in which it is felt. At most so far away.
+  /// Prediction horizon: a solution is computed for the tool's position this many frames after the tick that
+  /// it starts from (one frame until it is published, and half of the frame in which it is used), limited to
+  /// most_lead_mm of displacement.
   double lead_frames = 1.5, most_lead_mm = 5;
-  /// A tool that is farther from every surface presses nothing soon.
+  /// Distance from every surface beyond which a tool is not expected to press soon.
   double reach_mm = 15;
-  /// The box is laid anew, in steps of so many cells, when the tool is so far from its middle: springs stand
-  /// for the tissue beyond its faces, and the nearer they are the less they know.
+  /// The box moves, in steps of step_cells, when the tool is farther than farthest_cells from its middle: the
+  /// springs at its faces only approximate the tissue beyond, and less accurately the closer the load.
   int step_cells = 2, farthest_cells = 5;
-  /// Its middle is so many cells below the surface: a third of the box lies above a surface in its middle,
-  /// where nothing is, while what is hard below it decides how much gives way.
+  /// Depth of the box's middle below the surface. A box centred on the surface would have a third of its
+  /// height above it, where there is no tissue, while rigid structures below determine much of the
+  /// compliance.
   double deeper_cells = 10;
-  /// Iterations of a frame, and of one in a box that has just been laid.
+  /// Iterations per frame, and in the first frame of a new box.
   int iterations = 2, first_iterations = 12;
-  /// The pressure's patch is no smaller than so many cells: nodes know nothing of a smaller one.
+  /// Minimum radius of the pressure patch in cells: the nodes cannot resolve a smaller one.
   double least_patch_cells = 3;
-  /// By no more does the solid part of a cell change in a frame, whatever was taken away or put back: so much
-  /// follows two iterations.
+  /// Largest change of a cell's solid fraction per frame when material is removed or restored; two iterations
+  /// can follow that much.
   double most_fill_change = 0.2;
-  /// Of the box, along the longest row in memory and across it.
+  /// Size of the box: along the contiguous axis in memory, and across it.
   int cells_along = 47, cells_across = 32;
-  /// Of the neo-Hookean law it is smaller, because a frame takes three times the work a cell.
+  /// Size of the box for the neo-Hookean law, smaller because a frame costs three times as much per cell.
   int finite_cells_along = 31, finite_cells_across = 26;
-  /// Newton's steps of a frame, iterations of each, and of what makes the force aside.
+  /// Newton steps per frame, linear iterations per step, and iterations of the tangential solve.
   int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
-  /// Columns of nodes that bear so much of what the one does that bears most are held as the tool's surface
-  /// is.
+  /// Columns of nodes that bear at least this fraction of the most loaded column's share are constrained to
+  /// the tool's surface.
   double least_bearing = 0.01;
-  /// The patch is pressed in by no less and no more than these parts of its radius: where the tool is less
-  /// deep, or in the air, or deeper, the law of those is carried on.
+  /// Range of the patch's displacement as a fraction of its radius: for a shallower or deeper tool, or one in
+  /// the air, the law at the bound is extrapolated.
   double least_give = 0.1, most_give = 1.2;
-  /// With a cell that keeps less of its volume nothing is said of the neo-Hookean body.
+  /// Least fraction of its volume that any cell may keep in a neo-Hookean solution; below it the solution is
+  /// discarded.
   double least_volume = 0.15;
 
   template <class Visit>

@@ -6,16 +6,16 @@
 
 #include "palpate/tissue/elastic_grid.h"
 
-/// What cells are made of that cover labels.
+/// Material of cells that cover labels.
 namespace palpate {
 
-/// Less of a cell is nothing: its nodes would hang on next to no stiffness.
+/// Fill below which a cell counts as empty: its nodes would have almost no stiffness.
 inline constexpr double kLeastFill = 0.02;
 
-/// What the samples of a cell say.
+/// Homogenised material of a cell's samples.
 class ElasticMixture {
  public:
-  /// @param solid  what part of the samples is solid, where that material is
+  /// @param solid  solid fraction of the samples of that material
   void add(const ElasticMaterial& material, int samples = 1, double solid = 1);
   ElasticCell cell() const;
 
@@ -24,25 +24,25 @@ class ElasticMixture {
   double per_mu_ = 0, per_confined_ = 0;
 };
 
-/// Samples labels at even places in each cell of a box.
+/// Samples labels at evenly spaced points in each cell of a box.
 class LabelCells {
  public:
   LabelCells(const GridGeometry& labels, std::span<const ElasticMaterial> by_label, const ElasticBox& box);
 
-  /// @param taken  as ElasticGrid::of_labels has it
+  /// @param taken  as in ElasticGrid::of_labels
   ElasticCell cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* taken, int i, int j,
                    int k) const;
-  /// Of these voxels all that cells of the box are made of.
+  /// Voxels that cells of the box cover.
   VoxelBox voxels() const;
-  /// The cells that are made of some voxels, and maybe a few beside them.
+  /// Cells that cover some of the voxels, possibly with a few adjacent ones.
   CellBox cells_of(const VoxelBox& voxels) const;
 
  private:
   GridGeometry grid_;
   std::vector<ElasticMaterial> by_label_;
   ElasticBox box_;
-  int samples_;  ///< of a cell along each axis
-  // the voxel of a place is a sum of three parts, one for each axis of the box
+  int samples_;  ///< Samples per cell along each axis
+  // the voxel position of a sample is a sum of three terms, one per axis of the box
   Eigen::Vector3d corner_;
   std::array<std::vector<Eigen::Vector3d>, 3> part_;
 };

@@ -7,24 +7,24 @@
 
 namespace palpate {
 
-/// How far tissue has gone that lay at the nodes of a box of cells, as a field over the patient, for
-/// pictures. Immutable; any thread.
+/// Displacement field of tissue from the nodes of a box of cells, for display. Immutable; any thread.
 class MovedNodes {
  public:
-  /// @param moved_mm  of the box's nodes, i fastest, patient, mm, along the box's axes
-  /// @param empty     nodes around which nothing is: they go along with the tissue beside them, less and
-  ///                  less, so that a dent is a dent in a picture
-  /// @param fade_cells  beyond the box what moved at its border fades out over so many cells; above 0
+  /// @param moved_mm    displacements of the box's nodes, i fastest, patient mm along the box's axes
+  /// @param empty       nodes without tissue around them: the field is continued into them from adjacent
+  ///                    tissue with decreasing magnitude, so that a dent appears as a dent in an image
+  /// @param fade_cells  distance in cells over which displacements at the box's border fade out beyond it;
+  ///                    above 0
   MovedNodes(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm, const std::vector<bool>& empty,
              double fade_cells);
 
   const ElasticBox& box() const { return box_; }
-  /// The number of a node, and how far it has gone, along the box's axes.
+  /// Index of a node, and its displacement along the box's axes.
   static std::size_t node(const ElasticBox& box, int i, int j, int k) {
     return (static_cast<std::size_t>(k) * (box.cells[1] + 1) + j) * (box.cells[0] + 1) + i;
   }
   const Eigen::Vector3f& at(int i, int j, int k) const { return moved_mm_[node(box_, i, j, k)]; }
-  /// Adds how far what lies at a place at rest has gone, patient, mm: between nodes linear.
+  /// Adds the displacement of the material that rests at `at_rest`, patient mm; linear between nodes.
   void add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
 
  private:

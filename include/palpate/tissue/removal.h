@@ -9,100 +9,99 @@
 #include "palpate/haptics/proxy.h"
 #include "palpate/tissue/carving.h"
 
-/// A burr that takes bone away, felt in the tick in which it does. Positions in the patient frame.
+/// A burr that removes bone, rendered in the tick in which it cuts. Positions are in the patient frame.
 namespace palpate {
 
-/// A head that turns: a ball, or a row of balls along the spindle that is a cylinder or a cone with round
-/// ends (Sweep). The first ball's middle is at the tip.
+/// A rotating head: a ball, or a row of balls along the spindle that forms a cylinder or cone with round ends
+/// (Sweep). The first ball's centre is at the tip.
 struct Burr {
-  double radius_mm = 1.5;  ///< of the first ball; of a ball half of what its maker calls its size
+  double radius_mm = 1.5;  ///< Radius of the first ball; for a ball, half of the size stated by its vendor
   double revolutions_per_s = 0;
-  /// Of the spindle, unit, as the tool is turned now. What lies on it moves slowly and cuts little.
+  /// Unit vector of the spindle at the tool's current attitude. Edges near the axis move slowly and cut
+  /// little.
   Vector<Patient> axis = {0, 0, 1};
-  /// Of the cutting edges' force the part that is along their way, to the part that presses (a coefficient of
-  /// friction).
+  /// Ratio of the cutting edges' tangential to normal force (a coefficient of friction).
   double grip = 0.5;
-  /// It is pressed with no more, however far the hand is from the proxy: what the device gives at most.
+  /// Largest press force, however far the hand is from the proxy: the greatest force of the device.
   double most_press_N = std::numeric_limits<double>::infinity();
-  /// It is held out of those that are kept.
+  /// Structures that the head is kept out of if they are protected by `kept`.
   std::span<const ProtectedStructure> spared = {};
-  std::uint32_t stroke = 0;  ///< of what it sweeps
-  double length_mm = 0;      ///< from the first ball's middle to the last one's, along `axis`; 0: a ball
-  double end_radius_mm = 0;  ///< of the last ball, above 0; of a ball without meaning
+  std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
+  double length_mm = 0;  ///< Distance from the first ball's centre to the last one's, along `axis`; 0: a ball
+  double end_radius_mm = 0;  ///< Radius of the last ball, above 0; unused for a ball
 
-  /// As a part of the tool whose radii are all less by so much, as the hand turns it.
+  /// Head as a part of the tool, with all radii reduced by `inset_mm`, at the hand's attitude.
   ToolSphere head(double inset_mm) const;
   double thinnest_mm() const;
   double widest_mm() const;
 };
 
-/// Sweeps that are not carved, at most.
+/// Maximum number of sweeps that are not carved yet.
 inline constexpr int kMostSweeps = 64;
 
-/// What it has done that is not in the surfaces yet, and what is remembered between two ticks. Without
+/// State of a burr between two ticks, including sweeps that are not yet carved from the surfaces. Contains no
 /// pointers.
 struct BurrState {
-  /// So much less than its radii it is held out by: as deep as it has sunk in since the surfaces were made.
+  /// Reduction of the collision radii: how deep the burr has cut since the surfaces were last rebuilt.
   double inset_mm = 0;
-  double sunk_mm = 0;             ///< how deep it lies in the surfaces, of that
-  double spare_mJ = 0;            ///< that the motor has worked and the burr has not used yet
-  double pressed_N = 0;           ///< by the hand in the last tick
-  double edge_mm_per_s = 0;       ///< mean speed of the edges in the material, then
-  double front_mm2 = 0;           ///< area of the material ahead, seen along the way it is pressed
-  double energy_mJ_per_mm3 = 0;   ///< of the material there
-  double work_mJ = 0;             ///< of the motor, since the start
-  double taken_mm3 = 0;           ///< since the start, as the law reckons it
-  int layer = -1;                 ///< of the proxy's, in which it cuts; -1: none
-  bool closed = false;            ///< the last sweep grows no more, as that of a burr that stands still
-  Vector<Patient> began_axis_mm;  ///< of the last sweep: how the head was turned when that began
-  double open_s = 0;              ///< since it began
-  bool full = false;              ///< no room for what it sweeps: it cuts nothing until the surfaces are made
-  std::uint64_t first = 0;        ///< number of the first of the sweeps here, counted from the start
+  double sunk_mm = 0;            ///< Actual depth of the head in the surfaces, at most inset_mm
+  double spare_mJ = 0;           ///< Motor work that has not been spent on material yet
+  double pressed_N = 0;          ///< Press force of the hand in the last tick
+  double edge_mm_per_s = 0;      ///< Mean speed of the cutting edges in the material in the last tick
+  double front_mm2 = 0;          ///< Area of the material ahead, projected along the press direction
+  double energy_mJ_per_mm3 = 0;  ///< Mean specific cutting energy of that material
+  double work_mJ = 0;            ///< Motor work since the start
+  double taken_mm3 = 0;          ///< Volume removed since the start, by the energy balance
+  int layer = -1;                ///< Layer of the proxy in which it cuts; -1: none
+  bool closed = false;  ///< The last sweep is complete and is not extended, as for a burr that stands still
+  Vector<Patient> began_axis_mm;  ///< Axis of the head at the start of the last sweep
+  double open_s = 0;              ///< Time since the last sweep began
+  bool full = false;  ///< No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt
+  std::uint64_t first = 0;  ///< Number of the first sweep stored here, counted from the start
   int sweeps = 0;
   std::array<Sweep, kMostSweeps> sweep;
 
   std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweeps)}; }
 };
 
-/// One tick of a burr: it takes away, then the proxy advances to where it may be now, with the burr for its
-/// tool.
+/// Advances a burr by one tick: it removes material, then the proxy advances to the position allowed with the
+/// burr as its tool.
 ///
-///     power        P = grip * force * speed of the edges              (Arbabtafti et al. 2011: the energy
-///     rate         volume per s = P / energy                           per volume is the material's own)
-///     feed         rate / area of the material ahead, along the way the hand presses
+///  power        P = grip * force * speed of the edges              (Arbabtafti et al. 2011: the specific
+///  rate         volume per s = P / energy                           cutting energy is the material's own)
+///  feed         rate / area of the material ahead, along the press direction
 ///
-/// A burr that sinks in by the feed is held out by that much less than its radii, until surfaces are made
-/// without what it took (CarvedSurface). It takes with it whatever it sweeps, and comes no farther through
-/// material than the motor has worked for, whichever way it goes or turns. So the volume follows from work
-/// alone, at any rate of ticks, and new surfaces, which are read from between voxels, move it no faster than
-/// it cuts.
+/// The burr's collision radii are reduced by the feed until surfaces without the removed material have been
+/// built (CarvedSurface). Everything that the head sweeps is removed, and it moves through material only as
+/// far as the motor's work allows, in any direction and by any rotation. The removed volume therefore follows
+/// from work alone, at any tick rate, and rebuilt surfaces, which are interpolated between voxels, move the
+/// burr no faster than it cuts.
 ///
-/// The area and the speed are means over directions ahead in which there is material right before the burr;
-/// of a cylinder or cone over its round ends and its side. Where it turns, the area is that which sweeps the
-/// same volume if all of it went as far as the end that goes farthest. Without revolutions it is a tool that
-/// cuts nothing. In the innermost layer that is touched; what yields around that is pushed aside.
+/// Area and speed are averaged over directions ahead in which material is directly in front of the burr; for
+/// a cylinder or cone, over its round ends and its lateral surface. For a rotating axis the area is the one
+/// that sweeps the same volume if all of it moved as far as the faster end. At 0 revolutions the tool cuts
+/// nothing. It cuts in the innermost layer in contact; softer layers around it are displaced.
 ///
-/// No layer's proxy brings any part of the head, with its whole radius, deeper into a structure that is kept
-/// than the head was: it slides along that structure's own surface as prepared. Of the material ahead a kept
-/// structure is none. Bounded work; allocates, locks and throws nothing.
-/// @param hand  the attitude by which `burr.axis` is turned
+/// No layer's proxy moves any part of the head, with its full radius, deeper into a protected structure than
+/// it was: the head slides along that structure's prepared surface. Protected structures do not count as
+/// material ahead. Bounded work; does not allocate, lock or throw.
+/// @param hand  pose to whose attitude `burr.axis` belongs
 ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
 
-/// The surfaces are now those without the first so many of the sweeps, counted from the start. To be called
-/// before keep_proxy. Where an undo has put material back around the burr, the overlap counts as depth
-/// that it has sunk in, so that the force does not jump. Where that is as much as its least radius, as where
-/// a ball's middle is in the material, the proxy is dropped (by keep_proxy) and the force fades out.
-/// @param hand  the attitude by which `burr.axis` is turned
+/// Adapts the state to rebuilt surfaces, from which the first `carved` sweeps (counted from the start) have
+/// been removed. Must be called before keep_proxy. If an undo has restored material around the burr, the
+/// overlap counts as inset, so that the force does not jump. If the overlap reaches the least radius, as when
+/// a ball's centre is inside the material, keep_proxy drops the proxy and the force fades out.
+/// @param hand  pose to whose attitude `burr.axis` belongs
 void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state);
 
-/// How many sweeps there are that grow no more, counted from the start: those that a surface can be carved
-/// by.
+/// Number of complete sweeps since the start; these can be carved from a surface.
 std::uint64_t finished_sweeps(const BurrState& state);
-/// The finished ones from a number on, which is not below the first that is still here.
+/// Complete sweeps from `number` on, which must not be below `state.first`.
 std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
-/// All of them that are still here, as a session cuts by them.
+/// All complete sweeps still stored, as cuts of a device.
 std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device);
 
 }  // namespace palpate

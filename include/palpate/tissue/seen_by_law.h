@@ -4,8 +4,8 @@
 
 namespace palpate {
 
-/// A model whose soft tissue goes by another law, for who solves and looks and does not feel: its layers are
-/// those of the law that it had (under_law, palpate/model/changed_model.h, makes others).
+/// Model under another constitutive law, for solving and display without contact: the force layers remain
+/// those of the original law (under_law in palpate/model/changed_model.h rebuilds them).
 Model seen_under_law(const Model& model, TissueLaw law);
 
 }  // namespace palpate

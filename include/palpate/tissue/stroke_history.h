@@ -7,21 +7,21 @@
 
 namespace palpate {
 
-/// So many strokes of a burr can be undone; what came before them stays.
+/// Maximum number of strokes that can be undone; earlier ones are permanent.
 inline constexpr std::size_t kMostUndone = 100;
 
-/// The strokes of a burr that can be undone and done again, in the order in which they were done. A stroke is
-/// what is cut from the motor's start to its stop. Whoever keeps a history decides what is remembered of
-/// each.
+/// Undo history of a burr's strokes, in the order in which they were made. A stroke is the material cut from
+/// the motor's start to its stop. The template argument determines what is stored for each.
 ///
-/// Sweeps of another stroke than the last sweep's begin a new one; so does whatever is cut after an undo or a
-/// redo. What was undone before a new stroke cannot be done again any more.
+/// A sweep with another stroke number than the last one begins a new stroke, and so does any sweep after an
+/// undo or redo. A new stroke clears all undone ones.
 template <class Stroke>
 class StrokeHistory {
  public:
-  /// Whether sweeps of the stroke with this number belong to last().
+  /// Whether sweeps with this stroke number belong to last().
   bool goes_on(std::uint32_t number) const { return open_ && number_ == number; }
-  /// Another stroke. @param most  as many are remembered, the oldest are forgotten; above 0
+  /// Begins a stroke.
+  /// @param most  capacity, above 0; the oldest stroke is discarded
   Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t most = kMostUndone) {
     open_ = true;
     number_ = number;
@@ -29,12 +29,12 @@ class StrokeHistory {
     if (done_.size() >= most) done_.erase(done_.begin());
     return done_.emplace_back(std::move(stroke));
   }
-  /// The last one that is done. There is one after begin().
+  /// The last stroke. Must be preceded by begin().
   Stroke& last() { return done_.back(); }
 
-  /// The stroke that is undone with that; null: there is none. Valid until the next call.
+  /// Undoes and returns the last stroke; null if there is none. Valid until the next call.
   Stroke* undo() { return move_last(done_, undone_); }
-  /// The stroke that is done again.
+  /// Redoes and returns the last undone stroke; null if there is none.
   Stroke* redo() { return move_last(undone_, done_); }
 
   const std::vector<Stroke>& done() const { return done_; }
@@ -50,8 +50,8 @@ class StrokeHistory {
   }
 
   std::vector<Stroke> done_, undone_;
-  bool open_ = false;         // sweeps may still be added to the last stroke
-  std::uint32_t number_ = 0;  // of it
+  bool open_ = false;         // sweeps may be added to the last stroke
+  std::uint32_t number_ = 0;  // number of the last stroke
 };
 
 }  // namespace palpate

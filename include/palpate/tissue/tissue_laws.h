@@ -9,20 +9,20 @@
 
 namespace palpate {
 
-/// Of a change for which ModelChange::is_of_law.
+/// Law that a change selects. Requires ModelChange::is_of_law.
 TissueLaw law_of(const ModelChange& change);
 
-/// By which law soft tissue goes in each version of a recording's model.
+/// Constitutive law of soft tissue in each version of a recording's model.
 class LawsByVersion {
  public:
-  /// @param first      of the model that the recording begins with
-  /// @param coarsened  Model::tissue_coarsened, likewise
+  /// @param first      law of the model with which the recording begins
+  /// @param coarsened  its Model::tissue_coarsened
   explicit LawsByVersion(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
-  /// A change in the order of the versions; of another kind it does nothing.
+  /// Applies a change, in the order of versions; changes of other kinds are ignored.
   void hear(const ModelChange& change);
   TissueLaw at(std::uint32_t version) const { return from(version).law; }
   double coarsened_at(std::uint32_t version) const { return from(version).coarsened; }
-  /// Whether any version goes by such a law.
+  /// Whether any version has a law for which `is` returns true.
   template <class Is>
   bool any(const Is& is) const {
     return std::ranges::any_of(laws_, [&](const From& from) { return is(from.law); });
@@ -30,13 +30,13 @@ class LawsByVersion {
 
  private:
   struct From {
-    std::uint32_t version;  // from that one on
+    std::uint32_t version;  // first version with this law
     TissueLaw law;
     double coarsened;
   };
   const From& from(std::uint32_t version) const;
 
-  std::vector<From> laws_;  // versions rise
+  std::vector<From> laws_;  // ascending versions
 };
 
 }  // namespace palpate

@@ -13,66 +13,65 @@
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/feel.h"
 
-/// Soft tissue around the tools, solved beside the servo: from what a tick told of the tools to what the next
-/// ticks are told of the tissue under them.
+/// Solver for soft tissue around the tools, which runs beside the servo: from the tools' state in one tick to
+/// the tissue parameters of later ticks.
 namespace palpate {
 
-/// Seconds from one solution to the next.
+/// Time between two solutions, s.
 inline constexpr double kYieldFrame_s = kYieldFeel.blend_s;
-/// Ticks from one solution to the next at a rate; at least 1.
+/// Number of ticks between two solutions at a tick rate; at least 1.
 std::uint64_t ticks_of_yield_frame(double rate_hz);
 
-/// Edge of the cells that a model's soft tissue is solved on, mm: its own, or two of the smallest voxel
-/// spacing, within 0.8 to 3 mm; times Model::tissue_coarsened.
+/// Edge of the cells on which a model's soft tissue is solved, mm: Model::tissue_cell_mm, or twice the
+/// smallest voxel spacing within 0.8 ... 3 mm; times Model::tissue_coarsened.
 double yield_cell_mm(const Model& model);
 
-/// How soft tissue is displaced around a tool, mm for 1 N of it.
+/// Displacement of soft tissue around a tool, mm per N of its force.
 struct YieldField {
   const ElasticBox* box;
   const ElasticLayout* layout;
   const ElasticField* unit_mm;
 };
 
-/// Where a device's box of cells lies: its first cell, in cells of one lattice over the whole volume, and the
-/// place on the surface for which it was laid.
+/// Position of a device's box of cells: its first cell, in the lattice over the whole volume, and the surface
+/// point for which it was placed.
 struct YieldBox {
   std::array<int, 3> first_cell{0, 0, 0};
   Point<Patient> about;
   bool operator==(const YieldBox&) const = default;
 };
-/// The box in which a solver solves for a device after a tick, without solving: the one that it has, a new
-/// one where the tool will press too far off its middle.
-/// @param before  that it has; nothing: none, or one of other labels
+/// Box in which a solver will solve for a device after a tick, without solving: the current one, or a new one
+/// if the tool will press too far from its middle.
+/// @param before  current box; empty: none, or one of other labels
 std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& felt,
                                        const std::optional<YieldBox>& before);
 
-/// For every device a box of cells around the place that it presses or is about to (linear elasticity,
-/// ElasticSolver), under the neo-Hookean law also as such a body. What it gives depends on the models and
-/// ticks that it was given, in their order, and on nothing else: not on time, threads or the machine. For one
-/// thread.
+/// Solves a box of cells around each device's contact point, present or expected, by linear elasticity
+/// (ElasticSolver) and, under the neo-Hookean law, also as a neo-Hookean body. The result depends only on the
+/// sequence of models and ticks passed to it: not on time, threads or the machine. Not thread-safe.
 class YieldSolver {
  public:
   YieldSolver();
   ~YieldSolver();
 
-  /// The next frame, numbered from 1. A device's spot is not known where its tool is far from all surfaces,
-  /// leans on nothing soft, or its pose is none.
-  /// @param model  whose tissues yield (Model::tissue_law), with surfaces for the proxy. With the labels and
-  ///               materials of the one before, what was laid is kept
-  /// @param felt   a tick, the latest that is known
+  /// Solves the next frame, numbered from 1. A device's spot is unknown if its tool is far from all surfaces
+  /// or not in contact with soft tissue, or its pose is invalid.
+  /// @param model  with deformable tissues (Model::tissue_law) and surfaces for the proxy. Boxes are reused
+  ///               while labels and materials stay the same
+  /// @param felt   the latest known tick
   const YieldFrame& solve(const Model& model, const TickRecord& felt);
   const YieldFrame& frame() const { return frame_; }
 
-  /// Goes on as a solver that has given so many frames and has these boxes, for who wants a frame without all
-  /// those before it. What is solved next is solved as in boxes that have just been laid; so a frame or two
-  /// later it is what it would have been (docs/concepts/tissue.md, "Looked at again").
-  /// @param boxes  of the devices from 0 on; nothing: none
+  /// Continues as a solver that has produced `frame` frames and has these boxes, to obtain a frame without
+  /// all those before it. The next solve treats the boxes as new; within one or two frames the result equals
+  /// that of the original (docs/concepts/tissue.md, "Looked at again").
+  /// @param boxes  of the devices from 0 on; empty: none
   void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 
-  /// Of the last frame; nothing where there is no box. Valid until the next.
+  /// Displacement field of the last frame; returns false if there is no box. Valid until the next frame.
   bool field_of(std::size_t device, YieldField& field) const;
-  /// By so many newtons that is displaced as a tick had it: its contact's force; where tissue relaxes, what
-  /// its depth takes at once, for the dent stays while the force falls.
+  /// Force that displaces the tissue in a tick, N: the contact force or, for relaxing tissue, the
+  /// instantaneous force for its depth, because the dent persists while the force decays.
   double displacing_N(std::size_t device, const DeviceTick& felt) const;
 
  private:
@@ -83,20 +82,21 @@ class YieldSolver {
   std::array<std::unique_ptr<Region>, kMaxDevices> regions_;
 };
 
-/// Solves on a virtual clock as a thread does on a real one: from the tick with which a frame begins, for the
-/// ticks from the next frame on.
+/// Solves on a virtual clock with the timing of a thread on the real one: from the tick with which a frame
+/// begins, for the ticks from the next frame on.
 class YieldsOnVirtualClock {
  public:
   explicit YieldsOnVirtualClock(double rate_hz) : ticks_(ticks_of_yield_frame(rate_hz)) {}
-  /// To be called before every tick. @param before  the tick before; nothing where there was none
-  /// @returns whether frame() is a new one
+  /// Must be called before every tick.
+  /// @param before  the previous tick; null if there was none
+  /// @returns whether frame() is new
   bool advance(const Model& model, const TickRecord* before);
-  /// In place of advance() where nothing yields: what was solved last is told, so that nothing of it is left
-  /// for when something yields again.
+  /// Replaces advance() while no tissue is deformable: publishes the last solution, so that none is pending
+  /// when tissue becomes deformable again.
   bool rest();
-  /// That the next tick is to be told.
+  /// Input of the next tick.
   const YieldFrame& frame() const { return frame_; }
-  std::uint64_t input_tick() const { return input_tick_; }  ///< that it was solved from
+  std::uint64_t input_tick() const { return input_tick_; }  ///< Tick that frame() was solved from
 
  private:
   const std::uint64_t ticks_;

@@ -9,26 +9,27 @@
 
 namespace palpate {
 
-/// Where soft tissue has gone under the tools of one tick, and how it is strained there, for pictures: each
-/// device's own place and force as the tick tells them, linear elasticity solved to its end, and what several
-/// tools do added up. It knows nothing of ticks before, of friction along the surface, and of tissue farther
-/// away than a box of cells (SolvingFeel::cells_along). By TissueLaw::kChainMail a chain mail that is dented
-/// once and has relaxed for a second. Immutable; any thread.
+/// Displacement and strain of soft tissue under the tools in one tick, for display: each device's contact and
+/// force in the tick, linear elasticity solved to convergence, summed over the tools. It ignores earlier
+/// ticks, friction along the surface, and tissue outside the box of cells (SolvingFeel::cells_along). Under
+/// TissueLaw::kChainMail it is a chain mail that is dented once and relaxed for a second. Immutable; any
+/// thread.
 class YieldedTissue {
  public:
-  /// At rest.
+  /// Everything at rest.
   YieldedTissue() = default;
-  /// @param model  labels, tissues and tools; surfaces are not needed. Where no tissue yields, all is at rest
+  /// @param model  labels, tissues and tools; surfaces are not needed. Without deformable tissue everything
+  ///               is at rest
   YieldedTissue(const Model& model, const TickRecord& felt);
 
   bool rests() const { return parts_.empty(); }
-  /// How far what lies at a place at rest has gone, patient, mm: between nodes linear. What is empty goes
-  /// along with the tissue beside it, less and less, so that a dent is a dent in a picture; beyond the box it
-  /// fades out over kFadeCells.
+  /// Displacement of the material that rests at a point, patient mm; linear between nodes. Empty space
+  /// follows adjacent tissue with decreasing magnitude, so that a dent appears as a dent in an image; beyond
+  /// the box it fades out over kFadeCells.
   Vector<Patient> moved_mm(const Point<Patient>& at_rest) const;
-  /// Equivalent strain of what lies at a place at rest: of Almansi's strain e = (1 - F^-T F^-1) / 2 what is
-  /// left without the change of volume, sqrt(2/3 e':e'), as the page shows it. Not a number where it is not
-  /// known: in what is empty and beyond the box.
+  /// Equivalent strain at the rest position of the material: the deviatoric part of Almansi's strain e = (1 -
+  /// F^-T F^-1) / 2 as sqrt(2/3 e':e'), as displayed by the page. NaN where it is unknown: in empty space and
+  /// beyond the box.
   double strain(const Point<Patient>& at_rest) const;
 
   static constexpr int kFadeCells = 6;
@@ -37,13 +38,13 @@ class YieldedTissue {
   void solve(const Model& model, const TickRecord& felt);
   void move(const Model& model, const TickRecord& felt);
 
-  /// What one device's tool moves.
+  /// Displacement by one device's tool.
   class Part {
    public:
-    /// @param unit_mm  of the grid's nodes under 1 N, or of a chain mail with 1 for the force
+    /// @param unit_mm  displacements of the grid's nodes under 1 N, or of a chain mail with force_N 1
     Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N);
     const MovedNodes& moved() const { return moved_; }
-    /// du / dx in the patient. @returns whether it is known
+    /// Adds du / dx in the patient. @returns whether it is known
     bool add_slope(const Point<Patient>& at_rest, Eigen::Matrix3d& to) const;
 
    private:
@@ -53,8 +54,8 @@ class YieldedTissue {
     void find_slopes(const ElasticGrid& grid);
 
     MovedNodes moved_;
-    std::vector<Eigen::Matrix3f> slope_;  ///< in the middle of cells, along the box's axes
-    std::vector<bool> is_tissue_;         ///< of cells
+    std::vector<Eigen::Matrix3f> slope_;  ///< At the cells' centres, along the box's axes
+    std::vector<bool> is_tissue_;         ///< By cell
   };
   std::vector<Part> parts_;
 };
