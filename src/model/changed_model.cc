@@ -29,14 +29,14 @@ void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
   }
 }
 
-// what is left of the fields when a tissue is as stiff as none was when they were made
+// scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
 std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model& made) {
   const double part = std::min(1.0, felt.greatest_stiffness_N_per_mm() / made.greatest_stiffness_N_per_mm());
   const double full_force_N = made.force_field(ForceMethod::kTrilinear).full_force_N() * part;
   return std::make_shared<const ForceField>(made.field, full_force_N);
 }
 
-// of the version that a change leads to
+// sets the hashes of the version after a change
 void hash_after(const Model& felt, const ModelChange& change, Model& next) {
   std::uint64_t hash = felt.uncut_hash;
   hash_word(hash, change.tissue);
@@ -49,7 +49,7 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
 
 Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
                                               const Preparing& preparing, const Progress& progress) {
-  // whatever a file says
+  // a file may contain any value
   const double coarsened = change.stiffness_N_per_mm;
   if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMostTissueCoarsened))
     return Error{ErrorKind::kBadInput,
@@ -207,7 +207,7 @@ Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law,
 std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, const ModelChange& change) {
   auto next = std::make_shared<Model>(under);
   next->version = change.version;
-  // of a change of law (change_of_law)
+  // set by change_of_law()
   if (const double coarsened = change.stiffness_N_per_mm; coarsened != 0) next->tissue_coarsened = coarsened;
   hash_after(felt, change, *next);
   return next;

@@ -37,8 +37,8 @@ void hash_tool(std::uint64_t& hash, const Tool& tool) {
   }
 }
 
-// of a law under which tissue yields; by layers these settings do nothing, and the hash is what it was before
-// there were any
+// Hashes the settings of laws with deformable tissue. Under kLayers they have no effect and are omitted, so
+// that hashes of earlier versions stay valid.
 void hash_elastic(std::uint64_t& hash, const Model& model) {
   hash_word(hash, static_cast<std::uint64_t>(model.tissue_law));
   hash_double(hash, model.tissue_cell_mm);
@@ -59,7 +59,7 @@ void hash_point(std::uint64_t& hash, const Eigen::Vector3d& at) {
   for (int axis = 0; axis < 3; ++axis) hash_double(hash, at[axis]);
 }
 
-// in their order, by which telemetry numbers them
+// in order, because telemetry refers to regions by index
 void hash_no_go(std::uint64_t& hash, const std::vector<NoGoRegion>& regions) {
   for (const NoGoRegion& region : regions) {
     hash_word(hash, region.place.index());
@@ -81,7 +81,7 @@ std::uint64_t content_hash(const Model& model) {
   std::uint64_t hash = kHashSeed;
   std::visit([&](const auto& voxels) { hash_word(hash, voxels.content_hash()); }, model.field->bricks());
   hash_word(hash, model.labels->content_hash());
-  // bricks of a grid that is a little larger may be the same
+  // grids of slightly different size may have the same bricks
   for (const int dim : model.labels->geometry().dims) hash_word(hash, static_cast<std::uint64_t>(dim));
   const auto X = model.field->geometry().X_PatientVoxel();
   for (int i = 0; i < 9; ++i) hash_double(hash, X.linear()(i / 3, i % 3));
@@ -91,12 +91,12 @@ std::uint64_t content_hash(const Model& model) {
          {t.felt ? 1.0 : 0.0, t.stiffness_N_per_mm, t.friction_coefficient, t.static_friction, t.puncture_N,
           t.friction_damping_N_s_per_mm, t.friction_max_N, t.viscosity_N_s_per_mm})
       hash_double(hash, value);
-  // where nothing stays open the hash is what it was before something could
+  // omitted if nothing stays open, so that hashes of earlier versions stay valid
   for (std::size_t n = 0; n < model.tissues.size(); ++n)
     if (model.tissues[n].stays_open) hash_word(hash, n);
   for (const std::int16_t tissue : model.tissue_of_label) hash_word(hash, static_cast<std::uint64_t>(tissue));
   for (const Tool& tool : model.tools) {
-    // where one ends and the next begins; of one alone the hash is what it was before there could be more
+    // separators between tools; omitted for a single tool, so that hashes of earlier versions stay valid
     if (model.tools.size() > 1)
       for (const std::size_t count :
            {tool.points_mm.size(), tool.capsules.size(), std::size_t{tool.burr.has_value()}})
@@ -114,12 +114,12 @@ std::uint64_t content_hash(const Model& model) {
     hash_double(hash, value);
   hash_word(hash, static_cast<std::uint64_t>(model.method_settings.normals));
   if (model.tissue_law != TissueLaw::kLayers) hash_elastic(hash, model);
-  // where there are none the hash is what it was before there could be any
+  // no contribution without regions, so that hashes of earlier versions stay valid
   hash_no_go(hash, model.no_go);
   return hash_finish(hash);
 }
 
-// the pocket of a burr that is smaller than this would lie between the voxels, and it would not sink in
+// a smaller burr would cut a pocket between the voxels, which no voxel represents, and would not sink in
 constexpr double kLeastBurrVoxels = 2;
 
 Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeometry& grid) {
@@ -128,7 +128,7 @@ Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeo
   const bool tip_fits = 2 * tool.radius_mm >= least_mm;
   const bool end_fits = tool.burr->length_mm <= 0 || 2 * tool.burr->end_radius_mm >= least_mm;
   if (tip_fits && end_fits) return {};
-  // of a cone the thin end is at fault
+  // report the thinner end of a cone
   const bool is_cone = tool.burr->length_mm > 0 && tool.burr->end_radius_mm != tool.radius_mm;
   const bool is_tip = is_cone && !tip_fits;
   char what[200];
@@ -141,7 +141,7 @@ Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeo
                    (number == 0 ? "tool" : "second_tool") + "], or give labels with finer voxels"};
 }
 
-// a body of which the elastic law would have no solution
+// elastic constants for which the elastic laws have no solution
 Result<void> check_elastic(const ModelParts& parts) {
   for (const Tissue& tissue : parts.tissues) {
     if (!tissue.elastic) continue;
@@ -159,7 +159,7 @@ Result<void> check_elastic(const ModelParts& parts) {
                "give their edge in millimetres, or 0 to have it chosen from the voxels"};
 }
 
-// a series that no tissue has
+// relaxation series that are invalid
 Result<void> check_relaxation(const Relaxation& relaxation) {
   const auto wrong = [](std::string what) {
     return Error{ErrorKind::kBadInput, std::move(what), "",
@@ -178,9 +178,9 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
   return {};
 }
 
-// what a label's place in the field is when the stiffest tissue's is 1
+// each label's level in the field, 1 for the stiffest tissue
 void set_levels(Model& model) {
-  // where nothing is felt none counts
+  // without felt tissue the value is irrelevant
   const double greatest = model.greatest_stiffness_N_per_mm();
   const double stiffest = greatest > 0 ? greatest : 1;
   model.level_of_label.assign(model.tissue_of_label.size(), 0.f);

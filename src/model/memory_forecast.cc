@@ -18,16 +18,16 @@ namespace {
 
 using L = BrickLayout;
 
-// a brick of 16 bits with its counts and what malloc adds, and what its place in a table takes
+// size of a brick of 16-bit values with its reference counts and malloc overhead, and of its entry in a table
 constexpr double kBrick_bytes = sizeof(std::uint16_t) * (L::kStored + 2 * L::kSpare) + 64, kPlace_bytes = 24;
-// of the least distances in a surface's table, for a place
+// entry of the least distances in a surface's table
 constexpr double kLeast_bytes = 8 * sizeof(float);
-// The faces of voxels are so much more than the smooth surface that they stand for, mean over directions.
+// Ratio of the area of voxel faces to the smooth surface that they represent, averaged over directions.
 constexpr double kFacesPerSurface = 1.5;
-// an edge of a brick, seen along the normal of a surface that lies anyhow
+// mean extent of a brick along the normal of a surface in random orientation, relative to its edge
 constexpr double kAlongNormal = 1.5;
 
-// what is counted of labels
+// statistics of a label volume
 struct LabelFigures {
   struct Box {
     std::array<int, 3> low{std::numeric_limits<int>::max(), std::numeric_limits<int>::max(),
@@ -36,7 +36,7 @@ struct LabelFigures {
   };
   std::vector<double> voxels = std::vector<double>(65536, 0);
   std::vector<Box> box = std::vector<Box>(65536);
-  std::map<std::pair<LabelId, LabelId>, double> faces_mm2;  // the lesser label first
+  std::map<std::pair<LabelId, LabelId>, double> faces_mm2;  // key: the smaller label first
 
   void see(LabelId label, int i, int count, int j, int k) {
     voxels[label] += count;
@@ -60,7 +60,7 @@ struct LabelFigures {
   }
 };
 
-// of one slice, and of the faces towards the next
+// statistics of one slice, and of the faces towards the next
 void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
   const Eigen::Vector3d& mm = labels.geometry().spacing_mm;
   const std::array<double, 3> face_mm2{mm[1] * mm[2], mm[0] * mm[2], mm[0] * mm[1]};
@@ -92,16 +92,16 @@ LabelFigures figures_of(const Bricks<LabelId>& labels) {
   return std::move(of_worker[0]);
 }
 
-// some structures together
+// geometry of some structures together
 struct Body {
   double volume_mm3 = 0, surface_mm2 = 0;
-  std::array<double, 3> box{};  // voxels along each axis, with a margin
+  std::array<double, 3> box{};  // in voxels along each axis, with a margin
   double box_voxels() const { return box[0] * box[1] * box[2]; }
 };
 
-// What is at hand of a box while threads make it by slices (surfaces/pieces.h): slices that are not in bricks
-// yet, and what each thread sees around its piece; how much of that there is at a time is measured, on knees
-// of 1.5 to 1007 million voxels with two threads.
+// Temporary memory while threads build a box by slices (surfaces/pieces.h): slices that are not in bricks
+// yet, and each thread's surroundings of its piece. The coefficients were measured on knees of 1.5 to 1007
+// million voxels with two threads.
 double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
   constexpr double kSlices = 24, kSeen_bytes = 6, kMostSeen_bytes = 1300 << 20;
   const double threads = processors();
@@ -114,7 +114,7 @@ double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double 
          std::min(threads * seen, kMostSeen_bytes);
 }
 
-// The program by itself, and what malloc keeps of what was freed: measured.
+// Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
   constexpr double kProgram_bytes = 24 << 20, kMostKept_bytes = 150 << 20, kPartKept = 0.8;
   return bytes + kProgram_bytes + std::min(kMostKept_bytes, kPartKept * bytes);
@@ -144,10 +144,10 @@ class Estimate {
     return body;
   }
 
-  // bricks of 16 bits about so many voxels of a grid that change within some mm of a surface on each side
+  // bricks of 16-bit values that a band on both sides of a surface occupies, among `voxels` voxels of a grid
   double band_bytes(const Body& body, double voxels, const Eigen::Vector3d& spacing_mm, double inside_mm,
                     double outside_mm, double table_bytes) const {
-    // what is inside alone is met by fewer of the bricks that its surface crosses: measured
+    // the factor for a band on the inside only was measured: its surface touches fewer of the bricks
     const double places = voxels / std::pow(L::kCells, 3);
     const double brick_mm3 = std::pow(L::kCells, 3) * spacing_mm.prod();
     const double edge_mm =
@@ -174,24 +174,24 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
                            const SurfaceOptions& options) {
   const Eigen::Vector3d& mm = estimate.grid().spacing_mm;
   const Body body = estimate.body(group, options.reach_mm + 1);
-  // of every n-th voxel, about so far apart
+  // spacing of the normal's grid
   constexpr double kNormal_mm = 0.6, kBroad_mm = 2;
   const Eigen::Vector3d coarse_mm = mm.array() * (kNormal_mm / mm.array()).round().max(1);
   const double coarse_voxels = body.box_voxels() * mm.prod() / coarse_mm.prod();
   const double fine =
       estimate.band_bytes(body, body.box_voxels(), mm, options.reach_mm, options.reach_mm, kLeast_bytes);
   const double coarse = estimate.band_bytes(body, coarse_voxels, coarse_mm, kBroad_mm, kBroad_mm, 0);
-  // a node of the net, its links and triangles; of what is common a voxel and its owner
+  // node of the net with its links and triangles; for common surfaces a voxel and its owner
   constexpr double kNode_bytes = 240, kOwned_bytes = 16;
   const double cells = kFacesPerSurface * body.surface_mm2 / std::pow(mm.prod(), 2.0 / 3);
   SurfaceBytes bytes;
   bytes.stays = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
-  // the distance in bricks with the net, and then the position
+  // the distance in bricks and the net, plus the position
   bytes.makes = cells * kNode_bytes + 2 * fine + making_bytes(body, mm, options.reach_mm);
   return bytes;
 }
 
-// pieces of a surface (SurfaceTree), which are twice as many nodes
+// nodes of a SurfaceTree: twice as many as its leaf boxes
 double tree_bytes(const Estimate& estimate, LabelId label) {
   constexpr double kPiece_bytes = 72;
   const Eigen::Array3d mm = estimate.grid().spacing_mm;
@@ -200,7 +200,7 @@ double tree_bytes(const Estimate& estimate, LabelId label) {
   return kFacesPerSurface * estimate.body({label}, 0).surface_mm2 / area_mm2 * kPiece_bytes;
 }
 
-// one group after the other; the labels of what is made together are merged in bricks of their own
+// groups are built one after the other; labels merged for a common surface occupy bricks of their own
 SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vector<LabelId>>& groups,
                           const SurfaceOptions& options, double labels) {
   SurfaceBytes all;
@@ -226,7 +226,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   const double voxels = static_cast<double>(grid.voxel_count());
   const double labels = static_cast<double>(parts.labels->bytes());
 
-  // ramps: from the outside in as far as they rise, each structure by itself
+  // ramps: a band inside each structure as deep as its ramp rises
   const auto structures = ramp_structures(model, *parts.labels);
   const double full_N =
       model.greatest_stiffness_N_per_mm() * parts.ramp_width_mm.value_or(kUsualRampWidth_mm);
@@ -237,7 +237,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
     const Body body = estimate.body({structure.label}, 0);
     const double depth_mm = std::min(full_N / structure.stiffness_N_per_mm, kDeepestRamp_mm);
     rising_mm3 += std::min(body.volume_mm3, body.surface_mm2 * depth_mm);
-    // what filters see beyond that
+    // margin of the filters
     constexpr double kBeyond_mm = 8;
     position =
         std::max(position, making_bytes(body, grid.spacing_mm, depth_mm + kBeyond_mm) +
@@ -247,13 +247,13 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   all.volume_mm3 = rising_mm3;
   const double reach_mm = all.surface_mm2 > 0 ? rising_mm3 / all.surface_mm2 : 0;
   const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
-  // raised tile by tile, with a structure's depth and that of what rests on it beside it; then put in bricks
+  // tiles being raised, with the depth fields of a structure and those on top of it; then the bricks
   double peak = field + std::max(field, position);
 
   MemoryForecast forecast;
   forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));
   double surfaces = 0;
-  // what the tool's distances are measured to, of surfaces that the proxy does not have, and all their trees
+  // surfaces for the tool's distances that the proxy does not have, and all trees
   std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.told_distances);
   double trees = 0;
   for (const LabelId label : tracked) trees += tree_bytes(estimate, label);

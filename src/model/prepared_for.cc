@@ -17,7 +17,7 @@
 namespace palpate {
 namespace {
 
-// every label that is felt and has voxels, ascending
+// felt labels that have voxels, ascending
 std::vector<LabelId> felt_structures(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> felt;
@@ -35,7 +35,8 @@ Error too_many(std::size_t structures, std::size_t common) {
           "set felt = false on tissues that are not touched, or choose another method"};
 }
 
-// The upper bounds of a group's layers, softest first: of each structure the first that is not below it.
+// Upper stiffness bounds of a group's layers, softest first; a structure belongs to the first bound not below
+// it.
 std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
   std::vector<double> bounds;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses)))
@@ -43,10 +44,10 @@ std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
   return bounds;
 }
 
-// Which surfaces a model's structures need. Structures that touch have a surface in common; what is stiffer
-// than the softest of them touches again or stands alone in it, a layer deeper, and so on. Where a structure
-// can be gone through, it has a surface of its own in each of its layers besides, and what is left there
-// another common one.
+// Surfaces that a model's structures need. Structures that touch have a common surface; those stiffer than
+// the softest form groups of their own, or stand alone, one layer deeper, and so on. Structures that can be
+// punctured get an additional surface of their own in each of their layers, and the remaining ones another
+// common surface.
 class SurfacesNeeded {
  public:
   SurfacesNeeded(const Model& model, const std::vector<LabelId>& felt,
@@ -80,7 +81,7 @@ class SurfacesNeeded {
   std::size_t structures() const { return felt_.size(); }
   std::size_t common() const { return surfaces_.size() - felt_.size(); }
 
-  /// What they are made of, in the order in which they are.
+  /// Groups of structures to build surfaces from, in building order.
   std::vector<std::vector<LabelId>> groups() const {
     std::vector<std::vector<LabelId>> all;
     for (const auto& [together, parts] : parts_)
@@ -89,7 +90,7 @@ class SurfacesNeeded {
     return all;
   }
 
-  /// The model's surfaces with their shapes. Errors: those of prepare_outer_surfaces.
+  /// The model's surfaces with their geometry. Errors: those of prepare_outer_surfaces.
   Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
                                            const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
@@ -113,7 +114,7 @@ class SurfacesNeeded {
     int surface;
   };
 
-  // what yields is one layer, and gives what soft tissue gives: of its stiffness only the order is left
+  // deformable tissues form a single layer with the softest one's stiffness, which only determines its order
   bool yields(LabelId label) const { return model_.yields(*model_.tissue_of(label)); }
   double stiffness_of(LabelId label) const {
     return yields(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
@@ -122,7 +123,7 @@ class SurfacesNeeded {
     return static_cast<int>(std::lower_bound(felt_.begin(), felt_.end(), label) - felt_.begin());
   }
 
-  // structures that touch and are all stiffer than what lies around them
+  // assigns structures that touch, and are stiffer than the layer around them, to a layer
   void add_layer(const std::vector<LabelId>& group, int layer, double from, std::vector<double> bounds) {
     const auto is_above = [&](LabelId label) { return stiffness_of(label) > bounds.front(); };
     while (bounds.size() > 1 && std::all_of(group.begin(), group.end(), is_above))
@@ -159,7 +160,7 @@ class SurfacesNeeded {
     parts_[{layer, true}].push_back({rest, add(rest, layer, from, to, common)});
   }
 
-  // Where the surface of some structures stands. A structure's own place is for the layer that is its own.
+  // Index of the surface of some structures. A structure's own index is used in the layer it belongs to.
   int add(const std::vector<LabelId>& structures, int layer, double from, double to, int beneath) {
     const int structure = structures.size() == 1 ? place_of(structures.front()) : -1;
     const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
@@ -174,7 +175,7 @@ class SurfacesNeeded {
     return place;
   }
 
-  // each looks at the whole volume, on all threads; false: it was stopped
+  // each call scans the whole volume on all threads; false: interrupted
   bool add_owners(const Bricks<LabelId>& labels, const Progress& progress) {
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts) {
@@ -196,16 +197,16 @@ class SurfacesNeeded {
   const Model& model_;
   const std::vector<LabelId>& felt_;
   const std::vector<std::pair<LabelId, LabelId>>& touching_;
-  double softest_ = std::numeric_limits<double>::infinity();  // of what yields
+  double softest_ = std::numeric_limits<double>::infinity();  // of deformable tissues
   std::vector<FeltSurface> surfaces_;
-  // by layer, and whether they lie beneath what can be gone through
+  // key: layer, and whether the surface lies beneath one that can be punctured
   std::map<std::pair<int, bool>, std::vector<Part>> parts_;
 };
 
-// how near a burr is to what it is to spare is told within this, from the middle of its ball
+// range of the distance between a burr and a protected structure, from the centre of its ball
 constexpr double kToldWithin_mm = 10;
 
-// what a burr is to spare, each with a surface of its own, whatever it touches
+// structures that a burr must not cut, each with its own surface, whether or not it touches others
 Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
                                                              const std::vector<LabelId>& felt,
                                                              const Preparing& preparing,
@@ -288,7 +289,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   if (tracked.empty() || !model->distances.structures().empty()) return model;
   PALPATE_CHECK(model->carving == nullptr);
 
-  // the proxy's own surfaces where it leans on these, and others for what touches or is not felt
+  // reuses the proxy's surfaces where they exist, builds others for structures that touch or are not felt
   std::vector<std::shared_ptr<const Surface>> surfaces(tracked.size());
   std::vector<std::vector<LabelId>> missing;
   for (std::size_t n = 0; n < tracked.size(); ++n) {

@@ -32,7 +32,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
 
 std::vector<std::vector<std::size_t>> in_goes(const std::vector<std::vector<LabelId>>& groups) {
   std::vector<std::vector<std::size_t>> goes;
-  std::vector<std::set<LabelId>> taken;  // by each go
+  std::vector<std::set<LabelId>> taken;  // labels used by each batch
   for (std::size_t place = 0; place < groups.size(); ++place) {
     const std::vector<LabelId>& group = groups[place];
     const auto has_room = [&](const std::set<LabelId>& labels) {

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-// every tissue that a tissue rests on, through others too
+// all tissues that support a tissue, directly or through others
 std::vector<bool> supports_of(const Model& model, int tissue) {
   std::vector<bool> supports(model.tissues.size(), false);
   std::vector<int> left{tissue};

@@ -20,7 +20,7 @@ Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const G
   const double spacing_mm = grid.spacing_mm.maxCoeff();
   for (std::size_t number = 0; number < tools.size(); ++number) {
     const double radius_mm = widest_radius_mm(tools[number]);
-    // without the voxels beside it a centre's distance is cut off
+    // the centre's distance is only valid if the voxels around it are in range too
     if (radius_mm + spacing_mm > kMostSurfaceReach_mm) {
       char what[200];
       std::snprintf(

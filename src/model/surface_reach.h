@@ -7,10 +7,10 @@
 
 namespace palpate {
 
-/// The options of the surfaces that tools lean on, on a label volume's grid. The centre of a sphere that
-/// touches a surface lies its radius away, and the distance there is interpolated between voxels that lie
-/// farther (docs/decisions/0078-reach-follows-the-tool.md). Errors: kBadInput where a tool is too wide for
-/// the spacing: no surface reaches so far.
+/// Options for surfaces in contact with tools, on a label volume's grid. The centre of a sphere in contact is
+/// its radius away from the surface, and the distance there is interpolated from voxels that lie farther
+/// (docs/decisions/0078-reach-follows-the-tool.md). Errors: kBadInput if a tool is too wide for the spacing,
+/// because the distance field's range is limited.
 Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const GridGeometry& grid);
 
 }  // namespace palpate

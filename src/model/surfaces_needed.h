@@ -9,20 +9,19 @@
 
 namespace palpate {
 
-/// The groups of structures that the proxy's surfaces are made of, each once, in the order in which they are
-/// made. Nothing is made: the model has labels and tissues. Errors: those of Preparing::touching_pairs, and
-/// more surfaces than the proxy takes.
+/// Groups of structures from which the proxy's surfaces are built, without duplicates, in the order of
+/// building. Builds nothing; requires a model with labels and tissues. Errors: those of
+/// Preparing::touching_pairs; kBadInput for more surfaces than the proxy supports.
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
                                                           const Progress& progress);
 
-/// The model with the surfaces that the proxy leans on, made anew from its labels and tissues in place of
-/// what it has. Nothing was cut. Errors: those of surfaces_needed and Preparing::outer_surfaces;
-/// kInterrupted.
+/// The model with the proxy's surfaces rebuilt from its labels and tissues. Requires that nothing was cut.
+/// Errors: those of surfaces_needed and Preparing::outer_surfaces; kInterrupted.
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Preparing& preparing, const Progress& progress);
 
-/// The times with which tissues relax that yield by that law. Errors: kBadInput for a series that no tissue
-/// has, and for more times than there is room for.
+/// Relaxation times of the tissues that are deformable under a law. Errors: kBadInput for an invalid series,
+/// or more different times than supported.
 Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law);
 
 }  // namespace palpate

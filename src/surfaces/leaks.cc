@@ -9,14 +9,14 @@
 namespace palpate {
 namespace {
 
-// a joint's surroundings: the voxels that meet at it and two more on every side
+// neighbourhood of a joint: the voxels that meet at it and two more on every side
 constexpr int kAside = 2, kEdge = 2 * kAside + 2;
-// fewer are a pocket and no side
+// components of fewer voxels count as a pocket, not a side
 constexpr int kSide_voxels = 9;
 
 using Index = std::array<int, 3>;
 
-/// What is felt around a joint, the lower corner of whose eight voxels is in the middle.
+/// Occupancy around a joint; the lowest of the joint's eight voxels is at the centre.
 class Surroundings {
  public:
   Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at) {
@@ -27,8 +27,8 @@ class Surroundings {
           free_[n++] = !felt[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
   }
 
-  /// Of two free places whether they are two sides of a sheet: at least half of all is free, and neither
-  /// side's voxels reach the other's through faces.
+  /// Whether two free voxels are on two sides of a sheet: at least half of the neighbourhood is free, and the
+  /// two are not connected through faces.
   bool separates(const Index& one, const Index& other) {
     if (2 * std::count(free_.begin(), free_.end(), 0) > static_cast<std::ptrdiff_t>(free_.size()))
       return false;
@@ -43,7 +43,7 @@ class Surroundings {
     return at[0] + kAside + kEdge * (at[1] + kAside + kEdge * (at[2] + kAside));
   }
 
-  // how many free voxels are reached from one
+  // flood fill; returns the number of free voxels connected to one through faces
   int fill(int from, char mark) {
     std::array<int, kEdge * kEdge * kEdge> todo;
     std::size_t count = 0, done = 0;
@@ -72,7 +72,7 @@ class Surroundings {
 
 struct Found {
   std::size_t joints = 0, first = std::numeric_limits<std::size_t>::max();
-  Point<Patient> place;  // of the first in memory's order, whichever thread has found it
+  Point<Patient> place;  // of the first joint in memory order, independent of threads
 
   void add(const Found& other) {
     joints += other.joints;
@@ -82,7 +82,7 @@ struct Found {
 };
 using FoundOfLabel = std::vector<Found>;
 
-// Two free voxels that meet at an edge, or at a corner, of a block of up to eight: the others are felt.
+// Two free voxels that meet at an edge or a corner of a block of up to eight; the others are felt.
 struct Joint {
   Index one, other, size;
 };
@@ -97,7 +97,7 @@ constexpr std::array<Joint, 10> kJoints{{{{0, 0, 0}, {1, 1, 0}, {2, 2, 1}},
                                          {{0, 1, 0}, {1, 0, 1}, {2, 2, 2}},
                                          {{1, 1, 0}, {0, 0, 1}, {2, 2, 2}}}};
 
-// which of a block's eight voxels are felt, the one at (i, j, k) by bit i + 2 j + 4 k
+// bit of a block's voxel (i, j, k): i + 2 j + 4 k
 constexpr unsigned bit(const Index& at) {
   return 1u << (at[0] + 2 * at[1] + 4 * at[2]);
 }
@@ -119,7 +119,7 @@ constexpr std::array<Pattern, kJoints.size()> patterns() {
 }
 constexpr std::array<Pattern, kJoints.size()> kPatterns = patterns();
 
-// by a block's eight bits: whether any of the joints is there
+// for each combination of felt voxels in a block: whether it contains a joint
 constexpr std::array<bool, 256> joint_blocks() {
   std::array<bool, 256> any{};
   for (unsigned block = 0; block < 256; ++block)
@@ -129,7 +129,7 @@ constexpr std::array<bool, 256> joint_blocks() {
 }
 constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
 
-// the joints of one block
+// examines the joints of one block
 void look_at(const Bricks<LabelId>& labels, const std::vector<char>& felt, const Index& at, unsigned block,
              FoundOfLabel& found) {
   for (std::size_t n = 0; n < kJoints.size(); ++n) {

@@ -54,7 +54,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> prepare_outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) {
   std::vector<std::shared_ptr<const Surface>> surfaces;
-  // its workings, which are as large as it is, end here
+  // the intermediate data, as large as the surface itself, is discarded here
   const auto take = [&](PreparedSurface one) {
     surfaces.push_back(std::make_shared<const Surface>(std::move(one.surface)));
   };

@@ -8,33 +8,32 @@
 
 namespace palpate::internal {
 
-/// What is needed around a piece of a box to make it.
+/// Margins around a piece of a box that are needed to compute it.
 struct PieceMargins {
-  Index3 filtered{0, 0, 0};  ///< voxels that are made, too, for a filter of the piece
-  Index3 seen{0, 0, 0};      ///< and around those what they are made of
+  Index3 filtered{0, 0, 0};  ///< Voxels computed additionally for a filter of the piece
+  Index3 seen{0, 0, 0};      ///< Voxels around those that they are computed from
 };
 
-/// As many slices as a piece has: few enough for the memory, enough for its margins not to cost more than
-/// they.
+/// Number of slices per piece: limited by memory, and large enough that margins do not dominate the cost.
 inline int slices_of_piece(const PieceMargins& margins) {
   return std::clamp(3 * margins.filtered[2] / 2, 24, 64);
 }
 
-/// What threads work on: parts of a box, one at a time each.
+/// Parts of a box that threads process one at a time.
 struct Pieces {
-  std::vector<Span3> all;  ///< in memory's order of their first voxels
+  std::vector<Span3> all;  ///< In memory order of their first voxels
   int workers = 1;
 };
 
-/// Cuts a box into slabs; and those into strips of rows where one takes more than a thread should have. Where
-/// strips cannot be that narrow, for their margins' sake, fewer threads work.
+/// Cuts a box into slabs, and slabs into strips of rows if one exceeds a thread's share of memory. If strips
+/// cannot be narrow enough because of their margins, fewer threads are used.
 /// @param threads  0: as many as the machine has
 inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int threads) {
   Pieces pieces;
   if (box.empty()) return pieces;
   constexpr double kPiece_bytes = 1 << 30, kAll_bytes = 2.0 * (1 << 30);
   constexpr int kLeastRows = 64;
-  // a byte for what is seen, and of what is filtered along k 4 from there; 16 for what is filtered
+  // bytes per voxel: 1 for the source, 4 for data filtered along k, 16 for filtered data
   const int slices = std::min(slices_of_piece(margins), box.size(2));
   const auto with = [](int voxels, int margin) { return voxels + 2.0 * margin; };
   const Index3& f = margins.filtered;
@@ -61,7 +60,7 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
   return pieces;
 }
 
-/// So many slices of a box are made before they are put in bricks: some pieces for every thread.
+/// Number of slices to compute before they are put in bricks: some pieces per thread.
 inline int slices_at_a_time(const Span3& box, const PieceMargins& margins, int threads) {
   return worker_count(threads, box.size(2)) * std::max(48, slices_of_piece(margins));
 }

@@ -9,23 +9,23 @@
 
 namespace palpate::internal {
 
-/// A field that is raised from 0, a slice of a box at a time, and is of one value in most places: tiles of
-/// such take no voxels.
+/// A field that starts at 0 and is raised slice by slice. Mostly uniform: tiles of a single value store no
+/// voxels.
 class RaisedField {
  public:
   explicit RaisedField(const GridGeometry& grid);
 
-  /// Raises a slice to at least `values` in a box's rows and columns. Threads may raise slices of their own
-  /// at the same time.
-  /// @param values  of the box's slice, i fastest
+  /// Raises a slice to at least `values` in a box's rows and columns. Threads may raise different slices
+  /// concurrently.
+  /// @param values  values of the box's slice, i fastest
   void raise(int k, const Span3& box, const std::uint16_t* values);
-  /// In bricks; nothing is left here, so that both are never there as a whole.
+  /// Moves the field to bricks, freeing tiles on the way so that both never exist completely.
   Bricks<std::uint16_t> take();
 
  private:
   static constexpr int kWidth = 64, kHeight = 16;
   struct Tile {
-    std::uint16_t value = 0;  ///< of all of it, where it has no voxels
+    std::uint16_t value = 0;  ///< Uniform value, if there are no voxels
     std::unique_ptr<std::array<std::uint16_t, std::size_t{kWidth} * kHeight>> voxels;
   };
   Tile& tile(int a, int b, int k) {
@@ -36,7 +36,7 @@ class RaisedField {
   }
 
   GridGeometry grid_;
-  int across_, down_;  ///< tiles of a slice
+  int across_, down_;  ///< Number of tiles in a slice
   std::vector<Tile> tiles_;
 };
 

@@ -20,12 +20,12 @@ using internal::ProgressSpan;
 using internal::Span3;
 using internal::Touching;
 
-/// Half thickness beyond which nothing changes any more.
+/// Half thickness beyond which the parameters do not change, mm.
 constexpr double kThick_mm = 7;
 
-/// Of the filter of a structure's distance. Half the half thickness, so that the ridge of what is thin keeps
-/// three quarters of its height; more than 1.5 mm for what is as thick as bone alone, which gets smoother by
-/// it.
+/// Width of the filter of a structure's distance: half of the half thickness, so that the ridge of thin
+/// structures keeps three quarters of its height; above 1.5 mm only for structures as thick as bone, which
+/// get smoother.
 double sigma_mm_of(double half_thickness_mm) {
   return std::max(std::min(0.5 * half_thickness_mm, 1.5), std::min(0.3 * half_thickness_mm, 2.0));
 }
@@ -72,15 +72,15 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
   return {};
 }
 
-/// Structures by label, -1 for all else.
+/// Index of the structure of each label, -1 for none.
 std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
   std::vector<int> index(65536, -1);
   for (std::size_t s = 0; s < structures.size(); ++s) index[structures[s].label] = static_cast<int>(s);
   return index;
 }
 
-/// The chains of structures resting on each other, walked from every one upwards; each adds to the field what
-/// it says of its voxels.
+/// Depth-first traversal of the chains of structures resting on each other, starting at every structure; each
+/// chain raises the field at its voxels.
 class ChainWalk {
  public:
   ChainWalk(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
@@ -105,15 +105,15 @@ class ChainWalk {
     return climb(root, stage.part(0.1, 1));
   }
 
-  double half_thickness_mm = 0;  ///< of the last root
+  double half_thickness_mm = 0;  ///< Of the last root
 
  private:
-  // a structure of the chain, and the depth of it with all below
+  // a structure of the chain, and the depth below the union of it with all links before
   struct Link {
     std::size_t structure;
-    int deepest;  ///< in steps
+    int deepest;  ///< In steps
     Span3 box;
-    Bricks<std::int16_t> position;  ///< over the box
+    Bricks<std::int16_t> position;  ///< Over the box
   };
 
   const Span3& span_of(std::size_t structure) const { return spans_[structures_[structure].label]; }
@@ -126,7 +126,7 @@ class ChainWalk {
            std::find(supports.begin(), supports.end(), structures_[top].label) != supports.end();
   }
 
-  // what the new top adds is felt near it alone
+  // the new top only changes the depth near it
   Span3 box_of(std::size_t structure, const DepthOptions& depth) const {
     if (chain_.empty()) return span_of(structure);
     const Span3 near =
@@ -166,7 +166,7 @@ class ChainWalk {
     return done;
   }
 
-  // the field to at least what the chain says
+  // raises the field to at least the chain's value
   Result<void> raise_field(const ProgressSpan& stage) {
     const Span3 span = chain_.back().box;
     const int workers = worker_count(options_.threads, span.size(2));
@@ -180,7 +180,7 @@ class ChainWalk {
     struct Scratch {
       std::vector<float> depth, sum;
       std::vector<std::int16_t> position;
-      std::vector<std::uint16_t> raised;  // a slice
+      std::vector<std::uint16_t> raised;  // one slice
     };
     std::vector<Scratch> of_worker(
         static_cast<std::size_t>(workers),
@@ -194,7 +194,7 @@ class ChainWalk {
         std::fill(d.begin(), d.end(), 0.0f);
         std::fill(v.begin(), v.end(), 0.0f);
         for (std::size_t m = 0; m < chain_.size(); ++m) {
-          // beyond a link's box the depth is that of the links below
+          // outside a link's box the depth is that of the preceding links
           const Span3& box = chain_[m].box;
           const Span3 row = Span3{{span.low[0], j, k}, {span.high[0], j + 1, k + 1}}.clipped(box);
           if (!row.empty()) {
@@ -233,20 +233,20 @@ class ChainWalk {
   std::vector<Link> chain_;
 };
 
-/// The greatest value of every structure.
+/// Greatest field value of every structure.
 Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels,
                                                    const std::vector<int>& index, std::size_t structures,
                                                    const Bricks<std::uint16_t>& field, int threads,
                                                    const Progress& progress, const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
-  // one more for what is no structure
+  // one more entry for voxels of no structure
   std::vector<std::vector<std::uint16_t>> greatest(static_cast<std::size_t>(workers),
                                                    std::vector<std::uint16_t>(structures + 1, 0));
   const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     std::vector<std::uint16_t>& mine = greatest[static_cast<std::size_t>(worker)];
     const auto look = [&](const RowPiece<LabelId>& piece) {
-      // the same grid, and so the same pieces
+      // same grid, hence the same pieces
       const std::uint16_t* const value = field.view().cell(piece.i, piece.j, k);
       for (int i = 0; i < piece.count; ++i) {
         if (value[i] == 0) continue;
@@ -310,10 +310,10 @@ Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<Ram
 
 Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid) {
   const double widest_mm = grid.spacing_mm.maxCoeff();
-  // the proxy reads no ramp: on coarser voxels than a ramp can be made for its scenes load all the same
+  // default widths never fail: scenes for the proxy, which does not use ramps, must load on coarse voxels too
   if (!asked_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMostRampWidth_mm);
   const double width_mm = *asked_mm;
-  // rounding of a direction matrix is no reason
+  // tolerance for rounding of direction matrices
   if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMostRampWidth_mm) return width_mm;
   return bad_input(
       text_of("a ramp of ", width_mm, "") + text_of(" mm on voxels that are up to ", widest_mm, " mm wide"),

@@ -32,7 +32,7 @@ Result<void> by_pieces(const Pieces& pieces, const Progress& progress, const Pro
   return {};
 }
 
-/// 1 where a voxel of the box has a label of the set.
+/// Mask of a box: 1 where the voxel's label is in the set.
 Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                             const Span3& span) {
   Block<std::uint8_t> mask(span, 0);
@@ -47,12 +47,13 @@ Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, const std::vector<Lab
   return mask;
 }
 
-/// As deep as the distance has to go for the filter not to see its end, nearly; 16 mm less a little at most.
+/// Reach inside the set, far enough that its cutoff hardly affects the filter; slightly less than 16 mm at
+/// most.
 double inside_reach_mm(const DepthOptions& options) {
   return options.reach_mm + 2 * options.sigma_mm;
 }
 
-/// As far out as the filter of a voxel inside sees.
+/// Reach outside the set: the radius of the filter of an inside voxel.
 double outside_reach_mm(const DepthOptions& options) {
   constexpr double kCutSigmasOfFilter = 3, kBesides_mm = 1;
   return std::min(options.reach_mm, kCutSigmasOfFilter * options.sigma_mm + kBesides_mm);
@@ -107,7 +108,7 @@ Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId l
                                         const ProgressSpan& stage) {
   const Eigen::Vector3d& spacing_mm = labels.geometry().spacing_mm;
   const Index3 window = distance_window(spacing_mm, reach_mm);
-  // counts of distances, in thousandths of the reach
+  // histogram of distances, in thousandths of the reach
   constexpr int kBins = 1000;
   using Counts = std::array<std::size_t, kBins + 1>;
   const Pieces pieces = cut_into_pieces(span, {{1, 1, 1}, window}, threads);
@@ -124,7 +125,7 @@ Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId l
       for (int i = 0; i < slab.size(0); ++i) {
         const float here = rows[4][i];
         if (here >= 0) continue;
-        // negative inside: none deeper
+        // negative inside: no neighbour is deeper
         const bool ridge = std::all_of(rows, rows + 9, [&](const float* row) {
           return row[i - 1] >= here && row[i] >= here && row[i + 1] >= here;
         });

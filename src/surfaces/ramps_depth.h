@@ -8,27 +8,28 @@
 
 namespace palpate::internal {
 
-/// Depth of a set of labels: how far each of its voxels lies from what is not in it.
+/// Options for the depth of a set of labels: the distance from each voxel inside to the outside.
 struct DepthOptions {
-  double reach_mm;  ///< positions are right to this depth at least
-  double sigma_mm;  ///< of PositionFilter
+  double reach_mm;  ///< Depth up to which positions are exact
+  double sigma_mm;  ///< Of PositionFilter
   int threads;
 };
 
-/// The smoothed signed distance of a set over a box, in steps of kSurfaceStep_mm: negative inside, its sign
-/// the mask. Outside it is cut off nearer to the set than the reach, which no depth sees.
-/// @param span  the box; its first voxel is voxel (0, 0, 0) of the bricks, what is around them means nothing
-/// Errors: kBadInput when memory is short, kInterrupted.
+/// Smoothed signed distance of a set over a box, in steps of kSurfaceStep_mm: negative inside, with the
+/// mask's sign. Outside, it is cut off at less than the reach, which does not affect depths.
+/// @param span  the box; its first voxel is voxel (0, 0, 0) of the bricks; values in the bricks' border are
+///              undefined
+/// Errors: kBadInput for insufficient memory; kInterrupted.
 Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                                           const DepthOptions& options, const Progress& progress,
                                           const ProgressSpan& stage, const Span3& span);
 
-/// How far around a set's voxels its position can depend on them.
+/// Distance around a set's voxels within which its position can depend on them.
 Index3 position_window(const Eigen::Vector3d& spacing_mm, const DepthOptions& options);
 
-/// The median over a label's ridge of the distance to the nearest centre outside it, at most `reach_mm`.
-/// @param span  the label's box
-/// Errors: as above.
+/// Median over a label's ridge of the distance to the nearest centre outside it, at most `reach_mm`.
+/// @param span  the label's bounding box
+/// Errors: kBadInput for insufficient memory; kInterrupted.
 Result<double> median_half_thickness_mm(const Bricks<LabelId>& labels, LabelId label, const Span3& span,
                                         double reach_mm, int threads, const Progress& progress,
                                         const ProgressSpan& stage);

@@ -12,7 +12,7 @@ namespace palpate::internal {
 
 namespace {
 
-/// Squares of the distances to neighbours along an axis, as far as they are within reach.
+/// Kernel of squared distances to the neighbours along an axis within reach.
 AxisKernel squares(double spacing_mm, int count) {
   AxisKernel kernel;
   for (int t = 0; t <= count; ++t) {
@@ -22,9 +22,9 @@ AxisKernel squares(double spacing_mm, int count) {
   return kernel;
 }
 
-/// The square of the distance along k to the nearest voxel of class `other`, at most `far`. Of all axes the
-/// first, along which the mask itself says it: counted up from below and from above.
-/// @param mask  covers `squared` and what is within reach along k; may go on beyond
+/// Squared distance along k to the nearest voxel of class `other`, at most `far`. First axis of the
+/// transform, on which the mask is counted from below and from above.
+/// @param mask  covers `squared` and the reach along k; may be larger
 void nearest_along_k(const Block<std::uint8_t>& mask, std::uint8_t other, const AxisKernel& squares_mm2,
                      float far, Block<float>& squared) {
   const Span3& span = squared.span();
@@ -33,7 +33,7 @@ void nearest_along_k(const Block<std::uint8_t>& mask, std::uint8_t other, const 
   for (float& one : of_steps) one = std::min(one, far);
   of_steps.push_back(far);
   const auto most = static_cast<float>(window + 1);
-  // steps to the last one that was met, of every column
+  // number of steps since the last voxel of that class, for every column
   const auto rows = static_cast<std::size_t>(span.size(1)), columns = static_cast<std::size_t>(length);
   std::vector<float> steps(rows * columns, most);
   const auto follow = [&](int j, int k) {

@@ -5,7 +5,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "surfaces/signed_distance_rows.cc"
 #include <hwy/foreach_target.h>
-// after foreach_target.h
+// must follow foreach_target.h
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -24,7 +24,7 @@ HWY_INLINE void least_vector(D d, const WeightedRows<float>& rows, std::size_t x
   hn::StoreU(now, d, least + x);
 }
 
-/// The same for four neighbouring vectors, which need not wait for each other.
+/// Processes four adjacent vectors, whose dependency chains are independent.
 template <class D>
 HWY_INLINE void least_four_vectors(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
   const std::size_t x1 = x + hn::Lanes(d), x2 = x1 + hn::Lanes(d), x3 = x2 + hn::Lanes(d);
@@ -47,7 +47,7 @@ HWY_INLINE void least_four_vectors(D d, const WeightedRows<float>& rows, std::si
   hn::StoreU(now3, d, least + x3);
 }
 
-/// The last vector may overlap the one before it: it computes the same values again.
+/// The last vector may overlap the one before it, computing the same values again.
 template <class D>
 HWY_INLINE void least_by_vectors(D d, const WeightedRows<float>& rows, std::size_t length, float* least) {
   const std::size_t lanes = hn::Lanes(d);

@@ -56,7 +56,7 @@ inline Span3 to_span(const VoxelBox& b) {
 template <class T>
 class Block {
  public:
-  /// Values as they come.
+  /// Allocates uninitialised values.
   explicit Block(const Span3& span)
       : span_(span), count_(span.count()), values_(std::make_unique_for_overwrite<T[]>(count_)) {}
   Block(const Span3& span, T fill) : Block(span) { std::fill_n(values_.get(), count_, fill); }
@@ -80,7 +80,7 @@ class Block {
   std::unique_ptr<T[]> values_;
 };
 
-/// Calls visit(j, k) for every row of a box, in memory's order.
+/// Calls visit(j, k) for every row of a box, in memory order.
 template <class Visit>
 void for_each_row(const Span3& span, const Visit& visit) {
   if (span.empty()) return;
@@ -88,8 +88,7 @@ void for_each_row(const Span3& span, const Visit& visit) {
     for (int j = span.low[1]; j < span.high[1]; ++j) visit(j, k);
   }
 }
-/// Calls visit(j, k, row) for every row of a box of labels, in memory's order; voxel i's is row[i -
-/// span.low[0]].
+/// Calls visit(j, k, row) for every row of a box of labels, in memory order; voxel i is row[i - span.low[0]].
 template <class Visit>
 void for_each_row(const Bricks<LabelId>& labels, const Span3& span, const Visit& visit) {
   if (span.empty()) return;

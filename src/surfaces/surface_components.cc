@@ -18,12 +18,12 @@ void grow(Span3& span, int first, int last, int j, int k) {
   }
 }
 
-/// Which runs stand in which row.
+/// Range of runs of each row.
 class RowIndex {
  public:
   explicit RowIndex(const Span3& span) : span_(span) {}
   void end_row(std::size_t runs) { end_.push_back(runs); }
-  /// First and one beyond the last run of a row that was read; an empty range beside the box.
+  /// First and end of the runs of a row already read; empty outside the box.
   std::pair<std::size_t, std::size_t> row(int j, int k) const {
     if (j < span_.low[1] || j >= span_.high[1] || k < span_.low[2]) return {0, 0};
     const std::size_t n =
@@ -58,7 +58,7 @@ Components find_components(const Bricks<LabelId>& labels, LabelId label, const S
     }
     index.end_row(found.runs.size());
 
-    // with the rows that touch this one and were read before it
+    // connect to adjacent rows that were read before
     for (const auto& [dj, dk] : {std::pair{-1, 0}, {-1, -1}, {0, -1}, {1, -1}}) {
       auto [other, end] = index.row(j + dj, k + dk);
       for (std::size_t n = begin; n < found.runs.size(); ++n) {
@@ -71,7 +71,7 @@ Components find_components(const Bricks<LabelId>& labels, LabelId label, const S
     }
   });
 
-  // a component's number is the order of its root
+  // components are numbered in the order of their root runs
   std::vector<std::uint32_t> number(found.runs.size());
   for (std::size_t n = 0; n < found.runs.size(); ++n) {
     LabelRun& run = found.runs[n];

@@ -6,28 +6,29 @@
 
 namespace palpate::internal {
 
-/// Voxels i = first ... last of a row that belong to a structure.
+/// A run of voxels i = first ... last of a row that belong to a structure.
 struct LabelRun {
   int first, last, j, k;
   std::uint32_t component;
 };
 
+/// A connected component.
 struct Component {
   std::size_t voxels = 0;
   Span3 span;
   Eigen::Vector3d index_sum = Eigen::Vector3d::Zero();
 };
 
-/// The connected components of one label: voxels are connected where they share a face, an edge or a corner
-/// (26 neighbours), as the surface between them has no gap then. In the order of their first voxels.
+/// Connected components of one label. Voxels that share a face, an edge or a corner (26-neighbourhood) are
+/// connected, because the surface has no gap between them. Ordered by their first voxels.
 struct Components {
-  std::vector<LabelRun> runs;  ///< in memory's order
+  std::vector<LabelRun> runs;  ///< In memory order
   std::vector<Component> all;
 };
-/// @param within  part of the grid that holds the label
+/// @param within  part of the grid that contains the label
 Components find_components(const Bricks<LabelId>& labels, LabelId label, const Span3& within);
 
-/// The box of every label present, by label; empty spans for the others.
+/// Bounding box of every label present, by label; empty for the others.
 std::vector<Span3> label_spans(const Bricks<LabelId>& labels);
 
 }  // namespace palpate::internal

@@ -40,7 +40,7 @@ BlockKernel block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm, dou
   return kernel;
 }
 
-/// Rows of a block that hold one value throughout, NaN for those that do not.
+/// Value of each row that is constant, NaN for other rows.
 class EvenRows {
  public:
   explicit EvenRows(const Block<float>& block) : span_(block.span()) {
@@ -68,7 +68,7 @@ class EvenRows {
   std::vector<float> values_;
 };
 
-/// The rows that one output row is made of.
+/// Input rows of one output row.
 class Neighbours {
  public:
   explicit Neighbours(const AxisKernel& kernel) : kernel_(kernel) {
@@ -76,7 +76,7 @@ class Neighbours {
     for (int t = 1; t <= kernel.radius(); ++t) pairs_[t - 1].weight = kernel.weights[t];
   }
 
-  /// where(t) is a pointer to the row at distance t.
+  /// @param where  where(t) returns the row at distance t
   template <class Where>
   WeightedRows<float> rows(const Where& where) {
     for (int t = 1; t <= kernel_.radius(); ++t) {
@@ -86,7 +86,7 @@ class Neighbours {
     return {where(0), kernel_.weights[0], pairs_.data(), pairs_.size()};
   }
 
-  /// Whether value(t) is a number for every row.
+  /// Whether value(t) is a number, i.e. the row is constant, for every input row.
   template <class Value>
   bool all_even(const Value& value) const {
     for (int t = -kernel_.radius(); t <= kernel_.radius(); ++t) {
@@ -100,8 +100,8 @@ class Neighbours {
   std::vector<RowPair<float>> pairs_;
 };
 
-/// One axis: rows of `in` become rows of `out`. Along j and k both have rows of one length, so that
-/// neighbouring rows are filtered as one long one.
+/// Filters along one axis. Along j and k input and output rows have equal length, so that adjacent rows are
+/// processed as one long row.
 void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, const AxisKernel& kernel,
                  RowOperation operation, Block<float>& out, EvenRows& even_out) {
   const Span3& span = out.span();
@@ -132,7 +132,7 @@ void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, cons
   }
 }
 
-/// The last two axes.
+/// Filters along the last two axes.
 void filter_slices(const Block<float>& in, const EvenRows& even_in, const BlockKernel& kernel,
                    RowOperation operation, Block<float>& out) {
   Block<float> along_j(out.span().grown({kernel.reach()[0], 0, 0}));

@@ -6,32 +6,31 @@
 
 namespace palpate::internal {
 
-/// Kernels along i, j, k; each symmetric, weights[t] belongs to the voxels at distance t.
+/// Symmetric kernels along i, j, k; weights[t] applies to the voxels at distance t.
 struct BlockKernel {
   std::array<AxisKernel, 3> axis;
   Index3 reach() const { return {axis[0].radius(), axis[1].radius(), axis[2].radius()}; }
 };
 
-/// A Gaussian sampled at whole voxels as far as 2.5 sigma, and normalised.
+/// Normalised Gaussian sampled at voxel centres, truncated at 2.5 sigma.
 BlockKernel gaussian_block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm);
-/// Twice a Gaussian of sigma less one of sigma * sqrt(2), along each axis: no second moment, so that the
-/// filter leaves quadratic functions as they are and a sphere hardly shrinks. As far as 3 sigma.
+/// Along each axis, twice a Gaussian of sigma minus one of sigma * sqrt(2). The second moment vanishes, so
+/// quadratic functions are preserved and a sphere hardly shrinks. Truncated at 3 sigma.
 BlockKernel quadratic_block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm);
 
-/// How rows become one: sum_rows for a convolution, least_of_rows for what is least.
+/// Operation that combines rows into one: sum_rows for a convolution, least_of_rows for a minimum.
 using RowOperation = void (*)(const WeightedRows<float>& rows, std::size_t length, float* out);
 
-/// The operation along k, then j, then i: of the slices that are only there for their neighbours none is left
-/// after the first. `in` covers `out` and the kernel's reach around it. Where all rows that an output row
-/// needs hold one value each it is computed once and not for every voxel: most of the surroundings of a
-/// structure are like that. A voxel's bits depend on its neighbourhood alone, and not on
-/// where the blocks begin and end.
+/// Applies the operation along k, then j, then i; after the first step, slices that served only as neighbours
+/// are dropped. `in` covers `out` and the kernel's reach around it. If each row that an output row depends on
+/// is constant, the result is computed once instead of per voxel, which is the case for most surroundings of
+/// a structure. The bits of a voxel depend only on its neighbourhood, not on block boundaries.
 void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                   Block<float>& out);
-/// The operation along j, then i alone: of what has been filtered along k.
+/// Applies the operation along j, then i only, to data already filtered along k.
 void filter_slices(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                    Block<float>& out);
-/// The convolution.
+/// Convolution with the kernel.
 void filter_block(const Block<float>& in, const BlockKernel& kernel, Block<float>& out);
 
 }  // namespace palpate::internal

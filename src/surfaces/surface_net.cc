@@ -6,7 +6,7 @@ namespace palpate::internal {
 
 namespace {
 
-/// The rows of a cell's corners, from its lowest voxel: (j, k), (j+1, k), (j, k+1), (j+1, k+1).
+/// Rows of a cell's corners, starting at its lowest voxel: (j, k), (j+1, k), (j, k+1), (j+1, k+1).
 using CornerRows = std::array<const std::int16_t*, 4>;
 
 std::uint8_t classes_at(const CornerRows& rows, int x) {
@@ -52,7 +52,7 @@ SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vect
   net.cells = cells;
   net.spacing_mm = spacing_mm.cast<float>();
   net.row_begin.push_back(0);
-  // how many of the four voxels at a place in the rows are inside: most cells are told by that alone
+  // number of inside voxels among the four at each column; rejects most cells
   std::vector<std::uint8_t> inside(static_cast<std::size_t>(std::max(0, cells.size(0))) + 1);
   for_each_row(cells, [&](int j, int k) {
     const CornerRows rows{field(j, k), field(j + 1, k), field(j, k + 1), field(j + 1, k + 1)};

@@ -10,26 +10,26 @@
 
 namespace palpate::internal {
 
-/// A place within a cell, in voxels from its lowest voxel's centre along i, j, k; the fourth is not used, so
-/// that a place is one vector of the machine.
+/// Position within a cell, in voxels from the centre of its lowest voxel along i, j, k; the fourth component
+/// is padding, so that a position is one SIMD vector.
 using CellPlace = Eigen::Array4f;
 
-/// A constrained surface net (Gibson, MICCAI 1998): a node in every cell that has voxel centres of both
-/// classes. As long as a node stays in its cell every centre stays on its side.
+/// Constrained surface net (Gibson, MICCAI 1998): one node in every cell that has voxel centres of both
+/// classes. As long as each node stays in its cell, every centre stays on its side of the surface.
 ///
-///     cell     the box between eight neighbouring voxel centres, named by its lowest voxel
+///     cell     box between eight neighbouring voxel centres, identified by its lowest voxel
 ///     classes  bit n: corner n is inside; corner i + 2 j + 4 k
-///     link     between the nodes of two cells whose common face has both classes
-///     quad     of the four nodes around an edge whose ends are of different classes
+///     link     connects the nodes of two cells whose common face has both classes
+///     quad     the four nodes around an edge whose ends have different classes
 ///
-/// Nodes stand in memory's order of their cells.
+/// Nodes are stored in memory order of their cells.
 struct SurfaceNet {
   static constexpr std::uint32_t kNone = 0xffffffffu;
 
   Span3 cells;
   Eigen::Vector3f spacing_mm = Eigen::Vector3f::Ones();
-  std::vector<std::uint32_t> row_begin;  ///< the first node of each row of cells, and one past the last row's
-  std::vector<std::int32_t> column;      ///< i of a node's cell
+  std::vector<std::uint32_t> row_begin;  ///< First node of each row of cells, and the end of the last row
+  std::vector<std::int32_t> column;      ///< Index i of each node's cell
   std::vector<std::uint8_t> classes;
   std::vector<CellPlace> place;
 
@@ -38,44 +38,44 @@ struct SurfaceNet {
     return static_cast<std::size_t>(k - cells.low[2]) * static_cast<std::size_t>(cells.size(1)) +
            static_cast<std::size_t>(j - cells.low[1]);
   }
-  /// The node of a cell; kNone where its centres are of one class or it is outside.
+  /// Node of a cell; kNone if its centres are of one class or it is outside the net.
   std::uint32_t find(int i, int j, int k) const;
 };
 
-/// How far from the borders of its cell a node stays, in voxels.
+/// Minimum distance of a node from the borders of its cell, in voxels.
 inline constexpr float kCellMargin = 0.02f;
 
-/// A row of a field from voxel (cells.low[0], j, k) on; its sign is the class, negative inside.
+/// Row of a field starting at voxel (cells.low[0], j, k); the sign is the class, negative inside.
 using FieldRow = std::function<const std::int16_t*(int j, int k)>;
-/// The net of a field, its nodes at the mean of the places where the field crosses 0 along their cell's
-/// edges. The field covers the cells' corners.
+/// Net of a field, with nodes at the mean of the zero crossings along their cell's edges. The field covers
+/// the cells' corners.
 SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vector3d& spacing_mm);
 
-/// One without a node, to whose last slices of cells others are appended.
+/// Empty net, to which slices of cells are appended.
 SurfaceNet no_net(const Span3& cells, const GridGeometry& grid);
-/// Nodes of the next slices of a net's cells: as if they had been made together.
-/// @param part  of all cells of those slices
+/// Appends the nodes of the next slices of cells; the result equals building both together.
+/// @param part  net of all cells of those slices
 void append_net(const SurfaceNet& part, SurfaceNet& net);
 
-/// Makes a net as smooth as its cells allow and no smaller (docs/decisions/0017-surface-nets.md). The same
-/// bit for bit with any number of threads.
-/// @param known  cells between voxels of the volume. Nodes of others are a wall that closes the surface where
-///               the volume ends: it does not bend what ends at it.
+/// Smooths a net as far as its cells allow, without shrinking it (docs/decisions/0017-surface-nets.md).
+/// Bit-identical for any number of threads.
+/// @param known  cells between voxels of the volume. Nodes of other cells form a wall that closes the surface
+///               at the volume's border and exerts no influence on the surface that ends there.
 /// Errors: kInterrupted.
 Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const Progress& progress,
                        const ProgressSpan& span);
 
-/// What tissue that was cut leaves of a net. Nodes of cells whose classes are as they were stay exactly where
-/// they are; the others start midway between classes and are drawn kCarvingRounds times towards the mean of
-/// those they are linked to.
-/// @param once  the net as it was made
-/// @param now   as make_net gives it, from a field of one value on either side; its nodes are moved. Those of
-///              cells within kCarvingRounds + 1 of the border of now.cells are not what they would be in a
-///              larger net.
+/// Net after tissue was cut. Nodes of cells with unchanged classes keep their exact positions; the others
+/// start midway between the classes and are relaxed kCarvingRounds times towards the mean of their linked
+/// nodes.
+/// @param once  the originally built net
+/// @param now   net from make_net() of a field with one value per class; its nodes are moved. Nodes of cells
+///              within kCarvingRounds + 1 of the border of now.cells differ from those in a larger net
 void carve_net(const SurfaceNet& once, SurfaceNet& now);
 inline constexpr int kCarvingRounds = 4;
 
-/// Calls visit(cell) for every cell of a box in which one net has a node and the other none, or another one.
+/// Calls visit(cell) for every cell of a box in which the nets differ: only one has a node, or the nodes are
+/// not the same.
 void for_each_difference(const SurfaceNet& a, const SurfaceNet& b, const Span3& cells,
                          const std::function<void(const Index3& cell)>& visit);
 

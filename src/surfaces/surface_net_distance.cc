@@ -10,9 +10,9 @@ namespace palpate::internal {
 namespace {
 
 constexpr float kPart_mm = 0.6f;
-/// More than what rounding may take from a distance that bounds others.
+/// Upper bound of the rounding error of a bounding distance.
 constexpr float kRoundingOf_mm = 1e-3f;
-/// Boxes of voxels, each cut into those of the next.
+/// Nested boxes of voxels, in voxels.
 constexpr std::array<Index3, 3> kBoxes{{{16, 16, 4}, {8, 8, 2}, {4, 4, 1}}};
 
 bool any(const Block<std::uint8_t>& wanted, const Span3& box) {
@@ -35,8 +35,8 @@ NetDisc disc_of(const Eigen::Vector4f& middle, const Eigen::Vector4f& normal, fl
 
 }  // namespace
 
-/// Calls visit(cell, its quad's nodes in order around the edge from the cell's lowest corner, the cells that
-/// they are below `cell` by, as bits).
+/// Calls visit(cell, node, below) for each quad: its highest cell, its nodes in order around the edge from
+/// the cell's lowest corner, and for each node the axes along which its cell is lower by one, as bits.
 template <class Visit>
 void NetTriangles::for_each_quad(const SurfaceNet& net, const Visit& visit) const {
   for_each_row(cells_, [&](int j, int k) {
@@ -47,10 +47,10 @@ void NetTriangles::for_each_quad(const SurfaceNet& net, const Visit& visit) cons
     for (std::uint32_t n = net.row_begin[r]; n < net.row_begin[r + 1]; ++n) {
       const Index3 cell{net.column[n], j, k};
       if (cell[0] < cells_.low[0] || cell[0] >= cells_.high[0]) continue;
-      // the edges from the lowest corner whose ends are of different classes
+      // edges at the lowest corner whose ends have different classes
       const unsigned lowest = net.classes[n] & 1u ? 0xffu : 0u, edges = net.classes[n] ^ lowest;
       if ((edges & 0x16u) == 0) continue;
-      std::array<std::uint32_t, 8> below;  // by bits: a cell less along i, j, k
+      std::array<std::uint32_t, 8> below;  // index bits: cell lower by one along i, j, k
       for (unsigned m = 0; m < 4; ++m) {
         below[2 * m + 1] = rows[m].find(cell[0] - 1);
         below[2 * m] = rows[m].find(cell[0]);
@@ -121,7 +121,7 @@ void NetTriangles::add(const std::array<Vector, 4>& corners, std::uint32_t& next
     t.per_ac = inverse(t.ac_ac);
     t.per_bc = inverse((ac - ab).squaredNorm());
     const float area = t.ab_ab * t.ac_ac - t.ab_ac * t.ab_ac;
-    // without area only its edges count
+    // a degenerate triangle is represented by its edges only
     t.area = area > 1e-6f * t.ab_ab * t.ac_ac ? area : -1;
     const Vector middle = (ab + ac) / 3, normal = ab.cross3(ac).normalized();
     const float across =
@@ -150,7 +150,7 @@ NetDisc NetTriangles::around(const Range& triangles) const {
   }
   normal /= std::max(normal.norm(), 1e-12f);
   mean /= static_cast<float>(triangles.last - triangles.first);
-  // the triangles' centre that is nearest to the mean of all
+  // the triangle centroid nearest to the mean of all
   Vector middle = centre(triangles_[triangles.first]);
   for (std::uint32_t t = triangles.first + 1; t < triangles.last; ++t) {
     const Vector other = centre(triangles_[t]);
@@ -170,7 +170,7 @@ NetDisc NetTriangles::around(const Range& triangles) const {
   return disc_of(middle, normal, along, across);
 }
 
-/// Finds the distances of a block, box by box.
+/// Computes the distances of a block, box by box.
 class NetTriangles::Search {
  public:
   Search(const NetTriangles& net, float reach_mm, const Block<std::uint8_t>& wanted, Block<float>& mm)
@@ -198,11 +198,11 @@ class NetTriangles::Search {
     }
   }
 
-  /// All parts that may be within reach of a box.
+  /// Collects all parts that may be within reach of a box.
   void gather(const Span3& box) {
     Span3 within;
     for (int a = 0; a < 3; ++a) {
-      // a quad reaches a cell beyond its own
+      // a quad extends one cell beyond its own
       const int cells = static_cast<int>(std::ceil(reach_mm_ / net_.spacing_mm_[a])) + 2;
       within.low[a] = std::max(0, box.low[a] - cells - net_.cells_.low[a]) / net_.edge_[a];
       within.high[a] = std::max(0, box.high[a] + cells - net_.cells_.low[a]) / net_.edge_[a] + 1;
@@ -222,7 +222,7 @@ class NetTriangles::Search {
     });
   }
 
-  /// Of what may be nearest to a larger box what may be to this one, and so on to the distances.
+  /// Selects from the enclosing box's candidates those of this box, recursively down to tiles.
   void narrow(const Span3& box, std::size_t level) {
     const Vector low = net_.centre_mm(box.low[0], box.low[1], box.low[2]);
     const Vector high = net_.centre_mm(box.high[0] - 1, box.high[1] - 1, box.high[2] - 1);
@@ -258,7 +258,7 @@ class NetTriangles::Search {
     for_each_wanted(box, [&](int n, float& mm) { mm = std::sqrt(tile.squared[n]); });
   }
 
-  /// Calls set(number in a tile at the box, value).
+  /// Calls set(index in the tile at the box, value).
   template <class Set>
   void for_each_wanted(const Span3& box, const Set& set) {
     for_each_row(box, [&](int j, int k) {
@@ -274,7 +274,7 @@ class NetTriangles::Search {
   const float reach_mm_;
   const Block<std::uint8_t>& wanted_;
   Block<float>& mm_;
-  /// Of all boxes around one, the largest first.
+  /// Candidates of the nested boxes, the largest first.
   std::array<NearParts, kBoxes.size() + 1> near_;
 };
 

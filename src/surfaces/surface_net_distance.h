@@ -9,24 +9,25 @@
 
 namespace palpate::internal {
 
-/// The triangles of a net, for the distance to the nearest one. Every quad is cut along its shorter diagonal.
+/// Triangles of a net, for finding the distance to the nearest one. Every quad is split along its shorter
+/// diagonal.
 ///
-///     part  the triangles of a box of cells about 0.6 mm wide, and a disc that holds them
+///     part  the triangles of a box of cells about 0.6 mm wide, and a disc that bounds them
 ///
-/// Which parts may be nearest is decided for a large box of voxels, then for boxes within it, each by what
-/// the one around it left; of 4 x 4 voxels those that are left are few.
+/// Candidate parts are selected for a large box of voxels, then for nested boxes, each from the candidates of
+/// the enclosing one; few remain for a tile of voxels.
 class NetTriangles {
  public:
-  /// @param cells  of which quads are taken: a quad is that of the highest of its four cells
+  /// @param cells  cells whose quads are included; a quad belongs to the highest of its four cells
   NetTriangles(const SurfaceNet& net, const Span3& cells);
 
-  /// mm from voxel centres to the nearest triangle, at most reach_mm. Exact: a voxel's bits do not depend on
-  /// which others are asked for.
-  /// @param wanted  covers `mm`; where it is 0 nothing is written
+  /// Distance from voxel centres to the nearest triangle, mm, at most reach_mm. Exact, and independent of
+  /// which other voxels are requested.
+  /// @param wanted  covers `mm`; voxels where it is 0 are not written
   void distance(float reach_mm, const Block<std::uint8_t>& wanted, Block<float>& mm) const;
 
  private:
-  /// The fourth is 0: a place or a way is one vector of the machine.
+  /// The fourth component is 0, so that a position or difference is one SIMD vector.
   using Vector = Eigen::Vector4f;
   struct Range {
     std::uint32_t first = 0, last = 0;
@@ -44,9 +45,9 @@ class NetTriangles {
   }
 
   Vector spacing_mm_;
-  Span3 cells_, places_;  ///< places: parts' boxes of cells, i fastest
-  Index3 edge_;           ///< of a place, in cells
-  /// By place: how many parts are before it; and one beyond the last.
+  Span3 cells_, places_;  ///< Grid of parts' boxes of cells, i fastest
+  Index3 edge_;           ///< Edge of a part's box, in cells
+  /// Number of parts before each box; and one entry past the end.
   std::vector<std::uint32_t> parts_before_;
   std::vector<NetPart> parts_;
   std::vector<NetTriangle> triangles_;

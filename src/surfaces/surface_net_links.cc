@@ -4,7 +4,7 @@ namespace palpate::internal {
 
 namespace {
 
-/// The corners of a cell's faces, in the order of NetLinks::to.
+/// Corner masks of a cell's faces, in the order of NetLinks::to.
 constexpr std::array<unsigned, 6> kFaceCorners{0x55, 0xaa, 0x33, 0xcc, 0x0f, 0xf0};
 
 }  // namespace

@@ -9,10 +9,10 @@
 
 namespace palpate::internal {
 
-/// Nodes of a row of cells by their column, found in ascending order.
+/// Looks up the nodes of a row of cells by column, in ascending order.
 class RowOfNodes {
  public:
-  /// @param from  no column below it is asked for
+  /// @param from  lower bound of the columns to be looked up
   RowOfNodes(const SurfaceNet& net, int j, int k, int from) : net_(net) {
     if (j < net.cells.low[1] || j >= net.cells.high[1] || k < net.cells.low[2] || k >= net.cells.high[2])
       return;
@@ -31,13 +31,14 @@ class RowOfNodes {
   std::uint32_t next_ = 0, end_ = 0;
 };
 
-/// Which nodes a net's nodes are linked to, and where those stand.
+/// Links of a net's nodes.
 struct NetLinks {
   explicit NetLinks(const SurfaceNet& net);
-  /// Of so many nodes, to be filled.
+  /// Allocates links for `nodes` nodes, to be filled in.
   explicit NetLinks(std::size_t nodes) : to(nodes), share(nodes), offset(nodes) {}
 
-  /// Sum over the links of the place there less the place here, in voxels, but for the cells' own offsets.
+  /// Sum over the links of the differences in position within the cells, in voxels, excluding the cells'
+  /// offsets.
   CellPlace ways(const std::vector<CellPlace>& place, std::size_t n) const {
     const auto& l = to[n];
     const CellPlace& at = place[n];
@@ -45,10 +46,11 @@ struct NetLinks {
            ((place[l[4]] - at) + (place[l[5]] - at));
   }
 
-  /// Through the faces at low i, high i, low j, high j, low k, high k; itself where there is no link.
+  /// Linked nodes through the faces at low i, high i, low j, high j, low k, high k; the node itself where
+  /// there is no link.
   std::vector<std::array<std::uint32_t, 6>> to;
-  std::vector<float> share;       ///< 1 / how many links
-  std::vector<CellPlace> offset;  ///< mean of the cells' offsets
+  std::vector<float> share;       ///< 1 / number of links
+  std::vector<CellPlace> offset;  ///< Mean of the linked cells' offsets
 };
 
 }  // namespace palpate::internal

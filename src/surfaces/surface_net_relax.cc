@@ -4,47 +4,48 @@
 
 #include "surfaces/surface_net_links.h"
 
-// docs/decisions/0017-surface-nets.md says why each step is there, and what other numbers gave;
-// docs/decisions/0066-where-the-volume-ends.md what is done where the volume ends.
+// docs/decisions/0017-surface-nets.md justifies each step and its parameters,
+// docs/decisions/0066-where-the-volume-ends.md the treatment of the volume's border.
 //
-//     membrane        every node at the mean of its neighbours, in its cell:    terraces go, spheres shrink
-//     three times     curvature C of what there is, M area, both summed over a node's links
-//                     smoothed along the surface, edges left out: C', M'
-//                     every node off the mean of its neighbours by n M C'/M':       spheres come back
+//     membrane        every node at the mean of its neighbours, in its cell: removes terraces, shrinks
+//     spheres three times     curvature C and area M of the current net, both summed over a node's links
+//                     smoothed along the surface, except across edges: C', M'
+//                     every node offset from its neighbours' mean by n M C'/M': restores spheres
 
 namespace palpate::internal {
 
 namespace {
 
-/// Bent no longer than that: more rounds bend what is level, too, and bring terraces back.
+/// Iterations of the solver, and number of bending steps. More bent iterations also bend flat regions and
+/// restore terraces.
 constexpr int kMembraneRounds = 60, kBentRounds = 24, kBendings = 3;
-/// Of a voxel: the most that a round still moves a node when the solution is good enough.
+/// Largest displacement of a node per iteration, in voxels, at which the solution is accepted.
 constexpr float kTolerance = 3e-4f;
-/// What is left of the slowest wave that rounds are to level when each node goes to the mean of its
-/// neighbours: cos(pi/n)^2 of a wave of n nodes along the surface, here 31.
+/// Decay factor of the slowest wave to be levelled, per iteration that moves each node to the mean of its
+/// neighbours (spectral radius): cos(pi/n)^2 for a wave of n nodes along the surface, here 31.
 constexpr float kSlowest = 0.99f;
 /// Widths of Gaussians along the surface.
 constexpr float kNormal_mm = 1, kCurvature_mm = 2.5f, kEdge_mm = 1.5f;
-/// 1/mm. Where the sum of both curvatures is above it the surface has an edge there, which is not to bend the
-/// faces beside it.
+/// Sum of the principal curvatures, 1/mm, above which the surface has an edge, which must not bend adjacent
+/// faces.
 constexpr float kEdgeCurvature = 0.15f;
-/// Along the surface from where the volume ends: nearer than that a node's curvature counts less, by the
-/// fourth power of how far it is, and never less than by the second. Wider takes too much from faces that end
-/// at an edge and at the volume's border.
+/// Distance along the surface from the volume's border within which a node's curvature is weighted down by
+/// the fourth power of the relative distance, but at least by kLeastTrust. A larger distance would affect
+/// faces between an edge and the volume's border too much.
 constexpr float kBorder_mm = 5, kLeastTrust = 1e-3f;
-/// As many nodes as a thread takes at a time, and how many times that it is to have.
+/// Nodes per chunk of work, and minimum number of chunks per thread.
 constexpr std::size_t kChunk = 4096;
 constexpr int kLeastChunks = 6;
 
-/// A link whose opposite led to a wall. It is of the surface and tells of its curvature, but it does not
-/// pull: alone it would draw its node along the surface, and level what is tilted.
+/// A link whose opposite one led to a wall. It contributes to the curvature but exerts no pull: unbalanced,
+/// it would draw its node along the surface and level a tilted one.
 struct Unpaired {
   std::uint32_t node;
   int link;
   std::uint32_t to;
 };
 
-/// The mean of the places midway along a cell's edges between the classes.
+/// Mean of the midpoints of a cell's edges between the classes.
 CellPlace midway(unsigned classes) {
   CellPlace sum = CellPlace::Zero();
   float count = 0;
@@ -62,20 +63,20 @@ CellPlace midway(unsigned classes) {
   return sum / count;
 }
 
-/// Nodes stand in an order of their own: first those whose cells' i + j + k is even, which are linked to none
-/// but the others.
+/// Solver on a reordered net: nodes whose cells have even i + j + k come first. They are linked only to odd
+/// ones (red-black ordering).
 class Relaxation {
  public:
   Relaxation(const SurfaceNet& net, const Span3& known, int threads);
 
-  /// At most `rounds` of projected over-relaxation, until nothing moves any farther.
+  /// Projected over-relaxation, at most `rounds` iterations, until no node moves beyond the tolerance.
   Result<void> solve(int rounds, const Progress& progress);
-  /// What every node is to be off the mean of its neighbours, by the curvature of what there is.
+  /// Updates the nodes' offsets from their neighbours' mean, from the current curvature.
   void bend();
   void put_places(SurfaceNet& net) const;
 
  private:
-  /// Calls work(first, last) for nodes of a range.
+  /// Calls work(first, last) for chunks of a range of nodes.
   template <class Work>
   void over_nodes(std::size_t begin, std::size_t end, const Work& work) const {
     const auto chunks = static_cast<int>((end - begin + kChunk - 1) / kChunk);
@@ -102,14 +103,15 @@ class Relaxation {
 
   int threads_;
   CellPlace spacing_;
-  std::size_t even_ = 0;              ///< how many nodes stand in the first half
-  std::vector<std::uint32_t> order_;  ///< their numbers in the net
+  std::size_t even_ = 0;              ///< Number of even nodes
+  std::vector<std::uint32_t> order_;  ///< Their indices in the net
   std::vector<std::uint8_t> classes_;
   std::vector<CellPlace> place_;
   NetLinks links_;
   std::vector<Unpaired> unpaired_;
-  std::vector<float> doubt_;     ///< how much less a node's curvature counts; empty where there is no wall
-  std::vector<CellPlace> rest_;  ///< voxels; the offset of the links less what a node is to be off their mean
+  std::vector<float> doubt_;  ///< Divisor of a node's curvature near walls; empty if there are none
+  /// Voxels; offset of the links minus the node's target offset from their mean
+  std::vector<CellPlace> rest_;
 };
 
 Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
@@ -146,8 +148,9 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
   rest_ = links_.offset;
 }
 
-/// A wall feels the surface that ends at it, and is not felt by it. Nor by where that begins: the crossings
-/// of the filtered distance beside a wall are rounded, and along the border little draws them back.
+/// Removes links from the surface to wall nodes: the wall follows the surface that ends at it, but not vice
+/// versa. Surface nodes at a wall start midway: their zero crossings are rounded by the filter beside the
+/// wall, and along the border little would restore them.
 void Relaxation::part_from_walls(const std::vector<std::uint8_t>& wall) {
   for (std::uint32_t n = 0; n < place_.size(); ++n) {
     auto& to = links_.to[n];
@@ -176,8 +179,8 @@ void Relaxation::part_from_walls(const std::vector<std::uint8_t>& wall) {
   pull_in_pairs();
 }
 
-/// Where a terrace is cut off by the volume's border no label says how the surface goes on, and it leaves the
-/// plane at an angle, which is no curvature.
+/// Computes the divisors of curvature near walls. Where the volume's border cuts a terrace, no label
+/// determines how the surface continues, and its kink is not curvature.
 void Relaxation::doubt_near_walls() {
   if (unpaired_.empty()) return;
   std::vector<float> apart_mm(place_.size(), kBorder_mm);
@@ -213,9 +216,9 @@ void Relaxation::put_places(SurfaceNet& net) const {
   for (std::size_t n = 0; n < order_.size(); ++n) net.place[order_[n]] = place_[n];
 }
 
-/// Even and odd nodes in turn, each beyond the mean of its neighbours by a factor that grows from 1 to what
-/// is best for the slowest waves (Chebyshev's; Varga, Matrix iterative analysis, 2000), and back into its
-/// cell.
+/// Even and odd nodes alternately move beyond the mean of their neighbours by a factor that increases from 1
+/// to the optimum for the slowest waves (Chebyshev acceleration; Varga, Matrix iterative analysis, 2000),
+/// then are projected back into their cells.
 Result<void> Relaxation::solve(int rounds, const Progress& progress) {
   std::vector<float> moved(place_.size() / kChunk + 2);
   float beyond = 1;
@@ -245,21 +248,21 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
   return {};
 }
 
-/// From a node to where a link leads.
+/// Vector from a node to the linked one, mm.
 CellPlace Relaxation::way_mm(std::size_t n, int link) const {
   CellPlace way = place_[links_.to[n][link]] - place_[n];
   way[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
   return way * spacing_;
 }
 
-/// mm2; of the part of a link's way that lies in the surface.
+/// Squared length of a link's component tangential to the surface, mm2.
 float Relaxation::square_along(std::size_t n, int link, const CellPlace& normal) const {
   const CellPlace way = way_mm(n, link);
   const float up = (normal * way).sum();
   return way.square().sum() - up * up;
 }
 
-/// The sum of its quads' areas as vectors, which point outward.
+/// Sum of the area vectors of a node's quads, outward.
 CellPlace Relaxation::area(std::size_t n) const {
   const unsigned classes = classes_[n];
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
@@ -270,7 +273,7 @@ CellPlace Relaxation::area(std::size_t n) const {
       const unsigned from = static_cast<unsigned>(sb << b | sc << c), to = from | 1u << a;
       const bool inside = (classes >> from & 1) != 0;
       if (inside == ((classes >> to & 1) != 0)) continue;
-      // the faces beside the edge have both classes, so there are links through them, but to a wall
+      // both faces at the edge have both classes, so their links exist unless they lead to a wall
       const int beside = 2 * b + sb, above = 2 * c + sc;
       if (links_.to[n][beside] == n || links_.to[n][above] == n) continue;
       const Eigen::Vector3f x = way_mm(n, beside).head<3>(), y = way_mm(n, above).head<3>();
@@ -294,7 +297,8 @@ std::vector<CellPlace> Relaxation::normals() const {
 }
 
 /// Diffusion along the links, by one step of a Runge-Kutta-Legendre method (Meyer, Balsara and Aslam, Journal
-/// of Computational Physics 257, 2014), which takes the root of as many stages as plain steps.
+/// of Computational Physics 257, 2014), whose number of stages is the square root of the number of explicit
+/// steps.
 void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
   const std::array<float, 3> weight{1 / (spacing_[0] * spacing_[0]), 1 / (spacing_[1] * spacing_[1]),
                                     1 / (spacing_[2] * spacing_[2])};
@@ -322,8 +326,8 @@ void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
 void Relaxation::bend() {
   see_all();
   const std::vector<CellPlace> normal = normals();
-  // curvature by how normals turn: by the places themselves, a normal that is a little off would take what
-  // the cells' borders do along the surface for curvature
+  // Curvature from the rotation of the normals. Computed from positions, a small error of the normal would
+  // turn displacements along the surface, caused by the cells' borders, into curvature.
   std::vector<CellPlace> bent(place_.size());
   std::vector<float> area(place_.size());
   over_nodes([&](std::size_t first, std::size_t last) {

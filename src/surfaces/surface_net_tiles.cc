@@ -10,7 +10,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "surfaces/surface_net_tiles.cc"
 #include <hwy/foreach_target.h>
-// after foreach_target.h
+// must follow foreach_target.h
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -36,7 +36,8 @@ HWY_INLINE Place all_at(const float* place) {
   return {hn::Set(d, place[0]), hn::Set(d, place[1]), hn::Set(d, place[2])};
 }
 
-/// The square of how far a disc is at least, from a place `up` above its plane and `from` its middle.
+/// Squared lower bound of the distance to a disc from a point `up` above its plane and at `from` relative to
+/// its centre.
 HWY_INLINE Many apart_squared(const Place& from, Many up, Many along, Many across) {
   const auto zero = hn::Zero(Tag());
   const auto beside = hn::Sqrt(hn::Max(zero, hn::Sub(dot(from, from), hn::Mul(up, up))));
@@ -50,7 +51,7 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
   const std::size_t lanes = hn::Lanes(d);
   const Place centre = all_at(ball.centre);
 
-  // how far each is at least, and the nearest middle
+  // lower bound of the distance to each part, and distance to the nearest centre
   auto nearest = hn::Set(d, 1e30f);
   for (std::size_t n = 0; n < in.count; n += lanes) {
     const Place middle{hn::LoadU(d, in.number[0] + n), hn::LoadU(d, in.number[1] + n),
@@ -75,7 +76,8 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
   for (std::size_t n = 0; n < in.count; n += lanes) {
     const auto there = hn::FirstN(d, in.count - n);
     const auto near = hn::And(there, hn::Le(hn::LoadU(d, in.number[8] + n), limit));
-    // one by one: Highway's Compress of 8 floats has g++ copy a table of 2 kB to the stack at every call
+    // element by element: for 8 floats, Highway's Compress makes g++ copy a table of 2 kB to the stack at
+    // every call
     std::array<std::uint8_t, 8> bits{};
     hn::StoreMaskBits(d, near, bits.data());
     for (unsigned left = bits[0]; left != 0; left &= left - 1) {
@@ -87,8 +89,8 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
   return kept;
 }
 
-/// The square of the distance to a triangle, `up` above whose plane the places are. Inside of it that is the
-/// distance to the plane, beside it that to the nearest of three edges.
+/// Squared distance to a triangle; `up` is the height above its plane. If the projection is inside, the
+/// distance to the plane, else to the nearest of the three edges.
 HWY_INLINE Many squared_distance(const NetTriangle& t, const Place& p, Many up) {
   const Tag d;
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f);

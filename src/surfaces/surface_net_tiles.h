@@ -5,45 +5,46 @@
 #include <cstdint>
 #include <vector>
 
-/// The distance to a net's triangles, several at a time. Each function picks the best SIMD target of the
-/// machine; bits are the same for every one. Lengths in mm.
+/// Distances from tiles of voxels to a net's triangles. Each function dispatches to the best SIMD target of
+/// the machine; bit-identical for all. Lengths in mm.
 namespace palpate::internal {
 
-/// A flat round box that holds some of a net's triangles: no farther than `along` from the middle along the
-/// normal, and `across` beside it. The middle is a place on one of the triangles.
+/// Flat cylinder that bounds some of a net's triangles: within `along` of the centre along the normal, and
+/// within `across` perpendicular to it. The centre is a point on one of the triangles.
 struct NetDisc {
   float middle[3], along, normal[3], across;
 };
 
-/// Triangles that stand beside each other.
+/// Adjacent triangles and their bound.
 struct NetPart {
   NetDisc disc;
   std::uint32_t first = 0, last = 0;
 };
 
+/// A triangle with precomputed products for distance queries.
 struct NetTriangle {
-  NetDisc disc;  ///< its own: the normal is that of its plane
+  NetDisc disc;  ///< Its own bound, with the plane's normal
   float corner[3], ab[3], ac[3];
   float ab_ab, ab_ac, ac_ac;
-  float per_ab, per_ac, per_bc;  ///< 1 / the square of an edge's length; 0 where it has none
-  float area;                    ///< squared, of the parallelogram; -1 where there is none
+  float per_ab, per_ac, per_bc;  ///< 1 / squared length of an edge; 0 for a degenerate edge
+  float area;                    ///< Squared area of the parallelogram; -1 for a degenerate triangle
 };
 
-/// Discs of parts, each number of all of them side by side.
+/// Discs of candidate parts, in structure-of-arrays layout.
 struct NearParts {
-  /// Room for that many, and for a vector beyond.
+  /// Allocates capacity for `most` parts and one vector of padding.
   void make_room(std::size_t most);
-  /// There is room.
+  /// Appends a part; requires capacity.
   void add(const NetDisc& disc, std::uint32_t its_part);
-  /// The one that keep_near() found nearest to the middle of its ball.
+  /// Moves the part that keep_near() found nearest to the centre of its ball to the front.
   void put_nearest_first();
 
   std::size_t count = 0;
-  /// As they stand in a NetDisc, and the square of how far keep_near() found it.
+  /// Components in the order of NetDisc, and the squared distance found by keep_near().
   std::array<std::vector<float>, 9> number;
   std::vector<std::int32_t> part;
 };
-/// Where they stand.
+/// Pointers to the arrays of NearParts.
 struct NearPartRows {
   explicit NearPartRows(NearParts& parts);
 
@@ -52,20 +53,21 @@ struct NearPartRows {
   std::size_t count;
 };
 
-/// A ball in which some voxels are.
+/// Ball that contains some voxels.
 struct VoxelsBall {
   float centre[3], radius;
 };
-/// Of some parts those in which triangles may be nearest to a place in the ball, and at most reach_mm from
-/// it.
+/// Copies those parts whose triangles may be nearest to a point in the ball, at a distance of at most
+/// reach_mm.
 void keep_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept);
 
-/// Voxels whose distance is found together.
+/// Size of a tile: voxels whose distances are computed together.
 inline constexpr int kTileWidth = 4, kTileHeight = 2, kTileVoxels = kTileWidth * kTileHeight;
 struct NetTile {
   float x[kTileVoxels], y[kTileVoxels], z;
-  float squared[kTileVoxels];  ///< of the distance to the nearest triangle, where it is less than before
+  float squared[kTileVoxels];  ///< Squared distance to the nearest triangle; only ever decreased
 };
+/// Lowers the tile's squared distances to those of the candidate parts' triangles.
 void measure_tile(const NetPart* parts, const NetTriangle* triangles, const NearParts& near, NetTile& tile);
 
 }  // namespace palpate::internal

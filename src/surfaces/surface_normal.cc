@@ -8,13 +8,13 @@ namespace palpate::internal {
 
 namespace {
 
-/// Width of the mean over the surface nearby. As far as it goes there is a height, and it hardly changes on
-/// the way out: a tool of 3 mm radius asks for normals 3 mm away.
+/// Width of the mean over the nearby surface. Heights are defined within its radius and vary slowly with
+/// distance: a tool of 3 mm radius needs normals 3 mm away.
 constexpr double kNearby_mm = 1.5;
-/// How far from the surface a voxel still counts as of it.
+/// Distance from the surface within which a voxel contributes to it.
 constexpr float kBand_mm = 1;
-/// Heights up to the first leave the broad distance alone: a sphere of 5 mm radius stays below. From the
-/// second on the position decides.
+/// Heights up to the first leave the broad distance unchanged: a sphere of 5 mm radius is below it. From the
+/// second on the position has the share kMostShare.
 constexpr float kThick_mm = 0.8f, kThin_mm = 1.2f, kMostShare = 0.9f;
 
 }  // namespace

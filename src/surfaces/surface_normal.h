@@ -6,20 +6,20 @@
 
 namespace palpate::internal {
 
-/// The grid of a normal: every n-th voxel of the position's along each axis, about kNormalGrid_mm apart.
+/// Grid of a normal: every n-th voxel of the position's along each axis, about kNormalGrid_mm apart.
 inline constexpr double kNormalGrid_mm = 0.6;
 struct NormalGrid {
   explicit NormalGrid(const GridGeometry& fine);
 
-  /// The grid's points in a box of the fine grid.
+  /// Points of this grid inside a box of the fine grid.
   Span3 inside(const Span3& fine) const;
 
   Index3 step;
   GridGeometry geometry;
 };
 
-/// The broad distance: a Gaussian over the distance cut off at kBroadReach_mm, which keeps what lies behind
-/// thin tissue, and other sides of a bone, from weighing more than the surface itself.
+/// Filter of the broad distance: a Gaussian over the distance clamped at kBroadReach_mm. The clamp prevents
+/// regions behind thin tissue, and other sides of a bone, from outweighing the surface itself.
 inline constexpr double kBroadReach_mm = 2;
 struct BroadFilter {
   BroadFilter(const Eigen::Vector3d& spacing_mm, double sigma_mm)
@@ -31,26 +31,26 @@ struct BroadFilter {
   BlockKernel kernel;
 };
 
-/// The field whose gradient is the normal.
+/// Filter of the field whose gradient is the normal:
 ///
-///     height = mean over the surface nearby of the broad distance
-///     normal = (1 - share) * broad + share * bent position + what makes the surface level,
+///     height = mean of the broad distance over the surface nearby
+///     normal = (1 - share) * broad + share * bent position + a correction that levels the surface,
 ///     share  = share(height)
 ///
-/// On a bone the broad distance is 0 at the surface but for its curvature, the height is small, and the
-/// normal is the broad distance's. Where tissue is thin, or has an edge sharper than the Gaussian, the height
-/// is large and the broad gradient goes astray; there the position's takes over. Both grow alike on the way
-/// out (the position is bent to grow as the broad distance over a plane does), and of the surface itself they
-/// make the same level, so that the share may vary from place to place without turning the gradient.
+/// On a bone the broad distance at the surface is 0 except for curvature, so the height is small and the
+/// normal is the broad distance's gradient. Where tissue is thin or has an edge sharper than the Gaussian,
+/// the height is large and the broad gradient is misleading; there the position's gradient takes over. Both
+/// have the same slope away from the surface (the position is bent to match the broad distance over a plane)
+/// and the same level on it, so that a varying share does not change the gradient's direction.
 struct NormalFilter {
-  /// @param sigma_mm  of the broad distance
+  /// @param sigma_mm  width of the broad distance's Gaussian
   NormalFilter(const Eigen::Vector3d& spacing_mm, double sigma_mm);
   Index3 reach() const { return kernel.reach(); }
-  /// @param broad, position  mm, at the normal's grid; cover `normal` and reach() around it
+  /// @param broad,position  mm, on the normal's grid; cover `normal` and reach() around it
   void apply(const Block<float>& broad, const Block<float>& position, Block<std::int16_t>& normal) const;
 
   BlockKernel kernel;
-  float slope;  ///< of the broad distance at a plane
+  float slope;  ///< Slope of the broad distance at a plane
 };
 
 }  // namespace palpate::internal

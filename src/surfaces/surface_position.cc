@@ -10,9 +10,9 @@ namespace palpate::internal {
 namespace {
 
 constexpr double kWiden_mm = 0.5, kSoften_mm = 0.25;
-/// The part of its distance by which a voxel is held on its side; and the part on the wrong side at which it
-/// is held entirely. One number for both: x wrong, held by x / h, comes to x (x + h) / h - x = x^2 / h, which
-/// is never wrong.
+/// Fraction of its distance by which a voxel is held on its side, and also the fraction on the wrong side at
+/// which it is held completely. With one value h for both, a voxel at -x is moved by x / h of the way to h:
+/// -x + x (x + h) / h = x^2 / h, which is never on the wrong side.
 constexpr float kHeld = 0.25f;
 
 BlockKernel whole_voxels_within(const Eigen::Vector3d& spacing_mm, double radius_mm) {
@@ -28,8 +28,8 @@ Index3 sum(const Index3& a, const Index3& b) {
   return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
 }
 
-/// How far voxels came to lie on the wrong side, negated: least_of_rows then finds the greatest.
-/// False when none did.
+/// Distance on the wrong side, negated so that least_of_rows finds the maximum. Returns false if there is
+/// none.
 bool negated_wrong(const Block<float>& distance, const Block<float>& smooth, Block<float>& wrong) {
   const auto length = static_cast<std::size_t>(wrong.span().size(0));
   const int shift = wrong.span().low[0] - distance.span().low[0];
@@ -60,7 +60,7 @@ void PositionFilter::apply(const Block<float>& distance, Block<std::int16_t>& po
   Block<float> smoothed(widened);
   filter_block(distance, smooth, smoothed);
 
-  // where labels have to be held to; nearly nowhere on a bone
+  // weights where labels must be enforced; hardly any on a bone
   Block<float> wrong(widened), keep(span, 0);
   if (negated_wrong(distance, smoothed, wrong)) {
     Block<float> worst(softened);

@@ -7,7 +7,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "surfaces/surface_rows.cc"
 #include <hwy/foreach_target.h>
-// after foreach_target.h
+// must follow foreach_target.h
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -15,7 +15,7 @@ namespace palpate::internal::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Calls body(tag, x) for vectors of a row; the last may overlap the one before it.
+/// Calls body(tag, x) for vectors of a row; the last one may overlap the one before it.
 template <class Body>
 HWY_INLINE void by_vectors(std::size_t length, const Body& body) {
   const hn::ScalableTag<float> full;
@@ -55,12 +55,12 @@ void to_stored(const float* mm, std::size_t length, std::int16_t* steps) {
   });
 }
 
-/// Every second; returns how many it took, which leaves less than a vector.
+/// Copies every second value; returns the number copied, which leaves less than a vector.
 std::size_t take_even(const std::int16_t* from, std::size_t count, std::int16_t* taken) {
   const hn::ScalableTag<std::int16_t> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t n = 0;
-  // strictly less: the last pair is read whole
+  // strictly less, because the last pair is loaded completely
   for (; n + lanes < count; n += lanes) {
     hn::Vec<decltype(d)> even, odd;
     hn::LoadInterleaved2(d, from + 2 * n, even, odd);
@@ -91,7 +91,7 @@ void roots(const std::uint8_t* mask, std::uint8_t mine, const float* squared, st
   });
 }
 
-/// Negated where `side` is negative.
+/// `value`, negated where `side` is negative.
 template <class D, class V>
 HWY_INLINE V on_side_of(D d, V value, V side) {
   const auto zero = hn::Zero(d);
@@ -120,7 +120,7 @@ void hold(const PositionRows& rows, float held_part, std::size_t length, std::in
     const auto held = hn::Max(own, hn::Mul(hn::Set(d, held_part), far));
     const auto keep = hn::Neg(hn::Min(hn::LoadU(d, rows.keep + x), hn::LoadU(d, rows.wrong + x)));
     const auto kept = hn::Add(own, hn::Mul(keep, hn::Sub(held, own)));
-    // no voxel on the surface itself: the sign is the label
+    // no voxel lies exactly on the surface: its sign is the label
     const auto one = hn::Set(d, 1.0f);
     const auto steps = hn::Max(one, hn::Mul(kept, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
     store_steps(d, on_side_of(d, steps, distance), position + x);
@@ -142,7 +142,7 @@ void weigh(const float* position, const float* broad, const SurfaceBand& band, s
 void blend(const NormalRows& rows, const PositionShare& share, std::size_t length, std::int16_t* normal) {
   by_vectors(length, [&](auto d, std::size_t x) HWY_ATTR {
     const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f), low = hn::Set(d, share.low_mm);
-    // so little surface that the quotient would be noise: a height of nearly nothing
+    // a lower bound of the weight avoids noise: the height becomes nearly 0
     const auto surface = hn::Max(hn::LoadU(d, rows.surface + x), hn::Set(d, 1e-6f));
     const auto height = hn::Div(hn::LoadU(d, rows.height_sum + x), surface);
     const auto high = hn::Abs(height);
@@ -150,13 +150,13 @@ void blend(const NormalRows& rows, const PositionShare& share, std::size_t lengt
     const auto part = hn::Mul(hn::Set(d, share.most), hn::Max(zero, hn::Min(one, above)));
     const auto rest = hn::Sub(one, part);
 
-    // the position, bent as the broad distance over a plane is
+    // position, bent to match the broad distance over a plane
     const auto position = hn::Mul(hn::LoadU(d, rows.position + x), hn::Set(d, share.slope));
     const auto of_limit = hn::Div(position, hn::Set(d, share.limit_mm));
     const auto square = hn::Mul(of_limit, of_limit);
     const auto bent = hn::Div(position, hn::Sqrt(hn::Sqrt(hn::Add(one, hn::Mul(square, square)))));
 
-    // and on the surface all is level where it stands higher than low_mm
+    // shift that levels the surface where its height exceeds low_mm
     const auto raise = hn::IfThenElse(hn::Gt(high, low), hn::Sub(low, hn::Mul(rest, high)), zero);
     const auto shift = on_side_of(d, raise, height);
     const auto blended = hn::Add(hn::Mul(rest, hn::LoadU(d, rows.broad + x)), hn::Mul(part, bent));

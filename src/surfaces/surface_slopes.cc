@@ -21,7 +21,7 @@ Span3 stretches_at(const GridGeometry& grid, const Span3& voxels) {
 }
 
 void bound_slopes(const GridGeometry& grid, const Block<std::int16_t>& position, Block<float>& slopes) {
-  // axes of a grid may be oblique to each other; the bound per axis then goes through the inverse's norm
+  // for oblique grid axes the bound includes the norm of the inverse metric
   const Eigen::Matrix3d gram = grid.direction.transpose() * grid.direction;
   const double oblique = gram.isIdentity(1e-9) ? 1 : std::sqrt(gram.inverse().norm());
   CellRows rows{};
@@ -40,7 +40,7 @@ void bound_slopes(const GridGeometry& grid, const Block<std::int16_t>& position,
 }
 
 float greatest(std::span<const float> slopes) {
-  // side by side, or each comparison would wait for the last
+  // independent maxima, so that comparisons do not wait for each other
   std::array<float, 16> worst{};
   std::size_t n = 0;
   for (; n + worst.size() <= slopes.size(); n += worst.size()) {
@@ -59,7 +59,7 @@ float greatest_beside(std::span<const float> slopes, const Span3& all, const Spa
                static_cast<std::size_t>(all.size(0)) +
            static_cast<std::size_t>(i);
   };
-  // from the end of one row left out to the beginning of the next
+  // ranges between the excluded rows
   float worst = 0;
   std::size_t from = 0;
   for_each_row(without, [&](int j, int k) {
@@ -71,7 +71,7 @@ float greatest_beside(std::span<const float> slopes, const Span3& all, const Spa
 }
 
 double steepest_of(float square) {
-  // the squares were rounded
+  // margin for rounding
   return std::max(1e-6, std::sqrt(static_cast<double>(square)) * (1 + 1e-6));
 }
 

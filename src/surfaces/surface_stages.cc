@@ -19,7 +19,7 @@ GridGeometry part_of(const GridGeometry& grid, const VoxelBox& box) {
   return part;
 }
 
-/// gather() in mm, at most `limit_mm` either way, which is also what stands outside.
+/// Result of gather() in mm, clamped to +-limit_mm, which is also the value outside.
 Block<float> gather_mm(const StepsSource& source, const Index3& step, const Span3& span, double limit_mm) {
   const Block<std::int16_t> steps = gather(source, step, span, to_steps(limit_mm));
   Block<float> mm(span);
@@ -37,7 +37,7 @@ void put(const Block<T>& block, const Target<T>& out) {
   });
 }
 
-/// 1 where a voxel of the box has the label and is in no run that is left out.
+/// Mask of a box: 1 where the voxel has the label and is in no excluded run.
 Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, LabelId label,
                             const std::vector<LabelRun>& without, const Span3& span, const VoxelBox& box) {
   Block<std::uint8_t> mask(span, 0);
@@ -58,7 +58,7 @@ Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, LabelId label,
   return mask;
 }
 
-/// Steps to the nearest triangle, with the sign of a field, where that is wanted.
+/// Writes the distance to the nearest triangle in steps, with the sign of a field, where requested.
 void put_signed_distance(const NetTriangles& net, const Block<std::int16_t>& sign, double reach_mm,
                          const Block<std::uint8_t>& wanted, Block<std::int16_t>& steps) {
   Block<float> mm(sign.span(), 0);
@@ -69,7 +69,7 @@ void put_signed_distance(const NetTriangles& net, const Block<std::int16_t>& sig
     const std::uint8_t* is_wanted = wanted.row(j, k) + (steps.span().low[0] - wanted.span().low[0]);
     for (int x = 0; x < steps.span().size(0); ++x) {
       if (is_wanted[x] == 0) continue;
-      // no voxel on the surface itself: the sign is the label
+      // no voxel lies exactly on the surface: its sign is the label
       const int size = std::max<int>(1, found.row(j, k)[x]);
       steps.row(j, k)[x] = static_cast<std::int16_t>(sign.row(j, k)[x] < 0 ? -size : size);
     }
@@ -77,7 +77,7 @@ void put_signed_distance(const NetTriangles& net, const Block<std::int16_t>& sig
 }
 
 constexpr Index3 kEvery{1, 1, 1};
-// of bounding a voxel's slope, measured as a part of filtering one
+// cost of bounding a voxel's slope relative to filtering it, measured
 constexpr double kSlopeCost = 0.15;
 
 }  // namespace
@@ -85,7 +85,7 @@ constexpr double kSlopeCost = 0.15;
 Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
                            std::int16_t outside) {
   Block<std::int16_t> block(span, outside);
-  // the part of a box of fine voxels that stands in the coarser grid
+  // points of the coarse grid inside a box of fine voxels
   const auto coarse = [&](const Span3& fine) {
     Span3 s;
     for (int a = 0; a < 3; ++a) {
@@ -115,7 +115,7 @@ Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const 
   });
   if (source.over != nullptr) {
     const auto& [box, values] = *source.over;
-    // named, since clang 14 captures no structured bindings by reference
+    // clang 14 cannot capture structured bindings by reference
     copy(to_span(box), [&box = box, &values = values](int i, int j, int k, int) {
       return values.data() +
              (std::ptrdiff_t{k - box.first[2]} * box.size[1] + (j - box.first[1])) * box.size[0] +
@@ -147,7 +147,7 @@ Index3 SurfacePlan::margin(const GridGeometry& labels, const SurfaceOptions& opt
 
 namespace {
 
-/// How many slabs each stage is cut into when the one that costs most is cut into `most`.
+/// Number of slabs of each stage when the most expensive one is cut into `most`.
 std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int most) {
   double largest = 0;
   for (const SurfaceStage& stage : stages) largest = std::max(largest, stage.total_cost());
@@ -159,7 +159,7 @@ std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int most) {
   return counts;
 }
 
-/// When the last worker ends, if each takes the next slab as soon as it has none.
+/// Time at which the last worker finishes, if each takes the next slab when idle.
 double end_of(std::span<const SurfaceStage> stages, const std::vector<int>& counts, int workers) {
   std::vector<double> busy(static_cast<std::size_t>(workers), 0.0);
   for (std::size_t n = 0; n < stages.size(); ++n) {
@@ -169,7 +169,7 @@ double end_of(std::span<const SurfaceStage> stages, const std::vector<int>& coun
   return *std::max_element(busy.begin(), busy.end());
 }
 
-/// As many slabs as let the workers end together, and no more than need be: each has margins.
+/// Smallest numbers of slabs that let all workers finish together; each slab has margins.
 std::vector<int> balanced_slab_counts(std::span<const SurfaceStage> stages, int workers) {
   std::vector<int> best = slab_counts(stages, workers);
   for (int most = workers + 1; most < 2 * workers; ++most) {
@@ -276,7 +276,7 @@ SurfaceStage SurfaceStages::position(const NetTriangles& net, const StepsSource&
 SurfaceStage SurfaceStages::stale(const Block<std::uint8_t>& corners, const StepsSource& was,
                                   const Target<std::uint8_t>& out) const {
   return {out.span, [&corners, was, out, this](const Span3& slab) {
-            // a cell's nearest place to a voxel is one of its corners
+            // the point of a cell nearest to a voxel is one of its corners
             Block<float> apart_mm(slab, 0);
             distance_to_class(corners, 1, plan.fine.spacing_mm, plan.reach_mm, apart_mm);
             const Block<std::int16_t> before = gather(was, kEvery, slab, 0);

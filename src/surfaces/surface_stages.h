@@ -14,12 +14,12 @@
 
 namespace palpate::internal {
 
-/// The nearest number of steps.
+/// Converts mm to the nearest number of steps.
 inline std::int16_t to_steps(double mm) {
   return static_cast<std::int16_t>(std::lround(mm / kSurfaceStep_mm));
 }
 
-/// Where steps are read: a whole grid's, and over them those of a part that was made anew.
+/// Source of steps: a whole grid, overlaid with a recomputed part.
 struct StepsSource {
   const Bricks<std::int16_t>* bricks = nullptr;
   const PatchOf<std::int16_t>* over = nullptr;
@@ -32,66 +32,66 @@ struct StepsSource {
   }
 };
 
-/// Steps of every step-th voxel of a source in a box of that coarser grid; `outside` beyond the source.
+/// Reads every step-th voxel of a source in a box of that coarser grid; `outside` beyond the source.
 Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const Span3& span,
                            std::int16_t outside);
 
-/// The cells between the voxels of a box.
+/// Cells between the voxels of a box.
 inline Span3 cells_of(const Span3& voxels) {
   Span3 cells = voxels;
   for (int a = 0; a < 3; ++a) cells.high[a] = std::max(cells.low[a], cells.high[a] - 1);
   return cells;
 }
 
-/// Where results are written: part of a grid, i fastest.
+/// Destination of results: part of a grid, i fastest.
 template <class T>
 struct Target {
   T* values;
   Span3 span;
 };
 
-/// What is the same for a structure however often a part of it is prepared.
+/// Parameters of a structure that do not depend on which part is prepared.
 struct SurfacePlan {
   SurfacePlan(const GridGeometry& labels, const VoxelBox& box, const SurfaceOptions& options);
-  /// How far beyond its voxels a structure's box has to go: there the position has reached its limit.
+  /// Margin around a structure's voxels within which the position reaches its limit.
   static Index3 margin(const GridGeometry& labels, const SurfaceOptions& options);
 
   VoxelBox box;
   GridGeometry fine;
   NormalGrid normal;
   double reach_mm, broad_reach_mm;
-  Index3 window, broad_window;  ///< of the distance, and of what the broad distance sees of it
+  Index3 window, broad_window;  ///< Of the distance, and of the part of it that the broad distance depends on
   PositionFilter position_filter;
   BroadFilter broad_filter;
   NormalFilter normal_filter;
   int threads;
 };
 
-/// A stage over a part of a grid. A slab's values do not depend on how the part is cut.
+/// A computation over a part of a grid. Results do not depend on how the part is cut into slabs.
 struct SurfaceStage {
   Span3 part;
   std::function<void(const Span3& slab)> work;
   PieceMargins margins{};
-  double cost = 1;  ///< of an item of the part, where a filtered voxel's is 1
+  double cost = 1;  ///< Cost per item of the part, relative to a filtered voxel
 
   double total_cost() const { return cost * static_cast<double>(part.count()); }
 };
 
-/// The stages; what they are given outlives them.
+/// Factory of the stages; referenced arguments must outlive them.
 struct SurfaceStages {
   const SurfacePlan& plan;
 
   SurfaceStage distance(const Bricks<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
                         const Target<std::int16_t>& out) const;
-  /// The distance filtered, which is 0 where the net's nodes begin.
+  /// Filtered distance, whose zero crossings place the net's nodes initially.
   SurfaceStage crossings(const StepsSource& distance, const Target<std::int16_t>& out) const;
-  /// The distance to the net, with the sign of `distance`.
+  /// Distance to the net, with the sign of `distance`.
   SurfaceStage position(const NetTriangles& net, const StepsSource& distance,
                         const Target<std::int16_t>& out) const;
-  /// 1 where a position that `was` may be another when the net differs in cells whose corners are 1.
+  /// 1 where a position of value `was` may differ after the net changed in cells with corners of 1.
   SurfaceStage stale(const Block<std::uint8_t>& corners, const StepsSource& was,
                      const Target<std::uint8_t>& out) const;
-  /// The distance to the net where that is stale, elsewhere as it `was`.
+  /// Distance to the net where it is stale, elsewhere the value of `was`.
   SurfaceStage position_again(const NetTriangles& net, const StepsSource& distance, const StepsSource& was,
                               const Block<std::uint8_t>& stale, const Target<std::int16_t>& out) const;
   SurfaceStage broad(const StepsSource& position, const Target<std::int16_t>& out) const;
@@ -99,12 +99,11 @@ struct SurfaceStages {
                       const Target<std::int16_t>& out) const;
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
-  /// Stages that do not need each other, by slabs on the plan's threads: as thick as lets the threads end
-  /// together.
-  /// Errors: kBadInput when memory is short, kInterrupted.
+  /// Runs independent stages by slabs on the plan's threads, with a slab thickness that lets all threads
+  /// finish together. Errors: kBadInput for insufficient memory; kInterrupted.
   Result<void> run(std::span<const SurfaceStage> stages, const Progress& progress,
                    const ProgressSpan& span) const;
-  /// A stage, in pieces that take little memory (pieces.h). Errors: likewise.
+  /// Runs a stage in pieces with limited memory (pieces.h). Errors: those of run().
   Result<void> run_in_pieces(const SurfaceStage& stage, const Progress& progress,
                              const ProgressSpan& span) const;
 };

@@ -72,10 +72,10 @@ StrayComponent to_stray(const Component& c, const GridGeometry& grid) {
   return stray;
 }
 
-/// A structure's components, sorted into what counts and what does not.
+/// Components of a structure, divided into retained and dropped ones.
 struct Sorted {
-  std::size_t voxels = 0;  ///< that count
-  Span3 extent;            ///< theirs
+  std::size_t voxels = 0;  ///< Of retained components
+  Span3 extent;            ///< Bounding box of retained components
   std::vector<LabelRun> dropped;
   std::vector<StrayComponent> strays;
 };
@@ -110,7 +110,7 @@ SignedField to_field(Bricks<std::int16_t> steps, double outside_mm) {
           {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)}};
 }
 
-/// All stages over a structure's whole box, none of whose fields is ever held densely.
+/// Runs all stages over a structure's whole box, without storing any field densely.
 class WholeSurface {
  public:
   WholeSurface(const SurfacePlan& plan, const Progress& progress, const ProgressSpan& span)
@@ -129,7 +129,7 @@ class WholeSurface {
     if (!done) return done;
     const auto distance = StepsSource::of(w.distance);
 
-    // from what filters make of the labels, which is not kept, to the net
+    // the filtered labels are only used to build the net and are not stored
     auto net = std::make_shared<internal::SurfaceNet>(internal::no_net(internal::cells_of(fine), plan_.fine));
     done = make_net(distance, *net);
     if (!done) return done;
@@ -179,9 +179,9 @@ class WholeSurface {
   }
 
  private:
-  /// Runs a stage over a grid's slices, some at a time.
-  /// @param stage_of  the stage that writes to a target
-  /// @param take      of the values there are then, in order
+  /// Runs a stage over a grid, some slices at a time.
+  /// @param stage_of  creates the stage that writes to a target
+  /// @param take      called with each range of slices, in order, when values_ holds it
   template <class StageOf, class Take>
   Result<void> by_slices(const Span3& all, const StageOf& stage_of, double from, double to,
                          const Take& take) {
@@ -190,7 +190,7 @@ class WholeSurface {
     for (int k = all.low[2]; k < all.high[2]; k = part.high[2]) {
       part.low[2] = k;
       part.high[2] = all.high[2];
-      // what is seen around does not depend on where it writes to
+      // margins do not depend on the target
       const PieceMargins margins = stage_of(internal::Target<std::int16_t>{nullptr, part}).margins;
       part.high[2] = std::min(all.high[2], k + internal::slices_at_a_time(all, margins, plan_.threads));
       values_.resize(part.count());
@@ -214,7 +214,7 @@ class WholeSurface {
     return {};
   }
 
-  /// The net's cells between two slices need both.
+  /// Cells between two batches need slices of both.
   Result<void> make_net(const StepsSource& distance, internal::SurfaceNet& net) {
     const Span3 fine = whole(plan_.fine);
     const auto row = static_cast<std::size_t>(fine.size(0)),
@@ -271,7 +271,7 @@ Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, co
   return prepared;
 }
 
-/// Whether all of a structure's voxels in a box of what changed are where its surface has room for them.
+/// Whether all of a structure's voxels in a changed box are within its surface's extent.
 bool has_room(const Bricks<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
   bool room = true;
   internal::for_each_row(labels, changed, [&](int j, int k, const LabelId* row) {
@@ -284,7 +284,7 @@ bool has_room(const Bricks<LabelId>& labels, LabelId label, const Span3& extent,
   return room;
 }
 
-/// The box of voxels whose class changed, in the structure's grid, and by how many voxels it grew.
+/// Bounding box of voxels whose class changed, in the structure's grid, and the net gain of voxels.
 Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, const Span3& dirty,
                    long& more) {
   Span3 changed;
@@ -297,7 +297,7 @@ Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, co
     const auto differs = [&](int i) {
       return is_inside(i) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
     };
-    // most rows are as they were
+    // most rows are unchanged
     int found = 0;
     for (int i = dirty.low[0]; i < dirty.high[0]; ++i) found += differs(i);
     if (found == 0) return;
@@ -316,7 +316,7 @@ Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, co
   return changed;
 }
 
-/// Both boxes and what lies between.
+/// Bounding box of both.
 Span3 hull(const Span3& a, const Span3& b) {
   if (a.empty()) return b;
   if (b.empty()) return a;
@@ -328,7 +328,7 @@ Span3 hull(const Span3& a, const Span3& b) {
   return s;
 }
 
-/// The box in which a patch differs from what was there.
+/// Bounding box of the values in which a patch differs from the old field.
 Span3 differences(const PatchOf<std::int16_t>& patch, const Bricks<std::int16_t>& old) {
   Span3 found;
   const std::int16_t* now = patch.values.data();
@@ -348,7 +348,7 @@ Span3 differences(const PatchOf<std::int16_t>& patch, const Bricks<std::int16_t>
   return found;
 }
 
-/// The net of the classes there are now, of cells.
+/// Carved net of some cells for the current classes.
 internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource& distance,
                             const Span3& cells) {
   Span3 voxels = cells;
@@ -361,18 +361,18 @@ internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource&
   return net;
 }
 
-/// Where a carving reaches, in the structure's grid.
+/// Region of influence of a change, in the structure's grid.
 class Carving {
  public:
-  /// @param changed  the box of voxels whose class changed
+  /// @param changed  bounding box of voxels whose class changed
   Carving(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
       : plan_(plan), once_(once), fine_(whole(plan.fine)) {
-    // a node of a cell at the change, those that it draws along, and the triangles at them
+    // nodes of cells at the change, those affected by relaxation, and triangles at them
     moved = grown(changed, internal::kCarvingRounds + 2);
     near = moved.grown(plan.window).clipped(fine_);
   }
 
-  /// 1 at the corners of all cells in which there is a triangle that one net has and the other not.
+  /// Corners, marked 1, of all cells that contain a triangle which only one of the nets has.
   internal::Block<std::uint8_t> corners(const StepsSource& before, const StepsSource& now) const {
     const Span3 cells = internal::cells_of(grown(moved, internal::kCarvingRounds + 2));
     const internal::SurfaceNet was = carved(once_, before, cells), is = carved(once_, now, cells);
@@ -386,7 +386,7 @@ class Carving {
       });
     }
     internal::for_each_difference(was, is, internal::cells_of(moved), [&](const internal::Index3& cell) {
-      // its triangles go to nodes of cells beside it
+      // its triangles extend to nodes of adjacent cells
       const Span3 beside =
           Span3{cell, {cell[0] + 1, cell[1] + 1, cell[2] + 1}}.grown({1, 1, 1}).clipped(cells);
       internal::for_each_row(beside, [&](int j, int k) {
@@ -402,15 +402,15 @@ class Carving {
     return at;
   }
 
-  /// The triangles that may be nearest to a voxel of a box.
+  /// Triangles that may be nearest to a voxel of a box.
   internal::NetTriangles triangles(const StepsSource& now, const Span3& voxels) const {
     const Span3 around = grown(voxels.grown(plan_.window), 2);
     const Span3 cells = internal::cells_of(grown(around, internal::kCarvingRounds + 2));
     return {carved(once_, now, cells), internal::cells_of(around)};
   }
 
-  Span3 moved;  ///< in which all triangles lie that may differ
-  Span3 near;   ///< the voxels that they may be nearest to
+  Span3 moved;  ///< Contains all triangles that may differ
+  Span3 near;   ///< Voxels for which such a triangle may be nearest
 
  private:
   Span3 grown(const Span3& span, int by) const { return span.grown({by, by, by}).clipped(fine_); }
@@ -420,7 +420,7 @@ class Carving {
   Span3 fine_;
 };
 
-/// The box of what is not 0.
+/// Bounding box of nonzero marks.
 Span3 box_of(const internal::Block<std::uint8_t>& marks) {
   Span3 box;
   const Span3& span = marks.span();
@@ -504,7 +504,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   patch.steepest = old.surface.steepest();
   if (changed.empty()) return patch;
 
-  // each stage over what the one before it can change
+  // each stage covers the region that the previous one can change
   const SurfacePlan plan(labels.geometry(), old.box, old.options);
   const SurfaceStages stages{plan};
   const auto run = [&](std::initializer_list<SurfaceStage> together) {
@@ -519,7 +519,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 
   const Span3 distance_part = changed.grown(plan.window).clipped(fine);
   run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
-  // of the voxels near what moved those whose nearest triangle may be another now
+  // among voxels near the change, those whose nearest triangle may differ
   const Carving carving(plan, *old.workings.net, changed);
   const internal::Block<std::uint8_t> corners =
       carving.corners(StepsSource::of(old.workings.distance), distance);
@@ -568,7 +568,7 @@ Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const 
   now.workings.broad = old.workings.broad.with(patch.broad);
   write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
   now.surface = old.surface.with(patch.position, patch.normal, patch.steepest);
-  // from the count, as the full rebuild has it
+  // computed from the number of voxels, as in a full rebuild
   const double voxel_mm3 = fine.voxel_volume_mm3();
   now.volume_mm3 =
       (std::round(old.volume_mm3 / voxel_mm3) + static_cast<double>(patch.voxels_more)) * voxel_mm3;

@@ -11,7 +11,7 @@ Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
   std::vector<Touching> found(static_cast<std::size_t>(workers), Touching(structures));
-  // every second of a voxel's neighbours: the others have it as theirs
+  // half of a voxel's neighbours; the other half is covered symmetrically
   struct Neighbour {
     int i, j, k;
   };
@@ -37,7 +37,7 @@ Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<
         const Neighbour& to = kNeighbours[n];
         const LabelId* const a = piece.voxels;
         const LabelId* const b = a + (to.i + to.j * BrickLayout::kRow + to.k * BrickLayout::kSlice);
-        // what lies beyond the volume is no structure
+        // voxels outside the volume belong to no structure
         for (int i = 0; i < piece.count; ++i)
           if (a[i] != b[i]) mine.add(index[a[i]], index[b[i]]);
       }

@@ -9,7 +9,7 @@
 
 namespace palpate::internal {
 
-/// Which structures touch.
+/// Symmetric relation of structures that touch.
 class Touching {
  public:
   explicit Touching(std::size_t structures) : count_(structures), pairs_(structures * structures, 0) {}
@@ -28,11 +28,11 @@ class Touching {
   std::vector<char> pairs_;
 };
 
-/// What two voxels have in common that touch.
+/// Kind of contact between voxels that counts as touching.
 enum class Common { kFace, kFaceEdgeOrCorner };
 
-/// Which of some structures have voxels that touch.
-/// @param index  of every label's structure, 0 ... structures - 1; -1: of none
+/// Finds pairs of structures whose voxels touch.
+/// @param index  structure of every label, 0 ... structures - 1; -1: none
 /// Errors: kInterrupted.
 Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<int>& index,
                                std::size_t structures, Common common, int threads, const Progress& progress,

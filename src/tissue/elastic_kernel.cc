@@ -2,14 +2,14 @@
 
 // The stiffness of a cube by the Walsh transform of its eight corners (docs/concepts/tissue.md).
 //
-//    w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c): product over the bits of m of
+//     w_m = sum over corners c of H_m(c) u_c         m: bits x, y, z; H_m(c): product over the bits of m of
 //                                                   -1 where c has the lower coordinate, 1 elsewhere
-//    w_x, w_y, w_z (m = 1, 2, 4)                    4 h times the displacement gradient at the centre
-//    w_3, w_5, w_6, w_7                             hourglass modes, which do not affect that gradient
-//    w_0                                            8 times the mean displacement: no force
+//     w_x, w_y, w_z (m = 1, 2, 4)                    4 h times the displacement gradient at the centre
+//     w_3, w_5, w_6, w_7                             hourglass modes, which do not affect that gradient
+//     w_0                                            8 times the mean displacement: no force
 //
-//    p_x, p_y, p_z = mu (G + G^T) + lambda tr(G) I, G = (w_x, w_y, w_z), columns; mu and lambda times h / 16
-//    p_m           = kHourglass mu w_m              for the four hourglass modes
+//     p_x, p_y, p_z = mu (G + G^T) + lambda tr(G) I, G = (w_x, w_y, w_z), columns; mu and lambda times h / 16
+//     p_m           = kHourglass mu w_m              for the four hourglass modes
 //     f_c           = sum over m of H_m(c) p_m
 //
 // Neo-Hookean (Smith et al. 2018, without the barrier): energy mu / 2 (F : F - 3) - mu (J - 1) + (lambda +

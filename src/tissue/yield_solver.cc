@@ -123,8 +123,8 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& fel
 /// the error of u1 . K u is of second order. Along the surface E changes by s (dJ) y with K y = f(u), in the
 /// same way as J, from which u1 follows.
 struct YieldSolver::Finite {
-  ElasticField correction_mm;  ///< U - s u1; its means under the patch are 0
-  ElasticField turning_mm;     ///< Y - F u1
+  ElasticField correction_mm;  ///< u - s u1; its means under the patch are 0
+  ElasticField turning_mm;     ///< y - F u1
   ElasticField u_mm, force_N;  ///< Scratch
   double give_mm = 0;          ///< s W of the last frame; 0: none
   double most_give = kSolvingFeel.most_give;

@@ -21,7 +21,7 @@ inline double theoretical_stiffness_N_per_mm(double damping_N_s_per_m, double ra
 /// mean velocity v over the window W (VelocityWindow), with the delay t_d and the zero-order hold of half a
 /// tick:
 ///
-///  m s^2 + c/W (1 - e^(-s W)) e^(-s (t_d + T/2)) = 0
+///     m s^2 + c/W (1 - e^(-s W)) e^(-s (t_d + T/2)) = 0
 ///
 /// For s = j w the phase condition holds at w = pi / (2 (t_d + T/2 + W/2)), which gives c = m w^2 W / (2
 /// sin(w W/2)): there the force lags a quarter of a period and drives the motion instead of braking it. A

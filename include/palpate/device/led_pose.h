@@ -10,9 +10,9 @@ namespace palpate {
 /// Pose that is updated at irregular times, interpolated for the servo's ticks: a viewer's pointer or a
 /// tracked tool. No force is returned.
 ///
-///    tell()       |        |           |  . . . . . . . . .      20 to 250 updates a second
-///    tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
-///    age          0                              |__________/    0 while updated; grows after kHeld_s
+///     tell()       |        |           |  . . . . . . . . .      20 to 250 updates a second
+///     tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
+///     age          0                              |__________/    0 while updated; grows after kHeld_s
 ///
 /// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
 /// steps. They lag one interval behind. The first pose, and one that follows a pose that has expired, applies

@@ -13,66 +13,68 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/model/preparing.h"
 
-/// Labels become a Model that can be felt.
+/// Builds a Model from labels.
 namespace palpate {
 
-/// What a model is made of.
+/// Input of make_model().
 struct ModelParts {
   std::string title;
-  std::shared_ptr<const Bricks<LabelId>> labels;  ///< label_bricks
-  std::vector<Segment> segments;                  ///< names and colours by id, ascending
+  std::shared_ptr<const Bricks<LabelId>> labels;  ///< From label_bricks()
+  std::vector<Segment> segments;                  ///< Names and colours by id, ascending
   std::vector<Tissue> tissues;
-  std::vector<std::int16_t> tissue_of_label;  ///< index by LabelId; -1 and beyond the table: of no tissue
+  std::vector<std::int16_t> tissue_of_label;  ///< By LabelId; -1 or beyond the end: no tissue
   std::vector<Tool> tools{Tool()};            ///< Model::tools
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;  ///< Model::tissue_law
   double tissue_cell_mm = 0;                  ///< Model::tissue_cell_mm
-  double sigma_mm = 1;                        ///< of the smooth sphere, and of a smoothed field
-  double max_force_N =
-      std::numeric_limits<double>::infinity();  ///< infinite: none but the device's and user's
-  std::vector<NoGoRegion> no_go;                ///< Model::no_go
-  ToldDistances told_distances;                 ///< Model::told_distances
+  double sigma_mm = 1;                        ///< Of the smooth sphere, and of a smoothed field
+  /// Scene's force limit; infinite: none besides the device's and user's
+  double max_force_N = std::numeric_limits<double>::infinity();
+  std::vector<NoGoRegion> no_go;  ///< Model::no_go
+  ToldDistances told_distances;   ///< Model::told_distances
 
-  // what the direct methods read: inward ramps, or a field that was made elsewhere
-  std::optional<double> ramp_width_mm;  ///< empty: what ramp_width_mm() takes
-  bool eight_bits = false;              ///< of a ramp's value; else 16
+  // field of the direct methods: inward ramps, or one computed elsewhere
+  std::optional<double> ramp_width_mm;  ///< Empty: chosen by ramp_width_mm()
+  bool eight_bits = false;              ///< Resolution of a ramp's values; else 16 bits
   std::shared_ptr<const Field> smoothed;
-  double smoothed_reach_mm = 0;  ///< how far from a structure that field may be felt
+  double smoothed_reach_mm = 0;  ///< Distance from a structure within which `smoothed` may exert force
 };
 
-/// A model, and how its ramps came out.
+/// Result of make_model().
 struct MadeModel {
-  /// Ready for the trilinear method. What is only shown (scan, side) can still be added.
+  /// Prepared for the trilinear method. Data for display only (scan, side) can be added.
   std::shared_ptr<Model> model;
-  std::vector<RampFigures> ramps;  ///< one for each felt structure; of a smoothed field none
-  double full_force_N = 0;         ///< of these ramps
+  std::vector<RampFigures> ramps;  ///< One per felt structure; none for a smoothed field
+  double full_force_N = 0;         ///< Of these ramps
 };
-/// Where nothing is felt its field is 0 everywhere.
-/// Errors: kBadInput for a ramp that does not suit the voxels, a burr less than two voxels across, an elastic
-/// constant out of its range (elastic_constants.h), a relaxation that none can have or more times of them
-/// than there is room for, cells of no size, a no-go region that none can be (check_no_go), and those of
-/// prepare_ramps; kInterrupted.
+/// Builds a model. Without felt structures its field is 0 everywhere.
+/// Errors: kBadInput for a ramp width that does not suit the voxels, a burr less than two voxels across, an
+/// elastic constant out of range (elastic_constants.h), an invalid relaxation or too many different
+/// relaxation times, an invalid cell size, or an invalid no-go region (check_no_go); those of prepare_ramps;
+/// kInterrupted.
 Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing = {},
                              const Progress& progress = {});
 
-/// The same model, ready for these methods as well; itself where it already is. For the proxy felt structures
-/// that touch get one outer surface, and all others their own (palpate/surfaces/surfaces.h), which takes
-/// seconds; of those that touch, the ones with a puncture force and what lies beneath them have surfaces
-/// besides. Structures whose distances the model asks for, or that are no-go regions, get a surface of their
-/// own and its tree, whatever the methods. What is added changes neither version nor content hash. Errors:
-/// those of with_methods and prepare_surfaces; more surfaces than the proxy takes; kInterrupted.
+/// The model prepared for these methods in addition to its own; the same object if it already is. For the
+/// proxy, felt structures that touch get a common outer surface, all others their own
+/// (palpate/surfaces/surfaces.h), which takes seconds; among structures that touch, those with a puncture
+/// force and the remainder beneath them get additional surfaces. Structures whose distances the model
+/// reports, or that are no-go regions, get their own surface and its tree, whatever the methods. Version and
+/// content hash do not change. Errors: those of with_methods and prepare_surfaces; kBadInput for more
+/// surfaces than the proxy supports; kInterrupted.
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
                                                   const Preparing& preparing = {},
                                                   const Progress& progress = {});
 
-/// The surfaces and trees alone that distances and no-go regions need; itself where it has them. Until then
-/// regions of structures push nobody. Nothing was cut. Errors: those of prepare_surfaces; kInterrupted.
+/// Adds only the surfaces and trees for distances and no-go regions; the same object if it has them. Without
+/// them, no-go regions of structures exert no force. Requires that nothing was cut. Errors: those of
+/// prepare_surfaces; kInterrupted.
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
                                                     const Preparing& preparing = {},
                                                     const Progress& progress = {});
 
-/// Every structure that distances and no-go regions need, ascending, each once.
+/// Structures that distances and no-go regions need, ascending, without duplicates.
 std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told);
 
 }  // namespace palpate

@@ -4,30 +4,31 @@
 
 #include "palpate/model/make_model.h"
 
-/// How much memory a model will take, before it is made.
+/// Estimates of a model's memory before it is built.
 namespace palpate {
 
-/// Bytes. What stays once a model is made, and the most at a time while it is.
+/// Memory in bytes: permanent after a model is built, and peak while it is being built.
 struct MemoryForecast {
-  std::uint64_t labels = 0;    ///< in bricks; known, not estimated
-  std::uint64_t field = 0;     ///< of the direct methods
-  std::uint64_t surfaces = 0;  ///< of the proxy, with who owns what is common; 0 without it
-  // the most at a time, beside the labels' bricks and what was read
+  std::uint64_t labels = 0;    ///< Label bricks; exact
+  std::uint64_t field = 0;     ///< Field of the direct methods
+  std::uint64_t surfaces = 0;  ///< Surfaces of the proxy, with the owners of common ones; 0 without it
+  // peaks, not counting the label bricks and the input
   std::uint64_t making_field = 0;
-  std::uint64_t peak = 0;  ///< of all
+  std::uint64_t peak = 0;  ///< Peak of the whole build
 
+  /// Memory of the finished model.
   std::uint64_t stays() const { return labels + field + surfaces; }
 };
 
-/// From the geometry and from how many voxels, and faces between voxels, each structure has. Fields and
-/// surfaces are kept where they change: near borders, of which the faces tell how large they are.
-/// @param parts  with labels, tissues and what they apply to; its labels stay
-/// @param proxy  whether it is to be felt by the proxy, too
-/// Errors: those of Preparing::touching_pairs, more surfaces than the proxy takes.
+/// Estimates from the geometry and from each structure's number of voxels and faces between voxels. Fields
+/// and surfaces store bricks only where they vary: near boundaries, whose area follows from the faces.
+/// @param parts  with labels, tissues and what refers to them; its labels are not moved from
+/// @param proxy  whether the model is also prepared for the proxy
+/// Errors: those of Preparing::touching_pairs; kBadInput for more surfaces than the proxy supports.
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing = {},
                                        const Progress& progress = {});
 
-/// Likewise the most at a time of making a model's surfaces for the proxy anew, beside those that it has.
+/// Peak memory of rebuilding a model's surfaces for the proxy, in addition to its existing ones.
 Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& preparing = {},
                                          const Progress& progress = {});
 

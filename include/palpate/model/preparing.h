@@ -12,27 +12,26 @@
 
 namespace palpate {
 
-/// What takes seconds of making a model. Here everything is computed; who keeps results between runs derives
-/// a class of his own, whose results are the same bit for bit.
+/// The steps of building a model that take seconds. This class computes everything; a derived class may cache
+/// results between runs, which must be bit-identical.
 class Preparing {
  public:
   virtual ~Preparing() = default;
 
-  /// prepare_ramps, with its errors.
+  /// Calls prepare_ramps(), with its errors.
   virtual Result<Ramps> ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                               const RampOptions& options, const Progress& progress) const;
-  /// palpate::touching_pairs, with its errors.
+  /// Calls palpate::touching_pairs(), with its errors.
   virtual Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(
       const Bricks<LabelId>& labels, const std::vector<LabelId>& structures, const Progress& progress) const;
-  /// The surfaces of prepare_outer_surfaces, in the order of the groups, with its errors. Groups may have
-  /// structures in common.
+  /// Surfaces of prepare_outer_surfaces() in the order of the groups, with its errors. Groups may overlap.
   virtual Result<std::vector<std::shared_ptr<const Surface>>> outer_surfaces(
       const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
       const SurfaceOptions& options, const Progress& progress) const;
 };
 
-/// Places of groups that can be prepared together, as they have no structure in common; every group is in one
-/// of as few goes as taking them in their order makes.
+/// Partitions groups into batches that have no structure in common and can be prepared together; first-fit in
+/// their order. Contains indices of the groups.
 std::vector<std::vector<std::size_t>> in_goes(const std::vector<std::vector<LabelId>>& groups);
 
 }  // namespace palpate

@@ -8,13 +8,12 @@
 
 namespace palpate {
 
-/// The felt structures that a volume has, with what each rests on, as prepare_ramps takes them.
+/// Felt structures that occur in a volume, with the structures that support each, as input of prepare_ramps.
 std::vector<RampStructure> ramp_structures(const Model& model, const Bricks<LabelId>& labels);
 
-/// A tissue's share of the field's full scale, of 255: its stiffness relative to the stiffest, at least one
-/// step.
+/// A tissue's fraction of the field's full scale, of 255: its stiffness relative to the stiffest, at least 1.
 std::uint8_t weight_of(const Tissue& tissue, double stiffest_N_per_mm);
-/// Model::level_of_label of such a tissue.
+/// Model::level_of_label for a tissue of that weight.
 float level_of(const Tissue& tissue, std::uint8_t weight);
 
 }  // namespace palpate

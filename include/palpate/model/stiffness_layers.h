@@ -6,20 +6,21 @@
 
 namespace palpate {
 
-/// Stiffnesses that contact feels as one layer where their structures touch.
+/// Range of stiffnesses that contact merges into one layer where their structures touch.
 struct StiffnessRange {
   double least_N_per_mm = 0, most_N_per_mm = 0;
 
-  /// The largest relative error, 0 ... 1: the stiffest structure, covered by the softest, is felt as soft as
-  /// that one.
+  /// Largest relative error, 0 ... 1: the stiffest structure, covered by the softest, is rendered with the
+  /// softest one's stiffness.
   double error() const { return 1 - least_N_per_mm / most_N_per_mm; }
 };
 
-/// What differs by less is one layer: nobody feels it, and every layer is a surface to be made and a proxy.
+/// Ratio of stiffnesses below which structures share a layer: the difference is imperceptible, and every
+/// layer costs a surface and a proxy.
 inline constexpr double kSameStiffness = 1.05;
 
-/// The layers of structures that touch (docs/decisions/0018-one-body-in-layers.md), softest first. Of more
-/// than `most` those next to each other that differ least become one.
+/// Layers of structures that touch (docs/decisions/0018-one-body-in-layers.md), softest first. If there are
+/// more than `most`, adjacent layers with the least resulting error are merged.
 /// @param stiffnesses  N/mm, above 0, in any order
 /// @param most         at least 1
 std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int most = kMostLayers);

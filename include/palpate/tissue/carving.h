@@ -22,9 +22,9 @@ namespace palpate {
 /// With S the prepared signed distance and C the depth within the union of all sweeps (the greatest
 /// SweptShape depth), the value at every voxel of the position's grid is:
 ///
-///    inside and adjacent to the surface   max(S, C)
-///    free, and free when prepared         S plus the increase of the distance to the nearest material
-///    free, and cut                        the distance to the remaining material
+///     inside and adjacent to the surface   max(S, C)
+///     free, and free when prepared         S plus the increase of the distance to the nearest material
+///     free, and cut                        the distance to the remaining material
 ///
 /// With protected structures, of which nothing is removed, C is replaced by min(C, K), where K is the least
 /// of their prepared signed distances.
