@@ -7,8 +7,8 @@
 // docs/decisions/0017-surface-nets.md justifies each step and its parameters,
 // docs/decisions/0066-where-the-volume-ends.md the treatment of the volume's border.
 //
-//     membrane        every node at its neighbours' mean, in its cell:       removes terraces, shrinks
-//     spheres three times     curvature C and area M of the current net, both summed over a node's links
+//     membrane        every node at its neighbours' mean, in its cell:    no terraces, but spheres shrink
+//     three times     curvature C and area M of the current net, both summed over a node's links
 //                     smoothed along the surface, except across edges: C', M'
 //                     every node offset from its neighbours' mean by n M C'/M':     restores spheres
 
