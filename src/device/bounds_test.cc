@@ -34,11 +34,11 @@ TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
   EXPECT_NEAR(careful_bounds(known).stiffness_N_per_mm, 0.6 * 3 / 0.0005 * 1e-3, 1e-12);
   EXPECT_NEAR(careful_bounds(known).damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.2, 1000, 0),
               1e-12);
-  // what is no number, or no arm has, is not known
+  // non-finite or implausible values count as unknown
   for (const double odd : {0.0, -3.0, 1e-300, 1e300, std::nan(""), std::numeric_limits<double>::infinity()}) {
     DeviceInfo info = physical();
     info.rate_hz = info.mass_kg = odd;
-    // an undamped arm and one without delay may be
+    // an undamped arm and one without delay are plausible
     if (odd != 0 && odd != 1e-300) info.damping_N_s_per_m = info.delay_s = odd;
     EXPECT_EQ(careful_bounds(info).stiffness_N_per_mm, nothing_known.stiffness_N_per_mm) << odd;
     EXPECT_EQ(careful_bounds(info).damping_N_s_per_mm, nothing_known.damping_N_s_per_mm) << odd;
@@ -69,13 +69,13 @@ TEST(CarefulBounds, BoundEveryPhysicalDevice) {
   EXPECT_NE(careful_bound_told(physical()).find("0.2 N/mm"), std::string::npos)
       << careful_bound_told(physical());
   EXPECT_EQ(careful_bound_told(physical(2)), "");
-  // nothing pushes a simulated one but what is simulated
+  // a simulated device exerts no physical force
   DeviceInfo simulated = physical();
   simulated.simulated = true;
   EXPECT_EQ(bound_of_stiffness_N_per_mm(simulated), std::numeric_limits<double>::infinity());
   EXPECT_EQ(careful_bound_told(simulated), "");
 
-  // whatever else is said
+  // independent of the other properties
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

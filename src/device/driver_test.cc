@@ -8,7 +8,7 @@
 #include "device/test_drivers.h"
 #include "palpate/base/clock.h"
 
-/// The contract of the device port, held by one driver of each kind.
+/// Contract tests of the device port, applied to one driver of each kind.
 namespace palpate {
 namespace {
 
@@ -20,18 +20,18 @@ using testing::FakeVendor;
 using testing::soon;
 using testing::TestClock;
 
-// a hand and device that come to rest within 20 ms: critically damped, 316 rad/s
+// a hand and device that settle within 20 ms: critically damped, 316 rad/s
 constexpr double kHand_N_per_mm = 2;
 const PlantDevice kLight{"light", 0.01, 0, 0, 0, 1e9, 1e9};
 const PlantHand kStill{"still", 0.01, 12.6, kHand_N_per_mm * 1000};
 
-// a wall that begins at x = 0, soft enough for any delay that a busy machine makes
+// a wall at x = 0, soft enough for any delay of a busy machine
 constexpr double kWall_N_per_mm = 1;
 DeviceCommand wall(const DeviceSample& sample) {
   return {Vector<Device>(-kWall_N_per_mm * std::max(0.0, sample.tip.x()), 0, 0), {}};
 }
 
-// the servo of every test: the wall, and what it saw last
+// the servo of every test: the wall, and the last sample
 class Wall final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -50,7 +50,7 @@ class Wall final : public ServoFunction {
   }
   void hang(bool on) { hangs_ = on; }
   int updates() const { return updates_; }
-  // for how many samples the tip has not moved
+  // Number of samples since the tip last moved
   int still() const { return still_; }
   double tip_x_mm() const { return tip_x_mm_; }
   std::int64_t taken_ns() const { return taken_ns_; }
@@ -65,7 +65,7 @@ class Wall final : public ServoFunction {
   std::optional<std::thread::id> thread_;
 };
 
-// a driver in a thread of its own
+// runs a driver in a thread of its own
 class Running {
  public:
   explicit Running(DeviceDriver& driver) : thread_([this, &driver] { driver.run(servo_, clock_); }) {}
@@ -84,13 +84,13 @@ class Running {
   std::thread thread_;
 };
 
-// the next `count` updates are done
+// waits until the next `count` updates are complete
 bool pass_updates(const Wall& servo, int count) {
   const int before = servo.updates();
   return soon([&] { return servo.updates() >= before + count; });
 }
 
-// where the tip rests, the hand wanting it at `intended_mm`, with and without the wall
+// rest position of a tip that the hand aims at `intended_mm`, with and without the wall
 double pressed_mm(double intended_mm) {
   return intended_mm * kHand_N_per_mm / (kHand_N_per_mm + kWall_N_per_mm);
 }
@@ -98,7 +98,7 @@ bool rests_at(const Wall& servo, double x_mm) {
   return soon([&] { return servo.still() > 10 && std::abs(servo.tip_x_mm() - x_mm) < 2e-3; });
 }
 
-// a driver with what stands behind it, its hand wanting the tip 3 mm behind the wall
+// a driver with its counterpart; the hand aims at 3 mm behind the wall's surface
 struct Rig {
   static constexpr double kIntended_mm = 3;
 
@@ -116,7 +116,7 @@ struct Rig {
     }
     EXPECT_TRUE(driver->open(false).ok());
   }
-  // what the device was given, for the kinds that can tell
+  // commands that the device received, for kinds that record them
   std::vector<Delivery> delivered() const {
     return vendor ? vendor->delivered() : peer ? peer->delivered() : std::vector<Delivery>{};
   }
@@ -145,7 +145,7 @@ TEST_P(EveryDriver, SaysWhatItIs) {
 }
 
 TEST_P(EveryDriver, GivesTheSameServoTheSameForce) {
-  // the hand's spring and the wall's share the way: the same place, whoever owns the clock
+  // equilibrium of the hand's spring and the wall: the same position, whichever side owns the clock
   Rig rig(GetParam());
   Running running(*rig.driver);
   EXPECT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm))) << running.servo().tip_x_mm();
@@ -160,7 +160,7 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   const Wall& servo = running.servo();
   ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
 
-  // without force the tip goes where the hand wants it, while the servo goes on asking
+  // without force the tip moves to the hand's target, while the servo continues to be called
   rig.driver->halt();
   const std::int64_t halted_ns = monotonic_ns();
   EXPECT_TRUE(rests_at(servo, Rig::kIntended_mm)) << servo.tip_x_mm();
@@ -169,7 +169,7 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   EXPECT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm))) << servo.tip_x_mm();
   running.stop();
 
-  // a request that was on its way when halt() returned arrives; nothing else does
+  // only a request already in flight when halt() returned may still arrive
   int given = 0, halted = 0;
   for (const Delivery& delivery : rig.delivered()) {
     if (delivery.at_ns <= halted_ns || delivery.at_ns >= resumed_ns) continue;
@@ -177,7 +177,7 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
     given += delivery.command.force_N.norm() > 0;
   }
   EXPECT_LE(given, rig.peer ? 1 : 0);
-  // for so many samples at least the tip has rested
+  // minimum number of samples for which the tip has rested
   EXPECT_TRUE(halted > 5 || (!rig.vendor && !rig.peer)) << halted;
 }
 
@@ -187,11 +187,11 @@ TEST_P(EveryDriver, HaltReachesADeviceWhoseServoHangs) {
   Wall& servo = running.servo();
   ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
 
-  // in the first sample after the hang the tip is where the hand alone has taken it
+  // in the first sample after the hang the tip is where the hand alone has moved it
   servo.hang(true);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   rig.driver->halt();
-  // a peer goes idle by itself, once its thread gets to it
+  // a peer goes idle by itself, once its thread is scheduled
   ASSERT_TRUE(!rig.peer || soon([&] { return rig.delivered().back().idle; }));
   std::this_thread::sleep_for(std::chrono::milliseconds(80));
   const std::int64_t ended_ns = monotonic_ns();
@@ -221,7 +221,7 @@ TEST_P(EveryDriver, StopLeavesZerosAndRunGoesOn) {
     EXPECT_EQ(rig.delivered().back().command.force_N, Vector<Device>());
   }
   if (rig.peer) {
-    // a request, not the device's idling; the peer takes it a moment after it was sent
+    // waits for a request instead of the idling entry; the peer receives it shortly after it was sent
     EXPECT_TRUE(soon([&] {
       auto requests = rig.delivered();
       std::erase_if(requests, [](const Delivery& delivery) { return delivery.idle; });
@@ -252,7 +252,7 @@ TEST(CallbackDriver, ACommandIsSetWithinTheFrameOfItsSample) {
   ASSERT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
   const int updates = running.servo().updates();
   running.stop();
-  // bit for bit, on the way to rest too: a command of a frame before would be another one
+  // bit for bit, also while settling: a command of an earlier frame would differ
   const std::vector<Delivery> frames = rig.delivered();
   ASSERT_GT(static_cast<int>(frames.size()), updates);
   int moving = 0;
@@ -264,7 +264,7 @@ TEST(CallbackDriver, ACommandIsSetWithinTheFrameOfItsSample) {
 }
 
 TEST(CallbackDriver, TheFakeVendorNoticesWhatIsForbidden) {
-  // without this the counts of violations above could be zero because nothing is noticed
+  // otherwise the counts of violations above could be zero because nothing is detected
   SimulatedDevice device(kLight, kStill);
   const auto violations = [&](const std::function<void(FakeVendor&)>& frame) {
     FakeVendor vendor(device);
@@ -306,8 +306,7 @@ TEST(ExchangeDriver, ARequestAnswersTheReplyBefore) {
   ASSERT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
   running.stop();
   const std::vector<Delivery> requests = rig.delivered();
-  // on the way to rest, where the reply before that one asks for another force; a busy machine lets some time
-  // out
+  // while settling, when the previous reply asked for another force; a busy machine omits some
   int answered = 0;
   for (std::size_t n = 2; n < requests.size(); ++n) {
     const auto asked_N = [&](std::size_t reply) { return wall(requests[reply].sample).force_N; };
@@ -322,14 +321,14 @@ TEST(ExchangeDriver, ASilentPeerLetsTheStateAge) {
   const Wall& servo = running.servo();
   ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
 
-  // the servo is called all the same, with the state of then
+  // the servo is still called, with the last state
   rig.peer->silence(true);
   EXPECT_TRUE(soon([&] { return servo.age_ns() > 50'000'000; }));
   const std::int64_t taken_ns = servo.taken_ns();
   EXPECT_TRUE(pass_updates(servo, 5));
   EXPECT_EQ(servo.taken_ns(), taken_ns);
 
-  // and it comes back
+  // it recovers
   rig.peer->silence(false);
   EXPECT_TRUE(soon([&] { return servo.taken_ns() > taken_ns && servo.age_ns() < 50'000'000; }));
   EXPECT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));

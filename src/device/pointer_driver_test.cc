@@ -19,15 +19,15 @@ using testing::virtual_time;
 
 constexpr std::int64_t kMs_ns = 1'000'000;
 
-// what the servo was told, with when
+// samples that the servo received, with their times
 struct Seen {
   std::int64_t at_ns;
   Point<Device> tip;
   double age_s;
 };
 
-// runs for so many ticks of a millisecond, every 21st of them late by three; before each `act` is called, as
-// a page's thread would
+// runs for a number of 1 ms ticks, every 21st of them late by three; calls `act` before each, as a page's
+// thread would
 std::vector<Seen> run(PointerDriver& driver, int ticks, const std::function<void(int tick)>& act) {
   class Servo final : public ServoFunction, public ServoClock {
    public:
@@ -42,7 +42,7 @@ std::vector<Seen> run(PointerDriver& driver, int ticks, const std::function<void
     void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
       const std::int64_t now_ns = virtual_ns;
       seen.push_back({now_ns, samples[0].tip, static_cast<double>(now_ns - samples[0].taken_ns) * 1e-9});
-      // what nothing can be pushed with
+      // the command is ignored, because there is nothing to push
       commands[0].force_N = Vector<Device>(1e3, 0, 0);
     }
     std::vector<Seen> seen;
@@ -75,10 +75,10 @@ TEST(PointerDriver, UntilItIsMovedItsPoseIsOld) {
 }
 
 TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
-  // a stroke to and fro, a message every eighth tick: 0, 4, 8, ... 40, 36, ... 0 mm
+  // a stroke back and forth, one message every eighth tick: 0, 4, 8, ... 40, 36, ... 0 mm
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto said_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
-  // then as long as the last way takes at most, 40 ms
+  // plus the longest possible interpolation, 40 ms
   const auto seen = run(driver, 220, [&](int tick) {
     if (tick % 8 == 0 && tick / 8 <= 20) driver.move(Point<Device>(said_mm(tick / 8), 0, 0));
   });
@@ -89,8 +89,8 @@ TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
     const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
     farthest_mm = std::max(farthest_mm, x);
     EXPECT_GE(x, 0);
-    // 4 mm within an interval between two messages, which is at least 8 ms, and what a late tick has left of
-    // the way before, within the same
+    // 4 mm within the interval between two messages, at least 8 ms, and after a late tick additionally the
+    // rest of the previous path
     EXPECT_LE(step_mm, dt_s * 1e3 + 1e-9) << n;
     between += std::fmod(x, 4) > 0.01 && std::fmod(x, 4) < 3.99;
   }
@@ -111,12 +111,12 @@ TEST(PointerDriver, APoseHoldsForATenthOfASecondAndThenGrowsOld) {
   int fresh = 0, old = 0;
   for (std::size_t n = 5; n < seen.size(); ++n) {
     const Seen& at = seen[n];
-    // truthful: as old as the last word, less what that holds
+    // correct age: time since the last message minus the time for which it is valid
     const double after_s = static_cast<double>(at.at_ns - moved_ns) * 1e-9;
     const double expected_s = n < 300 ? std::max(0.0, after_s - LedPose::kHeld_s) : 0;
     EXPECT_NEAR(at.age_s, expected_s, 1e-9) << n;
     (expected_s > 0 ? old : fresh) += 1;
-    // and the tip rests
+    // the tip is stationary
     if (expected_s > 0) {
       EXPECT_EQ(at.tip, Point<Device>(1, 0, 0));
     }
@@ -140,7 +140,7 @@ TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
 }
 
 TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
-  // let go, or silent for longer than a pose holds, and then 80 mm away
+  // released, or silent for longer than a pose is valid, and then 80 mm away
   for (const bool let_go : {true, false}) {
     SCOPED_TRACE(let_go);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
@@ -177,13 +177,13 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
   std::atomic<bool> ended{false};
   std::thread page([&] {
     for (; !ended; ++said) {
-      // the coordinates belong together: a torn one would leave the diagonal
+      // a torn read would leave the diagonal
       const double x = 5 * std::sin(0.01 * said);
       driver.move(Point<Device>(x, x, x));
       std::this_thread::yield();
     }
   });
-  // until both have had their turns, several hundred times
+  // until both threads have alternated several hundred times
   const auto seen = run(driver, 500, [&](int tick) {
     while (said < tick) std::this_thread::yield();
   });
@@ -201,7 +201,7 @@ TEST(PointerDriver, APlaceThatIsNoNumberIsABug) {
   EXPECT_DEATH(driver.move(Point<Device>(0, std::nan(""), 0)), "finite");
 }
 
-// half of the way the tool is half turned, by the shorter way round
+// half of the path has half of the rotation, along the shorter arc
 TEST(LedPose, TurnsEvenly) {
   LedPose told{Point<Device>()};
   const auto about_z = [](double rad) {

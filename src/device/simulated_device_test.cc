@@ -11,12 +11,12 @@ constexpr double kTick_s = 1e-3;
 const PlantDevice kIdeal{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
 
 TEST(SimulatedDevice, SwingsAsADampedOscillator) {
-  // m x'' + b x' + k x = 0 from 10 mm, against the closed solution
+  // m x'' + b x' + k x = 0 from 10 mm, compared with the closed-form solution
   const PlantHand hand{"hand", 0.15, 2, 80};
   SimulatedDevice plant(kIdeal, hand);
   plant.reset(Point<Device>(10, 0, 0));
   plant.intend(Point<Device>(0, 0, 0));
-  // the first advance moves the intention there evenly; reset again so that it stands there from the start
+  // the first advance moves the intended position there; reset so that it is there from the start
   plant.advance({}, 1e-9);
   const double m = 0.2, b = 2, k = 80;
   const double decay = b / (2 * m), omega = std::sqrt(k / m - decay * decay);
@@ -24,7 +24,7 @@ TEST(SimulatedDevice, SwingsAsADampedOscillator) {
   for (int n = 1; n <= 500; ++n) {
     plant.advance({}, kTick_s);
     const double t = n * kTick_s;
-    // the jump of the intention pushed once through the damper: x'(0) = -b/m * 10 mm
+    // the jump of the intended position acted once through the damper: x'(0) = -b/m * 10 mm
     const double x0 = 10, v0 = -b / m * 10;
     const double expected =
         std::exp(-decay * t) * (x0 * std::cos(omega * t) + (v0 + decay * x0) / omega * std::sin(omega * t));
@@ -33,7 +33,7 @@ TEST(SimulatedDevice, SwingsAsADampedOscillator) {
   EXPECT_LT(largest, 0.01);
 }
 
-// Two springs in series: the hand's and the skin's.
+// Two springs in series: hand and skin.
 TEST(SimulatedDevice, SkinYieldsBeforeTheHandDoes) {
   const double force_N = 1;
   SimulatedDevice plant(kIdeal, PlantHand{"pen", 0.15, 6, 500, 2000, 20});
@@ -79,7 +79,7 @@ TEST(SimulatedDevice, NeverGainsEnergyWithoutAForce) {
   for (int n = 0; n < 2000; ++n) {
     plant.advance({}, kTick_s);
     const double now = energy();
-    // semi-implicit Euler conserves to the order of its step
+    // semi-implicit Euler conserves energy to the order of its step
     ASSERT_LE(now, before * (1 + 1e-3) + 1e-12) << n;
     before = now;
   }
@@ -119,7 +119,7 @@ TEST(SimulatedDevice, DelaysTheForceAndSaturatesIt) {
 }
 
 TEST(SimulatedDevice, WallTurnsUnstableAtTheTheoreticalStiffness) {
-  // Colgate & Schenkel: a mass with damping b on a sampled bilateral spring holds up to b / (T/2 + t_d)
+  // Colgate & Schenkel: a mass with damping b on a sampled bilateral spring is stable up to b / (T/2 + t_d)
   for (const double delay_s : {0.0, 1e-3, 3e-3}) {
     const double b = 1.5;
     const double critical_N_per_m = b / (kTick_s / 2 + delay_s);

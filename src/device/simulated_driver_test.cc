@@ -15,14 +15,14 @@ namespace {
 using testing::virtual_ns;
 using testing::virtual_time;
 
-// so stiff that the tip is where the hand wants it
+// stiff enough for the tip to follow the intended position
 const PlantDevice kFrictionless{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
 const PlantHand kIron{"iron", 0.05, 100, 50000};
 const PlantHand kNone{"none", 0.05, 0, 0};
 
 constexpr std::int64_t kMillisecond_ns = 1'000'000;
 
-// calls back with every sample, on the servo's thread
+// passes every sample to a callback on the servo's thread
 class Servo final : public ServoFunction {
  public:
   explicit Servo(std::function<DeviceCommand(const DeviceSample&)> answer) : answer_(std::move(answer)) {}
@@ -37,7 +37,7 @@ class Servo final : public ServoFunction {
   std::vector<DeviceSample> samples_;
 };
 
-// a number of ticks a millisecond apart, with stalls between where they are asked for
+// a number of ticks at 1 ms, with stalls in between on request
 class Ticks final : public ServoClock {
  public:
   explicit Ticks(int count, int stall_at = -1, std::int64_t stall_ns = 0)
@@ -56,7 +56,7 @@ class Ticks final : public ServoClock {
   const std::int64_t stall_ns_;
 };
 
-// goes on until the samples are past a point in time
+// continues until the samples are past a point in time
 class Until final : public ServoClock {
  public:
   explicit Until(std::int64_t end_ns) : end_ns_(end_ns) {}
@@ -86,7 +86,7 @@ TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
   Until clock(at_ns + 20 * kMillisecond_ns);
   driver.run(servo, clock);
 
-  // on the line, in time with it; the first step of the speed rings off within a few milliseconds
+  // on the line and in time with it; the initial step in velocity decays within a few milliseconds
   int on_the_way = 0;
   for (const DeviceSample& sample : servo.samples()) {
     if (sample.taken_ns < begin_ns + 20 * kMillisecond_ns) continue;
@@ -101,7 +101,7 @@ TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
 }
 
 TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
-  // turned round half-way: never further than the half, and no jump
+  // reversed halfway: never beyond the half, and no jump
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   driver.intend(Point<Device>(20, 0, 0), virtual_ns + 120 * kMillisecond_ns);
   double turned_at_mm = -1;
@@ -138,8 +138,7 @@ TEST(SimulatedDriver, APastIntentionIsForNow) {
 }
 
 TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
-  // a free mass under a steady force: its speed tells the time that has passed for it. 130 ms of stall
-  // count as 100
+  // a free mass under a constant force: its speed measures the elapsed time. 130 ms of stall count as 100
   SimulatedDriver driver(device_at(kNone, Point<Device>()), virtual_time);
   Servo servo([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0, 0.02, 0), {}}; });
   Ticks clock(30, 10, 130 * kMillisecond_ns);
@@ -176,13 +175,13 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   std::atomic<bool> ended{false};
   std::thread hand([&] {
     for (; !ended; ++said) {
-      // the coordinates belong together: a torn one would leave the diagonal
+      // a torn read would leave the diagonal
       const double x = 5 * std::sin(0.01 * said);
       driver.intend(Point<Device>(x, x, x), virtual_ns + kMillisecond_ns);
       std::this_thread::yield();
     }
   });
-  // until both have had their turns, several hundred times
+  // until both threads have alternated several hundred times
   int ticks = 0;
   Servo servo([&](const DeviceSample&) {
     for (++ticks; said < ticks;) std::this_thread::yield();
@@ -217,11 +216,11 @@ TEST(SimulatedDriver, KnowsWhatIsKnownOfItsDevice) {
   EXPECT_EQ(info.peak_force_N, 3.3);
   EXPECT_EQ(info.continuous_force_N, 0.88);
   EXPECT_NEAR(*info.position_step_mm, 0.055, 1e-12);
-  // its corners lie on the ball that the device reaches
+  // its corners lie on the ball of the device's reach
   ASSERT_TRUE(info.workspace.has_value());
   EXPECT_NEAR((info.workspace->high - Point<Device>()).norm(), 75, 1e-9);
   EXPECT_NEAR((info.workspace->low - Point<Device>()).norm(), 75, 1e-9);
-  // what nobody knows is empty
+  // unknown properties are empty
   EXPECT_FALSE(info.stiffness_N_per_mm.has_value());
   EXPECT_FALSE(info.peak_torque_Nmm.has_value());
   EXPECT_FALSE(info.rate_hz.has_value());

@@ -26,7 +26,7 @@ class Dice {
     return Eigen::Quaterniond(Eigen::Vector4d(between(-1, 1), between(-1, 1), between(-1, 1), between(-1, 1)))
         .normalized();
   }
-  // as often half as twice
+  // log-uniform: a half is as likely as two
   double factor() { return std::exp(between(std::log(kLowestScale), std::log(kHighestScale))); }
 
   WorkspaceSettings settings() {
@@ -60,7 +60,7 @@ TEST(Workspace, GoesThereAndBack) {
     const Point<Device> tip(dice.vector(200));
     const Point<World> world = mapping.to_world(at(tip), 0).tip;
     EXPECT_LT((mapping.to_device(world) - tip).norm(), 1e-9);
-    // lengths grow by the scale, and the middle of the reach lies at home
+    // lengths grow by the scale, and the centre of the workspace lies at home
     const Point<Device> other(dice.vector(200));
     EXPECT_NEAR((mapping.to_world(at(other), 0).tip - world).norm(), settings.scale * (other - tip).norm(),
                 1e-9);
@@ -75,14 +75,14 @@ TEST(Workspace, WithoutSettingsADeviceLiesInTheOrigin) {
 }
 
 TEST(Workspace, MakersAxesBecomeRightForwardUp) {
-  // by what each maker's axes mean to the person in front of the device
+  // by the meaning of each vendor's axes to the person in front of the device
   struct Maker {
     Rotation<World, Device> R_WorldDevice;
     Vector<Device> right, away, up;
   };
   const std::array<Maker, 3> makers{
-      {{openhaptics_axes(), {1, 0, 0}, {0, 0, -1}, {0, 1, 0}},      // right, up, to the user
-       {force_dimension_axes(), {0, 1, 0}, {-1, 0, 0}, {0, 0, 1}},  // to the user, right, up
+      {{openhaptics_axes(), {1, 0, 0}, {0, 0, -1}, {0, 1, 0}},      // right, up, towards the user
+       {force_dimension_axes(), {0, 1, 0}, {-1, 0, 0}, {0, 0, 1}},  // towards the user, right, up
        {haply_axes(), {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}};           // right, forward, up
   const auto near = [](const Vector<World>& a, const Vector<World>& b) { return (a - b).norm() < 1e-15; };
   for (const Maker& maker : makers) {
@@ -95,10 +95,10 @@ TEST(Workspace, MakersAxesBecomeRightForwardUp) {
     EXPECT_TRUE(near(led(maker.right), {1, 0, 0}));
     EXPECT_TRUE(near(led(maker.away), {0, 1, 0}));
     EXPECT_TRUE(near(led(maker.up), {0, 0, 1}));
-    // and a force up pushes the hand up
+    // an upward force pushes the hand up
     EXPECT_LT((mapping.to_device(Wrench{Vector<World>(0, 0, 2), {}}).force_N - maker.up * 2).norm(), 1e-14);
   }
-  // as device.h writes them
+  // as documented in device.h
   const Vector<Device> v(1, 2, 3);
   EXPECT_TRUE(near(openhaptics_axes() * v, {1, -3, 2}));
   EXPECT_TRUE(near(force_dimension_axes() * v, {2, -1, 3}));
@@ -114,8 +114,8 @@ TEST(Workspace, YawTurnsTheDeviceAboutUp) {
 }
 
 TEST(Workspace, WorkAtTheDeviceIsGainOverScaleOfThatInThePatient) {
-  // the tool as a rigid body: force and torque do work on velocity and turn; all of it by the same factor,
-  // and none is gained or lost where gain and scale are equal
+  // the tool as a rigid body: force and torque do work on velocity and rotation, both scaled by the same
+  // factor, and unchanged where gain and scale are equal
   Dice dice;
   for (int n = 0; n < 500; ++n) {
     WorkspaceSettings settings = dice.settings();
@@ -151,7 +151,7 @@ TEST(Workspace, VelocityIsThatOfTheTip) {
 }
 
 TEST(Workspace, TheToolTurnsWithTheDevice) {
-  // an axis of the tool seen in World is the axis seen by the device, brought to World
+  // an axis of the tool in World is the axis in the device's frame, transformed to World
   Dice dice;
   for (int n = 0; n < 50; ++n) {
     const DeviceInfo info = dice.info();
@@ -167,8 +167,8 @@ TEST(Workspace, TheToolTurnsWithTheDevice) {
   }
 }
 
-// A hand presses slowly against a linear wall of K N/mm in World; what it must give, over how far the device
-// goes, is the stiffness that it feels.
+// A hand presses slowly against a linear wall of K N/mm in World; the slope of its force over the device's
+// displacement is the rendered stiffness.
 double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& hand, const DeviceInfo& axes,
                                    const WorkspaceSettings& settings, double wall_N_per_mm) {
   const Vector<World> outward = Vector<World>(1, 2, -2) / 3;
@@ -192,8 +192,8 @@ double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& h
     const double depth_mm = std::max(0.0, (surface - tip).dot(outward));
     command = mapping.to_device(Wrench{outward * (wall_N_per_mm * depth_mm * settings.force_gain), {}});
     if (i <= kSettled) continue;
-    // the stretch of the hand's spring is the force; the line through all points, so that friction, which
-    // is a constant on the way in, stays out of it
+    // the force is the stretch of the hand's spring; the slope of the regression line is independent of
+    // friction, which is constant on the way in
     const double way_mm = (plant.true_tip() - start).dot(inward);
     const double force_N = hand.stiffness_N_per_m * 1e-3 * (plant.intention() - plant.true_tip()).dot(inward);
     n += 1, sx += way_mm, sy += force_N, sxx += way_mm * way_mm, sxy += way_mm * force_N;
@@ -236,7 +236,7 @@ TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
   Point<Device> hand(dice.vector(40));
   Point<World> before = led(hand, 0).tip;
   for (int n = 0; n < 2000; ++n) {
-    // pressed for seven samples out of twenty-one; another button makes no difference
+    // pressed for seven samples out of twenty-one; other buttons have no effect
     const bool held = n / 7 % 3 == 1, held_before = held && n % 7 > 0;
     const Vector<Device> step(dice.vector(2));
     hand += step;
@@ -256,20 +256,20 @@ TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
 TEST_F(Clutch, SurvivesTipsThatAreNoNumbers) {
   const Point<World> start = led(Point<Device>(1, 2, 3), 0).tip;
   const Point<Device> lost(kNan, 0, 0);
-  // pressed on a lost sample, and lost while it is held: told as it is, and forgotten
+  // pressed on a lost sample, or lost while held: passed on unchanged and not stored
   EXPECT_FALSE(led(lost, kHeld).tip.all_finite());
   EXPECT_EQ(led(lost, kHeld).status, kDeviceClutched);
   EXPECT_LT((led(Point<Device>(1, 2, 3), kHeld).tip - start).norm(), 1e-12);
   EXPECT_LT((led(Point<Device>(9, 9, 9), kHeld).tip - start).norm(), 1e-12);
   EXPECT_FALSE(led(Point<Device>(0, std::numeric_limits<double>::infinity(), 0), kHeld).tip.all_finite());
   EXPECT_LT((led(Point<Device>(-4, 9, 9), kHeld).tip - start).norm(), 1e-12);
-  // let go on a lost sample
+  // released on a lost sample
   EXPECT_FALSE(led(lost, 0).tip.all_finite());
   EXPECT_LT((led(Point<Device>(-4, 9, 9), 0).tip - start).norm(), 1e-12);
 }
 
 TEST_F(Clutch, TheWayBackMovesWithIt) {
-  // a simulated hand that asks where to be is told so behind a clutch too
+  // a simulated hand gets the correct position behind a clutch too
   led(Point<Device>(1, 2, 3), 0);
   led(Point<Device>(1, 2, 3), kHeld);
   led(Point<Device>(-30, 8, 1), kHeld);
@@ -320,7 +320,7 @@ TEST(Workspace, AgeIsTheTimeSinceThePoseWasTrue) {
   sample.taken_ns = 5'000'000'000;
   EXPECT_EQ(mapping.to_world(sample, 5'003'000'000).age_s, 3e-3);
   EXPECT_EQ(mapping.to_world(sample, 5'000'000'000).age_s, 0);
-  // another clock's: negative, which the output stage takes as no state
+  // another clock: negative age, which the output stage treats as no state
   EXPECT_EQ(mapping.to_world(sample, 4'000'000'000).age_s, -1);
   for (const std::int64_t wild :
        {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
@@ -347,7 +347,7 @@ TEST(Workspace, APlaceInThePatientLiesWhereThePatientIs) {
   EXPECT_LT((state.velocity_mm_s - X * Vector<Patient>(1, 0, 0)).norm(), 1e-12);
   EXPECT_EQ(state.status, kDeviceFault);
   EXPECT_NEAR(state.age_s, 2e-3, 1e-12);
-  // and its work is not scaled, whatever the scene says
+  // its work is not scaled, whatever the scene's settings
   DeviceInfo info;
   info.in_patient = true;
   WorkspaceSettings settings;

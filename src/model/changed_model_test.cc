@@ -15,7 +15,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// bone of 1.5 N/mm with a shell of cartilage of 0.75 on it, ready for every method
+// bone of 1.5 N/mm with a shell of cartilage of 0.75 N/mm, prepared for every method
 std::shared_ptr<const Model> ball() {
   Model model =
       testing::with_exact_surfaces(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
@@ -58,7 +58,7 @@ TEST(ChangedModel, SharesWhatDidNotChange) {
   }
   EXPECT_EQ(model.tissues[kCartilageTissue].viscosity_N_s_per_mm, 0.002);
   EXPECT_EQ(model.tissues[kBoneTissue].stiffness_N_per_mm, 1.5);
-  // the same change of the same version is the same model
+  // the same change of the same version yields the same model
   EXPECT_EQ((*changed_model(*made, *made, change))->content_hash, model.content_hash);
 }
 
@@ -82,8 +82,8 @@ TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
   EXPECT_EQ(fourth->methods, made->methods);
 }
 
-// A direct method's force is F_full times the field, held down by most / (stiffest tissue): with a softer
-// stiffest tissue the field has to be as much softer, or it would be stiffer than what a hand holds.
+// A direct method's force is F_full times the field, scaled by most / (stiffest tissue): if the stiffest
+// tissue becomes softer, the field must be scaled by the same ratio to stay below what a hand can hold.
 TEST(ChangedModel, WhatIsLeftOfTheFieldsIsNeverStifferThanTheStiffestTissue) {
   const auto made = ball();
   const double made_N = made->force_field(ForceMethod::kTrilinear).full_force_N();
@@ -95,12 +95,13 @@ TEST(ChangedModel, WhatIsLeftOfTheFieldsIsNeverStifferThanTheStiffestTissue) {
   EXPECT_EQ(harder->force_field(ForceMethod::kTrilinear).full_force_N(), made_N);
 }
 
-// pressed through the shell, which 0.3 N go through, onto the bone, while both tissues are edited by turns
+// pressed onto the bone through the shell, which was punctured at 0.3 N, while both tissues are edited
+// alternately
 TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
   Model ball_to_puncture = *ball();
   ball_to_puncture.tissues[kCartilageTissue].puncture_N = 0.3;
   ball_to_puncture.surfaces[1].puncture_N = 0.3;
-  // it is all around the bone, so that the proxy lies within it
+  // it surrounds the bone, so that the proxy lies within it
   const SignedField around = testing::sampled_distance(
       ball_to_puncture.labels->geometry(),
       [](const Eigen::Vector3d& p) { return p.norm() - testing::kBoneRadius_mm - 3; }, 4);
@@ -133,7 +134,7 @@ TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
   EXPECT_GT(least_N, 0.95) << "1.5 N/mm less some, a millimetre deep, at most 3 N and never let go";
 }
 
-// A scene with two balls of bone, each in a shell of cartilage, and fat around.
+// Scene with two balls of bone, each in a shell of cartilage, surrounded by fat.
 LabelMap shelled_balls() {
   GridGeometry grid;
   grid.dims = {60, 36, 36};
@@ -170,7 +171,7 @@ std::shared_ptr<const Model> built(double left, double right, double shell, cons
   return *ready;
 }
 
-// oracle: the scene built with the new stiffnesses from the beginning
+// oracle: the scene built with the new stiffnesses from the start
 TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
   for (const std::string more : {"", "[preparation]\nbits = 8\n", "[preparation]\nramp_width = 3\n"}) {
     SCOPED_TRACE(more);
@@ -243,12 +244,12 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   const auto rigid = ball();
   EXPECT_FALSE(under_law(*rigid, TissueLaw::kChainMail).ok());
   EXPECT_THAT(check_law(*rigid, TissueLaw::kElastic).error().what, HasSubstr("has a Young's modulus"));
-  // without surfaces only what needs none
+  // without surfaces, only changes that need none
   Model bare = *layers;
   bare.surfaces.clear();
   EXPECT_TRUE(check_law(bare, TissueLaw::kChainMail).ok());
   EXPECT_THAT(check_law(bare, TissueLaw::kElastic).error().what, HasSubstr("to the proxy alone"));
-  // the cells that a slower machine carries come with it, if they are any
+  // the coarser cells of a slower machine are part of the change
   const auto coarser = next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, 1.6));
   ASSERT_TRUE(coarser.ok());
   EXPECT_EQ(coarser->felt->tissue_coarsened, 1.6);

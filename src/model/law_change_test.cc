@@ -13,7 +13,7 @@
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/yield_solver.h"
 
-/// Soft tissue that begins to yield under the tool, or that no longer does: other surfaces, the same hand.
+/// Soft tissue that becomes deformable under the tool, or ceases to be: other surfaces, the same contact.
 namespace palpate {
 namespace {
 
@@ -22,8 +22,8 @@ using ::testing::HasSubstr;
 constexpr LabelId kSkin = 1, kMuscle = 2, kBone = 3;
 constexpr double kRadius_mm = 3;
 
-// Skin of 4 mm on muscle of 6 on bone, its surface at z = 0: three layers where nothing yields, two where
-// soft tissue does.
+// Skin of 4 mm on muscle of 6 mm on bone, with the surface at z = 0: three layers under kLayers, two if soft
+// tissue is deformable.
 std::shared_ptr<const Model> limb(TissueLaw law,
                                   double puncture_N = std::numeric_limits<double>::infinity()) {
   static std::map<std::pair<TissueLaw, double>, std::shared_ptr<const Model>> made_before;
@@ -67,7 +67,7 @@ std::shared_ptr<const Model> limb(TissueLaw law,
   return known;
 }
 
-/// A tip that is led at 1 kHz, with frames as a session has them.
+/// A tip moved at 1 kHz, with frames as in a session.
 class LedTip {
  public:
   explicit LedTip(std::shared_ptr<const Model> model) : model_(std::move(model)) {
@@ -77,7 +77,7 @@ class LedTip {
     parameters_.device[0].most_stiffness_N_per_mm = 2;
     stay(0.6);
   }
-  /// To so deep below the surface at rest, and the tip's sphere with it.
+  /// Moves the tip's sphere to a depth below the surface at rest.
   void press(double depth_mm, double speed_mm_s = 20) {
     const double to = kRadius_mm - depth_mm, step_mm = speed_mm_s * 1e-3;
     while (std::abs(to - z_) > step_mm) {
@@ -99,7 +99,7 @@ class LedTip {
   const TickRecord& record() const { return record_; }
   const ProxyState& proxy() const { return state_.hands[0].proxy; }
   const Model& model() const { return *model_; }
-  /// Of all ticks since it was asked last.
+  /// Largest step of all ticks since the last call.
   double take_largest_step_N() { return std::exchange(largest_step_N_, 0); }
   std::function<void()> after_tick;
 
@@ -157,7 +157,7 @@ TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
   }
 }
 
-// Deep enough that the tip lies in each layer in turn, and in bone's.
+// Depths at which the tip lies in each layer in turn, and in the bone's.
 TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
   for (const double depth_mm : {5.0, 11.0}) {
     for (const auto& [from, to] : {std::pair(TissueLaw::kLayers, TissueLaw::kElastic),
@@ -176,10 +176,10 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
       tip.take_largest_step_N();
       tip.stay(0.4);
       EXPECT_NEAR(sent_N(tip), expected_N, is_elastic(to) ? 0.02 * expected_N : 1e-3);
-      // over some 20 ms, as any change of what makes the force, and what a frame brings to a new contact
+      // within about 20 ms, as for any change of force source, plus the change of a frame for a new contact
       EXPECT_LT(tip.take_largest_step_N(), 0.25 * std::abs(expected_N - before_N) + 0.02);
       EXPECT_EQ(tip.record().device[0].flags & kFlagInside, 0u);
-      // and back
+      // and back again
       ASSERT_TRUE(tip.go_by(from).ok());
       tip.stay(0.4);
       EXPECT_NEAR(sent_N(tip), before_N, is_elastic(from) ? 0.02 * before_N : 1e-3);
@@ -189,7 +189,7 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
   }
 }
 
-// Squeezed to half of their height and more, neo-Hookean cells are not found at every try.
+// Compressed to half their height and more, neo-Hookean cells have no solution in some attempts.
 TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
   for (const double depth_mm : {4.0, 5.0, 6.0}) {
     LedTip tip(limb(TissueLaw::kNeoHookean));
@@ -229,7 +229,7 @@ TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
   }
 }
 
-// a frame that was solved where nothing yields any more says nothing of where it begins to
+// a frame solved before tissue ceased to be deformable is ignored when it becomes deformable again
 TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
   LedTip tip(limb(TissueLaw::kElastic));
   tip.press(4);

@@ -19,7 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// a block of one tissue that yields
+// a block of a single deformable tissue
 ModelParts yielding_block(ElasticConstants of, double cell_mm = 0) {
   GridGeometry grid;
   grid.dims = {8, 8, 8};
@@ -89,13 +89,13 @@ TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
   const auto too_many = make_model(ModelParts(parts));
   ASSERT_FALSE(too_many.ok());
   EXPECT_THAT(too_many.error().what, HasSubstr("more than 16 different times"));
-  // what does not yield has none
+  // tissue that is not deformable has no relaxation times
   parts.tissue_law = TissueLaw::kLayers;
   EXPECT_FALSE(make_model(std::move(parts))->model->relaxation_times.any());
 }
 
-// The same block in a grid that has more background at its end: the bricks and where they lie are the same,
-// and the world is not, which is told from the grid's middle.
+// The same block in a grid with more background at its end: bricks and their positions are equal, but World,
+// which depends on the grid's centre, is not.
 TEST(MakeModel, AGridsSizeIsPartOfTheHash) {
   const auto hash_of = [](std::array<int, 3> dims) {
     ModelParts parts = yielding_block({10, 0.45});
@@ -124,7 +124,7 @@ TEST(Preparing, GroupsWithAStructureInCommonGoOneAfterTheOther) {
   using Goes = std::vector<std::vector<std::size_t>>;
   EXPECT_EQ(in_goes(Groups{}), Goes{});
   EXPECT_EQ(in_goes(Groups{{1, 2}, {3}, {4, 5}}), (Goes{{0, 1, 2}}));
-  // as layers are: all, what is stiffer, the stiffest; and a group that shares nothing with the second
+  // typical layers: all, the stiffer ones, the stiffest; and a group disjoint from the second
   EXPECT_EQ(in_goes(Groups{{1, 2, 3}, {2, 3}, {3}, {1}, {4}}), (Goes{{0, 4}, {1, 3}, {2}}));
 }
 

@@ -14,7 +14,7 @@ TEST(BareLoop, MeasuresEveryTickOfItsTime) {
   LatencyHistogram lateness;
   const auto loop = run_bare_loop(2000, 0.2, 50e-6, {.lock_memory = false}, lateness);
   ASSERT_TRUE(loop.ok()) << loop.error().message();
-  // more only where the last points were skipped
+  // more only if the last points were skipped
   EXPECT_GE(loop->ticks + loop->skipped, 400u);
   EXPECT_LE(loop->ticks, 400u);
   EXPECT_GT(loop->ticks, 0u);

@@ -13,7 +13,7 @@
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/nearest.h"
 
-/// A burr in the whole tick.
+/// Tests of a burr in the complete tick.
 namespace palpate {
 namespace {
 
@@ -29,7 +29,7 @@ Model burr_model() {
   return model;
 }
 
-/// One device that is led, and a session that carves.
+/// A single device moved by the test, and a session that carves.
 struct LedSession {
   std::shared_ptr<const Model> model = std::make_shared<const Model>(burr_model());
   std::shared_ptr<const Carving> carving = std::make_shared<const Carving>(*model);
@@ -48,7 +48,7 @@ struct LedSession {
     device.tip = above(5);
     tick_once();
   }
-  // its surface is so far above the ball's
+  // tip position at which the burr's surface is `clear_mm` above the ball
   Point<World> above(double clear_mm, double x_mm = 0) const {
     const double r = kBoneRadius_mm + kBurrRadius_mm + clear_mm;
     return model->X_WorldPatient * Point<Patient>(x_mm, 0, std::sqrt(r * r - x_mm * x_mm));
@@ -62,7 +62,7 @@ struct LedSession {
     }
   }
   const BurrState& burr() const { return state.hands[0].burr; }
-  // as a session does; false: there was nothing new
+  // carves as a session does; returns false if there were no new cuts
   bool carve() {
     const std::vector<Cut> cuts = finished_cuts(burr(), 0);
     if (cuts.empty()) return false;
@@ -111,7 +111,7 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
     EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << "its proxy is held";
   }
   EXPECT_GT(edits, 5);
-  // it has sunk in, so far that a hand that stays is hardly pushed any more
+  // sunk in so far that a stationary hand feels almost no force
   EXPECT_LT(before_N.norm(), 0.5 * first_N);
   EXPECT_LT(edit_N, tick_N + 0.01);
   EXPECT_GT(led.burr().taken_mm3, 1);
@@ -119,7 +119,7 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
   EXPECT_LT(led.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
 }
 
-// stuck by friction on one side of the ball, while the other is changed every tenth tick
+// stuck by friction on one side of the ball, while the other side is changed every tenth tick
 void expect_not_felt(const std::function<void(LedSession&, int)>& change) {
   LedSession alone, beside;
   for (LedSession* led : {&alone, &beside}) {
@@ -158,7 +158,7 @@ TEST(BurrTick, AnUndoElsewhereIsNotFelt) {
 }
 
 TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
-  // a shell on the bone, with a surface in common, through which the tip goes
+  // a shell on the bone, with a common surface, which the tip punctures
   Model model = testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, 3), 3);
   model.surfaces[1].puncture_N = 0.5;
   model.surfaces[1].beneath = 2;
@@ -249,7 +249,7 @@ TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
   press(true, 0);
   EXPECT_EQ(led.state.strokes, 1u);
   const std::uint64_t first = led.burr().first + static_cast<std::uint64_t>(led.burr().sweeps);
-  // without waiting for anything: the last sweep is finished in the tick in which the motor stops
+  // the last sweep is finished without delay, in the tick in which the motor stops
   led.parameters.motor = false;
   led.tick_once();
   EXPECT_EQ(finished_sweeps(led.burr()), first);
@@ -266,7 +266,7 @@ TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
   EXPECT_EQ(led.carving->strokes_to_undo(), 2u);
 }
 
-// drills so deep, and leans on the ground of the hole with the motor off
+// drills to a depth, then rests on the bottom of the hole with the motor off
 void drill(LedSession& led, double deep_mm) {
   led.lead_to(led.above(0.2), 50);
   for (int n = 0; n < 3000; ++n) {
@@ -290,7 +290,7 @@ TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
   const double before_N = led.wrench.force_N.norm();
   for (int n = 0; n < 200; ++n) led.tick_once();
   EXPECT_NEAR(led.wrench.force_N.norm(), before_N, 0.05);
-  // and finds the hole closed when it has left
+  // after the tip has left, the hole is closed
   led.lead_to(led.above(1), 100);
   EXPECT_EQ(led.wrench.force_N.norm(), 0);
   led.lead_to(led.above(-0.5), 100);
@@ -315,7 +315,7 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
   EXPECT_NE(led.record.device[0].flags & kFlagInside, 0u);
   EXPECT_LE(passed_N, 0) << "nothing throws it out";
   EXPECT_LT(most_step_N, 0.05);
-  // what its burr has swept is settled: it can be led out and cuts again
+  // swept material is carved: the burr can be retracted and cuts again
   led.lead_to(led.above(1), 100);
   EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u);
   led.parameters.motor = true;
@@ -325,7 +325,7 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
 }
 
 TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
-  // twice as far away from where it is held, and limited to the same force
+  // hand at twice the distance from the proxy, with the force clamped to the same limit
   double taken_mm3[2];
   for (const int n : {0, 1}) {
     LedSession led;
@@ -358,7 +358,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     led.state.hands[0].output.gain = 1;
     led.tick_once();
     led.lead_to(led.above(kShell_mm + 0.2, -3), 50);
-    // through the shell, by whose surface it is held two millimetres higher up
+    // through the shell, whose surface holds it two millimetres higher
     NearestMeter meter(layered);
     double apart_mm = 0;
     int swept = 0;
@@ -387,7 +387,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
 TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   LedSession led;
   Model with_row = *led.model;
-  // towards the handle, which is turned over to the side
+  // axis towards the handle, which is tilted to the side
   with_row.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
   with_row.tools[0].burr->length_mm = 5;
   with_row.tools[0].burr->end_radius_mm = kBurrRadius_mm;
@@ -395,7 +395,7 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   led.carving = std::make_shared<const Carving>(with_row);
   led.lead_to(led.above(0.2), 50);
   led.lead_to(led.above(-0.5), 100);
-  // lies down beside its tip's pocket, and is carved all along
+  // tilts down next to its tip's pocket, carving all along
   const Point<World> at = led.device.tip;
   double turned_rad = 0, last_N = led.wrench.force_N.norm(), most_step_N = 0;
   for (int n = 0; n < 600; ++n) {
@@ -411,7 +411,7 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   led.carve();
   EXPECT_LT(most_step_N, 0.3);
   EXPECT_GT(led.burr().taken_mm3, 3);
-  // its far end has gone through bone that its tip never was near
+  // the far end has passed through bone that the tip was never near
   const Vector<Patient> axis = (led.model->X_WorldPatient.inverse() *
                                 Vector<World>(led.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
   const Point<Patient> tip = led.state.hands[0].proxy.position;

@@ -31,7 +31,7 @@ TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
   EXPECT_EQ(first_other_feel(replaced(text, "output.blend_s 0.1\n", "")),
             "output.blend_s not there, here 0.1");
   EXPECT_EQ(first_other_feel(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
-  // a text of the recording's header
+  // text of a recording's header
   EXPECT_LT(text.size(), 4000u);
   for (const char byte : text) EXPECT_TRUE(byte == '\n' || (byte >= ' ' && byte <= '~'));
 }
@@ -48,7 +48,7 @@ TEST(Feel, DocsListEverySettingAndNoOther) {
   ASSERT_TRUE(docs);
   std::set<std::string> listed;
   for (std::string line; std::getline(docs, line);) {
-    // | `group.name` | value | what it is |
+    // table row: | `group.name` | value | description |
     if (line.rfind("| `", 0) != 0) continue;
     const std::size_t end = line.find("` | ", 3), value_end = line.find(" | ", end + 4);
     ASSERT_LT(value_end, line.size()) << line;

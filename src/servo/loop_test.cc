@@ -39,7 +39,7 @@ DeviceInfo plain_device() {
   return info;
 }
 
-// a driver whose run() is the test's
+// a driver whose run() is supplied by the test
 class TestDriver : public DeviceDriver {
  public:
   using Body = std::function<void(TestDriver&, ServoFunction&, ServoClock&)>;
@@ -51,7 +51,7 @@ class TestDriver : public DeviceDriver {
   void halt() noexcept override { halted_ns = monotonic_ns(); }
   void resume(std::uint64_t /*newest*/) noexcept override { resumed_ns = monotonic_ns(); }
 
-  // one tick with the tip there
+  // one tick with the tip at that position
   DeviceCommand tick_at(ServoFunction& servo, const Point<Device>& tip) {
     DeviceSample sample;
     sample.tip = tip;
@@ -68,7 +68,7 @@ class TestDriver : public DeviceDriver {
   Body body_;
 };
 
-// rests on the ball until it is told to stop, and keeps every command
+// keeps the tip on the ball until stopped and records every command
 struct Resting {
   std::vector<double> forces_N;
   TestDriver driver{[this](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
@@ -84,8 +84,8 @@ std::unique_ptr<ServoLoop> started(DeviceDriver& driver, const LoopSettings& set
   return std::move(*loop);
 }
 
-// on a machine that stood still for a while the watchdog is right to halt the device, and a pose that
-// waited is right to lose force
+// after a stall of the machine the watchdog is right to halt the device, and a stale pose is right to lose
+// force
 bool undisturbed(const TickRecord& before, const TickRecord& record) {
   constexpr std::uint32_t disturbed = kFaultFlags | kFlagStale | kFlagSlew;
   return ((before.device[0].flags | record.device[0].flags) & disturbed) == 0;
@@ -96,7 +96,7 @@ void wait_until(const std::function<bool()>& done) {
 }
 
 TEST(Loop, TicksOnItsClockAndCountsThem) {
-  // when a wait was entered and left, by this thread's own clock: whatever holds it up lies between the two
+  // times at which a wait was entered and left, on this thread's clock; any delay lies in between
   struct Wait {
     std::int64_t entered_ns = 0, left_ns = 0;
   };
@@ -123,7 +123,7 @@ TEST(Loop, TicksOnItsClockAndCountsThem) {
   EXPECT_FALSE(loop->scheduling().scheduler.empty());
   EXPECT_FALSE(loop->running());
 
-  // every tick came through the ring, in order, with the times that it took
+  // every tick was recorded in order, with its times
   std::vector<TickRecord> records(health.ticks + 1);
   ASSERT_EQ(loop->ring().pop(records), health.ticks);
   double time_s = 0;
@@ -133,9 +133,8 @@ TEST(Loop, TicksOnItsClockAndCountsThem) {
     EXPECT_GT(records[n].compute_s, 0);
     time_s += records[n].dt_s;
   }
-  // Every point in time had its tick or is counted as skipped. The grid begins while the first wait is
-  // entered, one period before its first point; the last point lies ahead of the last wait's entry, and has
-  // come when it is left.
+  // Every grid point has a tick or is counted as skipped. The grid starts when the first wait is entered, one
+  // period before its first point; the last point lies after the entry and before the end of the last wait.
   constexpr double kPeriod_ns = 1e9 / 2000;
   const auto points = static_cast<double>(health.ticks + health.skipped);
   EXPECT_LE(points, static_cast<double>(last.left_ns - first.entered_ns) / kPeriod_ns + 0.01);
@@ -145,7 +144,7 @@ TEST(Loop, TicksOnItsClockAndCountsThem) {
 TEST(Loop, ForceFadesOutBeforeItStops) {
   Resting resting;
   const auto loop = started(resting.driver, {.ring_s = 10});
-  // in full, also where a stall lets it come in anew
+  // full force, also if a stall caused it to ramp in again
   wait_until([&] {
     const DeviceTick now = loop->snapshot().device[0];
     return std::abs(now.force_N[0]) > 0.5 && (now.flags & kFlagRamp) == 0;
@@ -156,7 +155,7 @@ TEST(Loop, ForceFadesOutBeforeItStops) {
   // no step larger than the ramp or, after a late tick, the slew allows
   std::vector<TickRecord> records(resting.forces_N.size());
   records.resize(loop->ring().pop(records));
-  // a thread that waits long for its turn stops a loop whose ring is full
+  // a thread that is not scheduled for long stops a loop whose ring is full
   ASSERT_EQ(records.size() + loop->health().dropped, resting.forces_N.size());
   for (std::size_t n = 1; n < records.size(); ++n) {
     if (!undisturbed(records[n - 1], records[n])) continue;
@@ -187,7 +186,7 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
 }
 
 TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
-  // leaves the ball when it is stopped, and comes back when it is not
+  // moves away from the ball while stopped, and back afterwards
   std::vector<double> forces_N;
   std::atomic<bool> away{false};
   TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
@@ -204,7 +203,7 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
   std::uint32_t number = 0;
   EXPECT_EQ(loop->rearm(first, number), Rearmed::kTouching);
-  // who stops what is stopped only stops
+  // stopping a stopped loop only stops
   const std::uint32_t second = loop->emergency_stop();
   EXPECT_GT(second, first);
   away = true;
@@ -220,7 +219,7 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   away = false;
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0; });
   loop->stop();
-  // the first force after the stop comes in by the ramp, whenever this thread looked
+  // the first force after the stop ramps in, independent of this thread's timing
   std::vector<TickRecord> records(forces_N.size());
   ASSERT_EQ(loop->ring().pop(records), records.size());
   const auto stopped = std::find_if(records.begin(), records.end(), [](const TickRecord& record) {
@@ -232,15 +231,15 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   EXPECT_TRUE(again->device[0].flags & kFlagRamp);
 }
 
-// a tick that hangs, as a vendor's call or a page fault from a dead disk would let it
+// a hanging tick, as a vendor's call or a page fault on a failing disk can cause
 TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
-  // of the last tick before it, of the halt in it, of its end
+  // times of the last tick before it, of the halt during it, and of its end
   std::atomic<std::int64_t> tick_ns{0}, halted_ns{0}, hang_ended_ns{0};
   std::atomic<bool> hang{false};
   TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
     std::int64_t last_ns = 0;
     while (clock.wait()) {
-      // not while a stall of the machine's own halts the device
+      // not while the device is halted by a stall of the machine itself
       if (self.resumed_ns >= self.halted_ns && hang.exchange(false)) {
         tick_ns = last_ns;
         std::this_thread::sleep_for(50ms);
@@ -261,7 +260,7 @@ TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
   EXPECT_LT(halted_ns, hang_ended_ns) << "while it hung";
   EXPECT_GT(loop->health().stalls, before);
 
-  // ticks that come again send nothing while the device is halted, and come in by the ramp
+  // ticks after the hang send nothing while the device is halted, then ramp in
   wait_until([&] { return driver.resumed_ns > hang_ended_ns; });
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0.5; });
   loop->stop();
@@ -294,10 +293,10 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
     });
   };
   const auto loop = started(driver, {.rate_hz = 4000, .ring_s = 10}, watched(ball(1)));
-  // taken as they come: on a busy machine more ticks pass than the ring holds
+  // popped continuously: on a busy machine more ticks pass than the ring can hold
   std::vector<TickRecord> records, taken(4096);
   const auto take_records = [&] {
-    // until it was empty once: a thread that is slower than the loop would never see it empty for good
+    // until it was empty once: a thread slower than the loop would never find it empty permanently
     for (std::size_t count = taken.size(); count == taken.size();) {
       count = loop->ring().pop(taken);
       records.insert(records.end(), taken.begin(), taken.begin() + static_cast<std::ptrdiff_t>(count));
@@ -307,7 +306,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
     take_records();
     return loop->snapshot().time_s > 0.6;
   });
-  // soft and stiff by turns, faster than a blend takes
+  // alternately soft and stiff, faster than a blend
   for (std::uint32_t version = 2; version <= 20; ++version) {
     loop->set_model(watched(ball(version, version % 2 ? 1 : 0.5)));
     std::this_thread::sleep_for(20ms);
@@ -320,7 +319,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   loop->stop();
 
   take_records();
-  // a thread that waits long for its turn finds the ring full, and some lost
+  // if this thread is not scheduled for long, the ring overflows and records are dropped
   ASSERT_EQ(records.size() + loop->health().dropped, forces_N.size());
   std::uint32_t version = 1;
   for (std::size_t n = 1; n < records.size(); ++n) {
@@ -329,17 +328,18 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
     const std::uint64_t tick = records[n].tick;
     ASSERT_LT(tick, forces_N.size());
     if (records[n - 1].tick + 1 != tick || !undisturbed(records[n - 1], records[n])) continue;
-    // a step of what is asked, some 3.2 N, over the blend, 1.5 times as steep at its beginning, or the ramps
+    // steps of the requested force, about 3.2 N, blended with 1.5 times the mean slope at the start, or
+    // ramped
     ASSERT_LE(std::abs(forces_N[tick] - forces_N[tick - 1]), 50 * records[n].dt_s) << tick;
   }
   EXPECT_EQ(version, 20u);
 }
 
-// ---- why ticks were late, of a device whose ticks come every 4 ms where every 2 ms was promised
+// ---- causes of late ticks, with a device whose ticks come every 4 ms instead of the declared 2 ms
 
 constexpr auto kLate = 4ms;
 
-// touches pages for the first time for so long
+// causes page faults for the given time
 void fault_for(std::chrono::nanoseconds time) {
   constexpr std::size_t kPages = 16;
   static const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
@@ -351,11 +351,11 @@ void fault_for(std::chrono::nanoseconds time) {
   }
 }
 
-// called back by a vendor's threads, one after the other; the loop's own thread waits
+// ticks on a vendor's threads, one after another, while the loop's own thread waits
 struct CalledBack {
   using Wait = std::function<void()>;
-  /// @param between  what the vendor's threads do between two ticks, one of these for each thread
-  /// @param waiting  what the loop's own thread does meanwhile
+  /// @param between  executed by the vendor's threads between two ticks, one entry per thread
+  /// @param waiting  executed by the loop's own thread meanwhile
   CalledBack(std::vector<Wait> between, Wait waiting)
       : between_(std::move(between)), waiting_(std::move(waiting)) {
     driver.info.drive = DeviceInfo::Drive::kCallback;
@@ -364,7 +364,7 @@ struct CalledBack {
   TestDriver driver{[this](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
     for (std::size_t n = 0; n < between_.size(); ++n) {
       std::atomic<bool> ended{false};
-      // the next one gets this one's stack, and with it its address
+      // the next thread reuses this one's stack and therefore its address
       std::thread vendor([&, n] {
         while (!clock.stopped() && thread == n) {
           between_[n]();
@@ -376,7 +376,7 @@ struct CalledBack {
       vendor.join();
     }
   }};
-  std::atomic<std::size_t> thread{0};  // that ticks, and those before it have ended
+  std::atomic<std::size_t> thread{0};  // thread that ticks; all earlier ones have ended
 
  private:
   std::vector<Wait> between_;
@@ -389,7 +389,7 @@ const auto faults = [] { fault_for(kLate); };
 TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
   CalledBack faulting({faults}, sleeps_late);
   const auto loop = started(faulting.driver, {.realtime = false});
-  // some are stolen from this machine as well
+  // some ticks may be late by steal time of this machine
   wait_until([&] { return loop->health().late.page_fault > 20; });
   loop->stop();
 }
@@ -397,7 +397,7 @@ TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
 TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
   CalledBack late({sleeps_late}, faults);
   const auto loop = started(late.driver, {.realtime = false});
-  // the first ticks of a thread touch what they have not touched before
+  // the first ticks of a thread fault on memory that it accesses for the first time
   wait_until([&] { return loop->health().late.total() > 20; });
   loop->reset_health();
   wait_until([&] { return loop->health().late.total() > 60; });
@@ -423,14 +423,14 @@ TEST(Loop, CausesFollowADriverThatChangesItsThread) {
   EXPECT_LT(counts.page_fault, counts.total() / 4);
 }
 
-// ---- on a clock that only the test moves: two runs are the same tick for tick
+// ---- on a clock controlled by the test: two runs are identical tick by tick
 
 std::atomic<std::int64_t> test_time_ns{0};
 std::int64_t test_clock() noexcept {
   return test_time_ns.load();
 }
 
-// a whole run of ticks, and its hash; `meanwhile` may get in the way
+// hash of a whole run of ticks; `meanwhile` may interfere
 std::uint64_t run_hash(const std::function<void(Loop&)>& meanwhile, double ring_s, std::uint64_t* dropped) {
   constexpr int kTicks = 3000;
   test_time_ns = 1'000'000;
@@ -463,18 +463,17 @@ TEST(Loop, NobodyWhoWatchesChangesATick) {
   const auto alone = run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 4, &dropped);
   EXPECT_EQ(dropped, 0u);
 
-  // a recorder that keeps up, and one that never comes
+  // a recorder that keeps up, and one that never reads
   EXPECT_EQ(alone, run_hash([&](Loop& loop) { loop.ring().pop(taken); }, 4, &dropped));
   EXPECT_EQ(dropped, 0u);
   EXPECT_EQ(alone, run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 0.1, &dropped));
   EXPECT_EQ(dropped, 3000u - 128) << "all but what the ring holds";
 
-  // viewers that look without pause; what one does that is killed in the middle of it, base/snapshot_test.cc
-  // tells
+  // a viewer that reads continuously; base/snapshot_test.cc covers one that is killed while reading
   EXPECT_EQ(alone, run_hash([](Loop& loop) { static_cast<void>(loop.snapshot()); }, 4, &dropped));
 }
 
-// one tick, a period or more after the last, at a place
+// one tick, a period or more after the last, at a position
 DeviceCommand tick_after(Loop& loop, std::int64_t passed_ns, double x_mm = kBoneRadius_mm) {
   test_time_ns += passed_ns;
   DeviceSample sample;
@@ -492,7 +491,7 @@ TEST(Loop, AStallIsFollowedByNothingAndTheRampThoughEverythingStoodStill) {
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
   const double full_N = loop.snapshot().device[0].force_N[0];
   ASSERT_GT(full_N, 1);
-  // no watchdog has run: the loop itself sees how much time has passed
+  // without a watchdog the loop itself measures the elapsed time
   EXPECT_EQ(tick_after(loop, kStall_ns + 1).force_N, Vector<Device>());
   EXPECT_TRUE(loop.snapshot().device[0].flags & kFlagHalted);
   EXPECT_LT(tick_after(loop, 1'000'000).force_N.norm(), 0.01 * full_N);
@@ -515,17 +514,17 @@ TEST(Loop, AStopWinsWhateverElseReachesTheSameTick) {
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
   std::uint32_t number = 0;
-  // nobody knows yet what it touches
+  // contact is unknown before the first tick
   EXPECT_EQ(loop.rearm(loop.emergency_stop(), number), Rearmed::kUnheard);
   constexpr double kFree_mm = kBoneRadius_mm + 8;
   for (int n = 0; n < 10; ++n) tick_after(loop, 1'000'000, kFree_mm);
-  // rearmed, and stopped again before a tick has looked
+  // rearmed and stopped again before a tick has read either
   EXPECT_EQ(loop.rearm(loop.arming().number, number), Rearmed::kDone);
   const std::uint32_t last = loop.emergency_stop();
   tick_after(loop, 1'000'000, kFree_mm);
   EXPECT_TRUE(loop.snapshot().switches & kSwitchEmergencyStop);
   EXPECT_EQ(loop.snapshot().arming_number, last);
-  // and a stop after a tick that was armed
+  // a stop after an armed tick
   EXPECT_EQ(loop.rearm(last, number), Rearmed::kDone);
   tick_after(loop, 1'000'000, kFree_mm);
   EXPECT_FALSE(loop.snapshot().switches & kSwitchEmergencyStop);
@@ -562,7 +561,7 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
     }
   });
   double most = 0;
-  // as often as it takes for the two to have met: on a busy machine one of them may stand still for long
+  // repeated until both threads have overlapped: on a busy machine one of them may not run for long
   for (int n = 0; n < 2000 || ticks < 2000; ++n) {
     if (n % 500 == 499) loop.reset_health();
     most = std::max(most, loop.health().on_time);
@@ -573,7 +572,7 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
 }
 
 TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
-  // the ball of 1.5 N/mm, a millimetre deep; what a hand holds is what the caller says
+  // a millimetre deep in the ball of 1.5 N/mm; the caller states what a hand can hold
   bool simulated = true;
   const auto felt_N = [&simulated](std::optional<double> vouched, double held) {
     test_time_ns = 1'000'000;
@@ -604,11 +603,11 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   expect(0.6, 0.9, 0.6, 0.6);
   expect(0.6, 0.4, 0.4, 0.4);
   expect(5.0, kNone, 5.0, 1.5);
-  // no stiffness is none
+  // an invalid stiffness renders nothing
   expect(-1.0, kNone, 0, 0);
   expect(std::nan(""), kNone, 0, 0);
 
-  // a physical one never goes without a bound, whatever its maker and the caller leave out
+  // a physical device always has a bound, whatever its vendor and the caller omit
   simulated = false;
   const double careful = careful_bounds(DeviceInfo()).stiffness_N_per_mm;
   for (const double held : {kNone, std::nan("")})
@@ -638,7 +637,7 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
   const CarefulBounds careful = careful_bounds(driver.info);
   EXPECT_EQ(seen.most_stiffness_N_per_mm, careful.stiffness_N_per_mm);
   EXPECT_EQ(seen.most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
-  // by a direct method the field of 4 N in 2 mm gives no more than its part of that
+  // a direct method's field of 4 N over 2 mm is scaled down to the bound
   EXPECT_GT(seen.force_N[0], 0);
   EXPECT_LT(seen.force_N[0], 8 * careful.stiffness_N_per_mm);
 }
@@ -656,7 +655,7 @@ TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
   EXPECT_EQ(loop.snapshot().device[0].limit_N, 0.5);
 }
 
-// whatever the workspace is, and also where the object is turned
+// independent of the workspace and of the object's rotation
 TEST(Loop, ATipInThePatientStaysThere) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});

@@ -16,7 +16,7 @@ constexpr double kTick_s = 1e-3;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// a stage whose device and user are given, ticked once a call
+// an output stage with given device and user limits, ticked once per call
 struct Stage {
   OutputLimits limits{8, kNotKnown, 500, 4};
   double max_force_N = 3;
@@ -26,7 +26,7 @@ struct Stage {
     return make_output(request, limits, max_force_N, dt_s, state);
   }
   Output step(const Vector<World>& force_N, double dt_s = kTick_s) { return step({{force_N, {}}}, dt_s); }
-  // until the ramp is over and the slew has caught up
+  // until the ramp has ended and the slew has reached the force
   void settle(const Vector<World>& force_N) {
     for (int n = 0; n < 1000; ++n) step(force_N);
   }
@@ -89,7 +89,7 @@ TEST(OutputStage, LeastOfDeviceAndUserLimitHolds) {
   stage.max_force_N = 40;
   stage.settle(Vector<World>(100, 0, 0));
   EXPECT_NEAR(stage.state.sent.force_N.x(), 8, 1e-12);
-  // a limit that is lowered is not waited for, whatever the slew
+  // a lowered limit applies at once, regardless of the slew
   stage.max_force_N = 0.5;
   const Output out = stage.step(Vector<World>(100, 0, 0));
   EXPECT_NEAR(out.wrench.force_N.x(), 0.5, 1e-12);
@@ -158,14 +158,14 @@ TEST(OutputStage, AnAgeingStateDecaysFromFiveToTenMilliseconds) {
   EXPECT_EQ(sent_at(1e9), 0);
   EXPECT_EQ(sent_at(-0.5e-3), 2) << "a clock that is set to ours may be a little ahead";
   for (const double no_age : {kNaN, kInfinity, -2e-3}) EXPECT_EQ(sent_at(no_age), 0) << no_age;
-  // and comes back by the ramp
+  // the force returns by the ramp
   Stage stage;
   stage.settle(Vector<World>(0, 2, 0));
   EXPECT_TRUE(stage.step({{Vector<World>(0, 2, 0), {}}, 1}).flags & kFlagStale);
   EXPECT_LT(stage.step(Vector<World>(0, 2, 0)).wrench.force_N.y(), 0.01);
 }
 
-// without a fresh pose until `age_s`, tick after tick
+// dropout: ticks without a fresh pose until `age_s`
 Output drop_out(Stage& stage, const Vector<World>& asked, double age_s) {
   Output out;
   for (int n = 1; n <= std::lround(age_s / kTick_s); ++n) out = stage.step({{asked, {}}, n * kTick_s});
@@ -191,11 +191,11 @@ TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) 
         ++ticks;
       }
       EXPECT_LE(ticks * kTick_s, 50e-3);
-      // what is taken away does not wait
+      // a decrease is not delayed
       const Vector<World> less(0, rest_N - 0.4, 0);
       EXPECT_EQ(stage.step(less).wrench.force_N, less);
       EXPECT_LE(stage.step(asked).wrench.force_N.y(), less.y() + 0.2);
-      // and after that time it is as fast as ever
+      // after that time it is as fast as before
       for (int n = 0; n < 100; ++n) stage.step(less);
       EXPECT_EQ(stage.step(asked).wrench.force_N, asked);
     }
@@ -223,7 +223,7 @@ TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
       Stage stage;
       stage.settle(asked);
       drop_out(stage, asked, when * kTick_s);
-      // also one that is stale at the same time
+      // including one that coincides with a stale pose
       stage.step({{asked, {}}, when == 12 ? 13e-3 : 0, fault});
       comes_back(stage);
     }
@@ -278,7 +278,7 @@ TEST(OutputStage, SlewSpreadsAStepAndArrives) {
   EXPECT_EQ(ticks, static_cast<int>(std::ceil(std::hypot(3, 2) / 0.5)));
 }
 
-// the motors' model: tau h' = (F / continuous)^2 - h
+// motor model: tau h' = (F / continuous)^2 - h
 TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
   for (const double rate_hz : {1000.0, 10000.0}) {
     Stage stage;
@@ -296,11 +296,11 @@ TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
       excess_s += (force_N * force_N / (1.4 * 1.4) - 1) / rate_hz;
     }
     EXPECT_NEAR(previous_N, 1.4, 1e-3) << rate_hz;
-    // the work above the continuous rating is the budget: kOutputFeel.thermal_s of it, less what cooled on
-    // the way
+    // excess work above the continuous rating is limited by the budget kOutputFeel.thermal_s, minus cooling
+    // in the meantime
     EXPECT_LE(excess_s, kOutputFeel.thermal_s);
     EXPECT_GT(excess_s, 0.9 * kOutputFeel.thermal_s);
-    // rest cools it: after one time constant the heat is 1/e
+    // cooling at rest: after one time constant the heat is 1/e
     for (int n = 0; n < kOutputFeel.thermal_s * rate_hz; ++n) stage.step(Vector<World>(), 1 / rate_hz);
     EXPECT_NEAR(stage.state.heat, std::exp(-1), 1e-3);
   }
@@ -337,7 +337,7 @@ Vector<World> any_vector(std::mt19937& random) {
   return {any_number(random), any_number(random), any_number(random)};
 }
 
-// a long stretch of ordinary ticks, then a burst of everything else
+// long periods of ordinary ticks alternate with bursts of extreme ones
 bool is_wild(int n) {
   return n % 4000 > 3800;
 }
@@ -356,7 +356,7 @@ OutputRequest any_request(int n, std::mt19937& random) {
   return request;
 }
 
-// limits that move, in the bursts to what is no limit too
+// varying limits, invalid ones during the bursts
 void change_limits(int n, std::mt19937& random, Stage& stage) {
   std::uniform_real_distribution<double> unit(0, 1);
   const auto limit = [&](double most) {
@@ -384,7 +384,7 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
     ASSERT_TRUE(std::isfinite(force_N) && std::isfinite(torque_Nmm) && std::isfinite(out.wrench.gripper_N))
         << n;
 
-    // never above a limit, the thermal one included
+    // never above a limit, including the thermal one
     ASSERT_LE(force_N, at_most(stage.max_force_N)) << n;
     if (!std::isnan(stage.limits.peak_force_N)) {
       ASSERT_LE(force_N, at_most(stage.limits.peak_force_N)) << n;
@@ -394,7 +394,7 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
     ASSERT_LE(std::abs(out.wrench.gripper_N), at_most(stage.limits.peak_gripper_N)) << n;
     ASSERT_LE(stage.state.heat, 1) << n;
 
-    // zero at once, whatever the slew, for faults and for states that are too old
+    // zero at once for faults and stale states, regardless of the slew
     const bool no_state =
         !(request.age_s >= -kOutputFeel.clock_jitter_s && request.age_s < kOutputFeel.stale_s);
     if (no_state || request.faults != 0 || (out.flags & kFaultFlags) != 0) {
@@ -405,8 +405,8 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
     near_limit += force_N > 0.5 * out.limit_N && out.limit_N > 0.1;
     warm += (out.flags & kFlagThermal) != 0;
 
-    // a force grows, turns and shrinks no faster than the slew; a limit and age take away without waiting for
-    // it
+    // growth, rotation and decrease of the force are limited by the slew; reductions by limits and age are
+    // immediate
     const double way_N = (out.wrench.force_N - before.sent.force_N).norm();
     const double slew_N =
         (stage.limits.slew_N_per_s > 0 ? stage.limits.slew_N_per_s : OutputLimits{}.slew_N_per_s) * dt_s;
@@ -417,7 +417,7 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
       slewed += (out.flags & kFlagSlew) != 0;
     }
   }
-  // all of it has happened often, and most of the time there was a force
+  // every event occurred often, and most ticks had a force
   EXPECT_GT(silent, 10000);
   EXPECT_GT(near_limit, 300000);
   EXPECT_GT(slewed, 1000);

@@ -19,7 +19,7 @@ void busy_wait(std::int64_t ns) {
   }
 }
 
-// the point of the grid, counted from the first tick's, that a tick was for
+// index, from the first tick's, of the grid point that a tick was for
 std::int64_t grid_index(std::int64_t since_first_ns, double rate_hz) {
   return std::llround(static_cast<double>(since_first_ns) * rate_hz * 1e-9);
 }
@@ -48,7 +48,7 @@ TEST_P(PacerAt, EveryPointOfTheGridIsATickOrSkipped) {
     }
     last_ns = scheduled_ns;
     ++ticks;
-    // exact on average: no nanosecond of drift, whatever the period
+    // exact on average: no drift, whatever the period
     const std::int64_t index = grid_index(last_ns - first_ns, rate_hz_);
     ASSERT_NEAR(static_cast<double>(last_ns - first_ns), static_cast<double>(index) * 1e9 / rate_hz_, 1.001);
     ASSERT_EQ(ticks + pacer.skipped(), static_cast<std::uint64_t>(index) + 1);
@@ -58,8 +58,8 @@ TEST_P(PacerAt, EveryPointOfTheGridIsATickOrSkipped) {
 TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
   const std::atomic<bool> stop = false;
   Pacer pacer(rate_hz_, spin_s_, stop);
-  // a shared machine may not run us just when wait() looks at the clock: then more is skipped, but not every
-  // time
+  // a shared machine may delay this thread exactly when wait() reads the clock, which skips more points, but
+  // not in every trial
   std::int64_t least_excess = 1000;
   for (int trial = 0; trial < 20 && least_excess > 1; ++trial) {
     ASSERT_TRUE(pacer.wait());
@@ -70,7 +70,7 @@ TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
     ASSERT_TRUE(pacer.wait());
     const auto skipped = static_cast<std::int64_t>(pacer.skipped() - skipped_before);
 
-    // every point that passed, 25 unless the stall was longer, and no other
+    // exactly the points that passed: 25 unless the stall was longer
     const auto passed =
         static_cast<std::int64_t>(static_cast<double>(resumed_ns - stalled_ns) * rate_hz_ * 1e-9);
     ASSERT_GE(passed, 24);
@@ -79,7 +79,7 @@ TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
     ASSERT_GT(pacer.scheduled_ns(), resumed_ns);
     ASSERT_EQ(grid_index(pacer.scheduled_ns() - stalled_ns, rate_hz_), skipped + 1);
 
-    // from there on no two ticks within a period
+    // after that no two ticks within a period
     std::int64_t last_ns = pacer.scheduled_ns();
     for (int n = 0; n < 5; ++n) {
       ASSERT_TRUE(pacer.wait());
@@ -115,7 +115,7 @@ TEST(Pacer, StopsWithinAPeriodInsteadOfTicking) {
 }
 
 TEST(Pacer, SleepsHoweverLongASpinIsAskedFor) {
-  // each sleep is a voluntary switch; a spin of a whole period would make none
+  // each sleep is a voluntary context switch; spinning for a whole period would cause none
   const auto sleeps = [] {
     rusage usage{};
     ::getrusage(RUSAGE_THREAD, &usage);
@@ -124,7 +124,7 @@ TEST(Pacer, SleepsHoweverLongASpinIsAskedFor) {
   const std::atomic<bool> stop = false;
   Pacer pacer(200, 1, stop);
   const long before = sleeps();
-  // where the machine is late, there may be nothing left to sleep: not in every wait
+  // if the machine is late there may be no time left to sleep in some of the waits
   for (int n = 0; n < 2000 && sleeps() - before < 5; ++n) ASSERT_TRUE(pacer.wait());
   EXPECT_GE(sleeps() - before, 5);
 }

@@ -26,9 +26,9 @@
 #include "palpate/tissue/carving.h"
 #include "servo/loop.h"
 
-/// The proof that a tick allocates nothing, locks nothing, and asks the system for nothing: allocations and
-/// mutexes are counted by functions that stand in front of the real ones, and the ticks run once more in a
-/// child process that the kernel kills at its first system call.
+/// Proof that a tick does not allocate, lock or make system calls: allocations and mutexes are counted by
+/// interposed functions, and the ticks run again in a child process that the kernel kills at its first system
+/// call.
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, size_t),
@@ -41,7 +41,7 @@ std::atomic<long> allocations{0}, frees{0};
 std::atomic<long> locks{0};
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-// the sanitizer owns malloc and tells of every call
+// the sanitizer owns malloc and reports every call
 [[maybe_unused]] const int hooked = __sanitizer_install_malloc_and_free_hooks(
     [](const volatile void*, size_t) { ++allocations; }, [](const volatile void*) { ++frees; });
 #endif
@@ -84,7 +84,7 @@ void free(void* old) {
 }
 #endif
 
-// under ThreadSanitizer mutexes are its own
+// ThreadSanitizer intercepts mutexes itself
 #if !defined(__SANITIZE_THREAD__)
 template <class Lock>
 int counted(const char* name, Lock* lock) {
@@ -110,7 +110,7 @@ int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
 namespace palpate {
 namespace {
 
-// the ball among so many small ones, and a tool of four spheres that reaches far
+// the ball among many small ones, and a large tool of four spheres
 Model crowded_model() {
   constexpr std::size_t kStructures = 250;
   Model model = testing::as_one_body(testing::with_every_method(testing::ball_model({1, 1, 1}, 1.0, 3)), 3);
@@ -124,7 +124,7 @@ Model crowded_model() {
         grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 2; }, 2));
     model.surfaces.back().structure = 0;
   }
-  // of some of the small ones distances are told, and some push
+  // distances to some of the small ones are reported, and some are no-go regions
   constexpr std::size_t kFirst = 3, kTracked = 10;
   std::vector<TrackedStructure> tracked;
   for (std::size_t n = kFirst; n < kFirst + kTracked; ++n)
@@ -134,7 +134,7 @@ Model crowded_model() {
   model.no_go = {{"structure", NoGoStructure{4, 0}, 2, 1},
                  {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
                  {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
-  // the shell around the ball yields, and stays open where it was gone through
+  // the shell around the ball is deformable, and punctures stay open
   model.tissue_law = TissueLaw::kElastic;
   model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
   model.surfaces[1].puncture_N = 0.3;
@@ -147,8 +147,8 @@ Model crowded_model() {
   return model;
 }
 
-// two devices led in and out of contact, deep inside, outside, through poses and rotations that are no
-// numbers, clamped and paused, turned slowly and faster than a tick follows, by every force method
+// two devices moved in and out of contact, deep inside, outside, with non-finite poses and rotations, clamped
+// and paused, rotated slowly and faster than a tick follows, by every force method
 class Exercise {
  public:
   void run(int ticks) {
@@ -165,7 +165,7 @@ class Exercise {
       parameters_.paused = n % 1000 > 950;
       parameters_.max_force_N = n % 3 == 0 ? 0.5 : 3;
       if (n % 40 == 0) parameters_.method = next_of(parameters_.method);
-      // now and then its law is another one for a while, under the tool
+      // occasionally it switches to another law under the tool for a while
       if (n % 110 == 95 || n % 110 == 109) {
         ++model_.version;
         model_.tissue_law = n % 110 == 95 ? TissueLaw::kLayers : TissueLaw::kElastic;
@@ -177,7 +177,7 @@ class Exercise {
         frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
         frame.spot[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};
       }
-      // in one tick of eight, as they take longer than all else
+      // in one tick of eight, because they take longer than everything else
       if (n % 8 < 2) {
         std::swap(model_.distances, distances_);
         std::swap(model_.no_go, no_go_);
@@ -190,22 +190,23 @@ class Exercise {
       if (record_.device[0].near_label.back() != 0) ++near_many_;
     }
   }
-  /// Ticks in which tissue that yields was pressed.
+  /// Ticks in which deformable tissue was pressed.
   int yielded() const { return yielded_; }
-  /// Ticks that remember such tissue as it has relaxed.
+  /// Ticks in which such tissue has relaxation state.
   int relaxed() const { return relaxed_; }
-  /// How often soft tissue's law was changed under a tool.
+  /// Number of changes of the law under a tool.
   int law_changes() const { return law_changes_; }
-  /// Ticks in which there is a hole that stayed open.
+  /// Ticks with a puncture that stayed open.
   int with_holes() const { return with_holes_; }
-  /// Ticks in which a no-go region pushed, and in which as many structures were near as are told.
+  /// Ticks in which a no-go region exerted force, and in which the maximum number of near structures was
+  /// reported.
   int kept_away() const { return kept_away_; }
   int near_many() const { return near_many_; }
 
  private:
   int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, kept_away_ = 0, near_many_ = 0;
   Model model_ = crowded_model();
-  /// What is not in the model now.
+  /// Data that the model does not contain at present.
   Distances distances_ = std::move(model_.distances);
   std::vector<NoGoRegion> no_go_ = std::move(model_.no_go);
   Parameters parameters_;
@@ -215,7 +216,7 @@ class Exercise {
   std::array<Wrench, 2> wrenches_;
 };
 
-// a burr that is led through bone beside another device's probe, with versions that others carved from it
+// a burr that is moved through bone next to another device's probe, with versions carved from it by others
 class BurrExercise {
  public:
   explicit BurrExercise(bool cone = false) {
@@ -250,7 +251,7 @@ class BurrExercise {
     ticks_ = 0;
     pressed_N_ = 0;
   }
-  // the same again
+  // repeats the same motion
   void run(int ticks) {
     for (int n = 0; n < ticks; ++n, ++ticks_) {
       const std::size_t version =
@@ -265,9 +266,9 @@ class BurrExercise {
     }
   }
   double taken_mm3() const { return state_.hands[0].burr.taken_mm3; }
-  /// The most that the probe was pressed with.
+  /// Largest force on the probe.
   double pressed_N() const { return pressed_N_; }
-  /// When its versions were made.
+  /// Removed volume when its versions were made.
   double first_taken_mm3() const { return taken_mm3_; }
 
  private:
@@ -282,7 +283,7 @@ class BurrExercise {
   double taken_mm3_ = 0;
 };
 
-// runs `work` in a child that may make no system calls but these two and its exit; whether it came through
+// runs `work` in a child that may make only these two system calls and exit; returns whether it survived
 bool runs_with_system_calls(const std::function<void()>& work, unsigned first, unsigned second) {
   std::fflush(nullptr);
   const pid_t child = ::fork();
@@ -300,7 +301,7 @@ bool runs_with_system_calls(const std::function<void()>& work, unsigned first, u
         ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) != 0)
       ::_exit(3);
     work();
-    // not _exit: under a sanitizer that looks for leaks first
+    // instead of _exit, in which a sanitizer would first look for leaks
     ::syscall(SYS_exit_group, 0);
   }
   int status = 0;
@@ -313,8 +314,8 @@ bool runs_without_system_calls(const std::function<void()>& work) {
   return runs_with_system_calls(work, SYS_exit_group, SYS_exit_group);
 }
 
-// the loop as it runs for real, with the simulated device, but in this thread and for so many ticks:
-// parameters, models, intentions and an emergency stop come in, the ring runs full
+// the production loop with the simulated device, in this thread and for a number of ticks: parameters,
+// models, intentions and an emergency stop are posted, and the ring overflows
 class LoopExercise : private ServoClock {
  public:
   LoopExercise() { driver_.intend(Point<Device>(14, 0, 0), monotonic_ns() + 500'000'000); }
@@ -336,7 +337,7 @@ class LoopExercise : private ServoClock {
 
  private:
   bool wait() noexcept override {
-    // a stop, out of the ball, on again and back
+    // a stop, out of the ball, rearmed and back
     const bool out = left_ % 500 >= 300;
     if (left_ % 50 == 0)
       driver_.intend(Point<Device>(out ? 40 : left_ % 100 ? 12 : 17, 0, 0), monotonic_ns() + 5'000'000);
@@ -365,7 +366,7 @@ class LoopExercise : private ServoClock {
 };
 
 TEST(Realtime, WhatCountsNoticesWhatIsForbidden) {
-  // without this the proofs below could pass because nothing is noticed
+  // otherwise the tests below could pass because nothing is detected
   const long allocated = allocations;
   auto number = std::make_unique<int>(3);
   EXPECT_EQ(allocations - allocated, 1);
@@ -388,7 +389,7 @@ TEST(Realtime, WhatCountsNoticesWhatIsForbidden) {
   EXPECT_FALSE(runs_without_system_calls([] { std::cerr << "logged" << std::endl; }));
   EXPECT_FALSE(runs_without_system_calls([] { ::usleep(1); }));
 #if !defined(__SANITIZE_THREAD__)
-  // ThreadSanitizer's own sleep makes others
+  // ThreadSanitizer's sleep makes other system calls
   EXPECT_TRUE(runs_with_system_calls([] { ::usleep(1); }, SYS_clock_nanosleep, SYS_clock_gettime));
 #endif
   EXPECT_FALSE(runs_with_system_calls([] { ::getppid(); }, SYS_clock_nanosleep, SYS_clock_gettime));

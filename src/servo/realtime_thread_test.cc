@@ -19,14 +19,13 @@
 #include "base/test_child.h"
 #include "palpate/servo/realtime.h"
 
-/// What the system gives, and what is said about it where it refuses. Refusals are provoked in child
-/// processes that give their rights away. Limits which even root may not set everywhere are played by
-/// functions that stand in front of the system's. (That a tick does nothing forbidden is proved in
-/// realtime_test.cc.)
+/// Granted privileges, and the messages on refusal. Refusals are provoked in child processes that drop their
+/// privileges. Limits that even root may not be able to set are simulated by interposed system functions.
+/// (realtime_test.cc proves that a tick makes no forbidden call.)
 
 namespace {
 
-// while `on`, the system is one of these limits, and memory is only pretended to be locked
+// while `on`, system functions return these limits, and memory is only pretended to be locked
 struct PretendedSystem {
   bool on = false;
   rlim_t rtprio = 0, memlock_bytes = 0;
@@ -34,7 +33,7 @@ struct PretendedSystem {
   int mlockall_errno = 0;
 } pretended;
 
-// the sanitizers turn mlockall into nothing: their shadow of the memory would never fit
+// sanitizers make mlockall a no-op, because their shadow memory would not fit
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool kRealLocks = false;
 #else
@@ -97,7 +96,7 @@ long locked_KiB() {
   return -1;
 }
 
-// what a child without rights found out
+// results from a child without privileges
 struct Found {
   bool lost_rights = false, fifo = false, memory_locked = false;
   int priority = 0, policy = -1;
@@ -114,7 +113,7 @@ TEST(RealtimeThread, RefusalsAreSaidAndNoError) {
   testing::Child child([&] {
     const rlimit none{0, 0};
     constexpr uid_t kNobody = 65534;
-    // the capabilities go with root
+    // capabilities are dropped together with root
     found->lost_rights = ::setrlimit(RLIMIT_RTPRIO, &none) == 0 && ::setrlimit(RLIMIT_MEMLOCK, &none) == 0 &&
                          (::getuid() != 0 || ::setuid(kNobody) == 0);
     const RealtimeGrant grant = make_this_thread_realtime({});
@@ -143,7 +142,7 @@ TEST(RealtimeThread, RefusalsAreSaidAndNoError) {
                "CAP_IPC_LOCK allows it)");
 }
 
-// as it is on the system that `pretended` plays
+// behaviour on the system that `pretended` simulates
 class PretendedLimits : public ::testing::Test {
  protected:
   PretendedLimits() { pretended = {.on = true}; }
@@ -216,7 +215,7 @@ TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
   first = std::make_unique<MemoryLock>();
   second.reset();
   EXPECT_NE(pretended.mlockall_flags, 0);
-  // one that was refused holds nothing and frees nothing
+  // a refused lock holds nothing and releases nothing
   pretended.mlockall_errno = EAGAIN;
   second = std::make_unique<MemoryLock>();
   EXPECT_FALSE(second->held());
@@ -228,7 +227,7 @@ TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
 }
 
 TEST(RealtimeThread, GrantsAreWhatTheSystemSays) {
-  // whether this system gives SCHED_FIFO, asked without us
+  // whether this system grants SCHED_FIFO, queried directly
   bool gives_fifo = false;
   std::thread([&] {
     sched_param parameters{};
@@ -272,7 +271,7 @@ TEST(RealtimeThread, WhatWasNotAskedForIsLeftAlone) {
     EXPECT_FALSE(grant.memory_locked);
     EXPECT_EQ(grant.scheduler, "SCHED_OTHER (SCHED_FIFO not asked for)");
     EXPECT_EQ(grant.memory, "not locked (not asked for)");
-    // what costs nothing is done all the same
+    // steps that need no privilege are still performed
     EXPECT_EQ(::prctl(PR_GET_TIMERSLACK, 0, 0, 0, 0), 1);
     if (kRealLocks) {
       EXPECT_EQ(locked_KiB(), 0);
@@ -305,7 +304,7 @@ long faults_of_this_thread() {
   for (std::size_t i = 0; i < sizeof(room); i += 1024) room[i] = 1;
 }
 
-// how many pages had to be mapped while a thread used 400 KiB of a stack of this size
+// page faults of a thread that uses 400 KiB of a stack of this size
 long faults_of_using_the_stack(std::size_t stack_bytes, bool prepare, bool use) {
   struct Job {
     bool prepare, use;
@@ -332,7 +331,7 @@ long faults_of_using_the_stack(std::size_t stack_bytes, bool prepare, bool use) 
   return job.faults;
 }
 
-// prepared; the kernel may move a page just then, which is a fault too, but not every time
+// with preparation; minimum of several tries, because the kernel may move a page, which also faults
 long fewest_faults(std::size_t stack_bytes, bool use) {
   long fewest = faults_of_using_the_stack(stack_bytes, true, use);
   for (int n = 0; n < 4 && fewest > 0; ++n)
@@ -342,13 +341,13 @@ long fewest_faults(std::size_t stack_bytes, bool use) {
 
 TEST(RealtimeThread, TheStackIsThereBeforeItIsNeeded) {
   EXPECT_GE(faults_of_using_the_stack(2 << 20, false, true), 90) << "without it every page is a fault";
-  // a few may come from a sanitizer's own memory
+  // a sanitizer's own memory may cause a few
   EXPECT_LE(fewest_faults(2 << 20, true), kRealLocks ? 0 : 30);
 }
 
 #if !defined(__SANITIZE_THREAD__)  // which keeps more than this on every stack for itself
 TEST(RealtimeThread, AShortStackIsNotOverrun) {
-  // below the 512 KiB that are touched where there is room
+  // below the 512 KiB that are touched on larger stacks
   EXPECT_EQ(fewest_faults(256 << 10, false), 0);
 }
 #endif

@@ -28,14 +28,14 @@ std::shared_ptr<const Model> followed_ball() {
   return std::make_shared<const Model>(testing::ball_model({1, 1, 1}));
 }
 
-// a hand that holds the tip `x_mm` from the ball's centre
+// a hand that holds the tip at `x_mm` from the ball's centre
 SimulatedDriver holding(const char* plant, double x_mm) {
   SimulatedDevice device(*find_plant_device(plant), *find_plant_hand("firm-grip"));
   device.reset(Point<Device>(x_mm, 0, 0));
   return SimulatedDriver(device);
 }
 
-// a driver whose clock is its own: updates every `period`, and keeps what it was told to do
+// a driver with its own clock: updates every `period` and records the commands
 class OwnClock final : public DeviceDriver {
  public:
   explicit OwnClock(std::chrono::microseconds period, double x_mm = kBoneRadius_mm - 1)
@@ -96,7 +96,7 @@ TEST(SeveralDrivers, EachIsFeltInItsOwnPlaceAtItsOwnRate) {
   const TickRecord seen = loop->snapshot();
   EXPECT_EQ(seen.device[0].peak_force_N, 8.5);
   EXPECT_EQ(seen.device[1].peak_force_N, 3.3);
-  // each hand is led back by its own ball's side, and by nothing else
+  // each hand is pushed back by its own ball only
   EXPECT_NEAR(seen.device[0].tip_world_mm[1], 0, 0.5);
   EXPECT_GT(seen.device[0].tip_world_mm[0], 0);
   EXPECT_LT(seen.device[1].tip_world_mm[0], 0);
@@ -127,14 +127,14 @@ TEST(SeveralDrivers, WhatFollowsIsSofterAndSaysWhy) {
   slow.info.stiffness_N_per_mm = fast.info.stiffness_N_per_mm = 2;
   slow.info.delay_s = fast.info.delay_s = 1e-3;
   const SeveralDrivers both({&fast, &slow}, {});
-  // the owner's is its maker's word; the other's comes a period of each later
+  // the owner has its vendor's stiffness; the follower is delayed by a period of each
   EXPECT_EQ(both.devices()[0].stiffness_N_per_mm, 2);
   EXPECT_EQ(both.devices()[0].delay_s, 1e-3);
   const DeviceInfo& follows = both.devices()[1];
   EXPECT_NEAR(*follows.delay_s, 1e-3 + 4e-3 + 1e-3, 1e-12);
   EXPECT_EQ(*follows.stiffness_N_per_mm, careful_bounds(follows).stiffness_N_per_mm);
   EXPECT_NEAR(*follows.stiffness_N_per_mm, 0.6 * 2 / (2e-3 + 6e-3) * 1e-3, 1e-9);
-  // less is what it was, and none is none
+  // a lower stiffness is unchanged, and an invalid one stays invalid
   for (const double least : {0.01, 0.0, -1.0}) {
     slow.info.stiffness_N_per_mm = least;
     EXPECT_EQ(bound_of_stiffness_N_per_mm(SeveralDrivers({&fast, &slow}, {}).devices()[1]),
@@ -163,7 +163,7 @@ TEST(SeveralDrivers, NoDeviceWithoutStatedStiffnessIsStifferThanIsCareful) {
       ASSERT_EQ(device.most_stiffness_N_per_mm, loop->parameters().device[d].most_stiffness_N_per_mm);
       most_N = std::max(most_N, std::abs(device.force_N[0]));
     }
-  // the field of the ball's method gives at most 4 N per 2 mm x its part: a millimetre deep, the bound
+  // the ball's field yields at most 4 N per 2 mm times its fraction: at a millimetre's depth, the bound
   EXPECT_GT(most_N, 0);
   EXPECT_LT(most_N, 1.5);
 }
@@ -172,7 +172,7 @@ TEST(SeveralDrivers, AFollowerThatHangsLosesItsForceAndNobodyElseDoes) {
   SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm - 2);
   OwnClock follows(std::chrono::microseconds(4000));
   follows.info.simulated = true;
-  // simulated like the other, and slower: it follows
+  // both simulated; the slower one follows
   SeveralDrivers both({&owns, &follows}, {.realtime = false});
   ASSERT_EQ(both.clock_owner(), 0u);
   const auto loop = loop_of(both);
@@ -183,14 +183,14 @@ TEST(SeveralDrivers, AFollowerThatHangsLosesItsForceAndNobodyElseDoes) {
   const std::uint64_t then = loop->snapshot().tick;
   EXPECT_TRUE(soon([&] { return loop->snapshot().tick > then + 50; }));
   EXPECT_TRUE(soon([&] { return loop->snapshot().device[0].force_N[0] > 0.2; }));
-  // and it comes back
+  // the force returns
   follows.hangs = false;
   EXPECT_TRUE(soon([&] { return follows.force_N > 0.3; }));
   loop->stop();
   EXPECT_EQ(follows.force_N, 0);
 }
 
-// ticks at its own pace until it is told to hang; its tip is pressed in
+// ticks at its own rate until it is made to hang; its tip is pressed in
 class Hanging final : public ServoFunction {
  public:
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
@@ -225,7 +225,7 @@ TEST(SeveralDrivers, ACommandThatIsOldIsNone) {
   EXPECT_TRUE(soon([&] { return follows.force_N == 0; })) << "with nobody to halt it";
   servo.hangs = false;
   EXPECT_TRUE(soon([&] { return follows.force_N == 1; }));
-  // a halt reaches all
+  // a halt reaches all drivers
   both.halt();
   EXPECT_TRUE(follows.halted);
   EXPECT_TRUE(soon([&] { return follows.force_N == 0; }));
@@ -266,7 +266,7 @@ TEST(SeveralDrivers, TheThreadsThatExchangeAreTheOnesThatAreWatched) {
   EXPECT_GT(loop->ticking().updates, 0u);
   EXPECT_EQ(both.followers()[0].device, "own clock");
   EXPECT_EQ(both.followers()[0].scheduler, "SCHED_OTHER") << "of the thread that calls back";
-  // updates that do not come are late, and counted of that thread
+  // missing updates are late, and are counted for that thread
   const std::uint64_t late = both.followers()[0].late.total();
   EXPECT_TRUE(soon([&] {
     follows.hangs = true;
@@ -277,7 +277,7 @@ TEST(SeveralDrivers, TheThreadsThatExchangeAreTheOnesThatAreWatched) {
   }));
   loop->stop();
 
-  // called back by its owner, it is the vendor's thread that ticks
+  // if the owner calls back, the vendor's thread ticks
   OwnClock alone(std::chrono::microseconds(2000));
   const auto called = loop_of(alone);
   EXPECT_TRUE(soon([&] { return called->ticking().scheduler == "SCHED_OTHER"; }))

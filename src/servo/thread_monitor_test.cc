@@ -20,7 +20,7 @@
 namespace palpate {
 namespace {
 
-// a thread that does one of its tasks whenever it is told to, and otherwise nothing that the kernel counts
+// a thread that performs one of its tasks on request, and otherwise does nothing that the kernel counts
 class Watched {
  public:
   explicit Watched(std::function<void()> task) : thread_([this, work = std::move(task)] { run(work); }) {
@@ -58,7 +58,7 @@ std::uint64_t gained(const std::optional<std::uint64_t>& before, const std::opti
   return before && after ? *after - *before : 0;
 }
 
-// a shared machine may be stolen from at any moment, which would hide the cause that a test provokes
+// steal time of a shared machine could hide the cause that a test provokes
 ThreadMonitor::Counters without_steal(ThreadMonitor::Counters counters) {
   counters.cpu_steal_ticks.reset();
   counters.all_steal_ticks.reset();
@@ -83,7 +83,7 @@ TEST(ThreadMonitor, SeesThePageFaultsOfTheWatchedThread) {
   ASSERT_TRUE(before.minor_faults && before.major_faults && before.cpu && before.involuntary_switches);
   EXPECT_LT(gained(before.minor_faults, idle.minor_faults), 10u) << "nothing touched";
   EXPECT_GE(gained(idle.minor_faults, after.minor_faults), kPages);
-  // a sanitizer touches some of its own for each
+  // a sanitizer faults on some of its own pages for each
   EXPECT_LT(gained(idle.minor_faults, after.minor_faults), 10 * kPages);
   EXPECT_EQ(late_cause(without_steal(idle), without_steal(after), 100'000), LateCause::kPageFault);
 }
@@ -123,11 +123,11 @@ TEST(ThreadMonitor, SeesThatAnotherThreadTookTheCpu) {
   if (!pinned) GTEST_SKIP() << "this system does not let a thread be bound to a CPU";
   EXPECT_EQ(after.cpu, static_cast<int>(cpu));
   EXPECT_GE(gained(before.involuntary_switches, after.involuntary_switches), 3u);
-  // two threads on one CPU: while one ran the other waited
+  // two threads on one CPU: one waited while the other ran
   if (before.run_delay_ns) {
     EXPECT_GT(gained(before.run_delay_ns, after.run_delay_ns), 100'000u);
   }
-  // a fault would be named first; there should be none in an empty loop, but the kernel may move its pages
+  // a fault would take precedence; an empty loop should have none, but the kernel may move its pages
   after.minor_faults = before.minor_faults;
   EXPECT_EQ(late_cause(without_steal(before), without_steal(after), 100'000), LateCause::kPreemption);
 }
@@ -138,7 +138,7 @@ TEST(ThreadMonitor, AThreadThatIsNotThereIsUnknownAndNoError) {
   EXPECT_TRUE(ended.read().minor_faults);
   const std::string listed = "/proc/self/task/" + std::to_string(watched->tid());
   watched.reset();
-  // who has joined a thread may still find it listed for a moment
+  // a joined thread may remain listed for a moment
   EXPECT_TRUE(testing::soon([&] { return !std::filesystem::exists(listed); }));
   for (ThreadMonitor* monitor : {&ended, &never}) {
     const auto counters = monitor->read();
@@ -156,7 +156,7 @@ TEST(LateCause, IsTheFirstThatApplies) {
   auto after = before;
   EXPECT_EQ(late_cause(before, after, 1000), LateCause::kUnknown);
 
-  // from the weakest sign to the strongest: each hides the ones before it
+  // from the weakest cause to the strongest: each takes precedence over those before it
   after.run_delay_ns = 10 + 499;
   EXPECT_EQ(late_cause(before, after, 1000), LateCause::kUnknown) << "too short to explain it";
   after.run_delay_ns = 10 + 500;
@@ -173,7 +173,7 @@ TEST(LateCause, IsTheFirstThatApplies) {
   after.cpu_steal_ticks = 11;
   EXPECT_EQ(late_cause(before, after, 1000), LateCause::kSteal);
 
-  // what is not counted is no cause
+  // missing counters are no cause
   EXPECT_EQ(late_cause({}, after, 1000), LateCause::kUnknown);
   EXPECT_EQ(late_cause(before, {}, 1000), LateCause::kUnknown);
 }

@@ -18,8 +18,8 @@ using testing::kCartilage;
 
 constexpr double kMillisecond_s = 1e-3;
 
-// one device, ticked at chosen places, by a stage that neither ramps, slews nor damps unless a test wants it
-// to
+// a single device, ticked at given tip positions, with an output stage that does not ramp, slew or damp
+// unless a test configures it
 struct TickedLoop {
   Model model = ball_model();
   Parameters parameters;
@@ -41,7 +41,7 @@ struct TickedLoop {
     device.tip = tip;
     at(device);
   }
-  // farther than a hand moves in a tick
+  // farther than the jump threshold of one tick
   void set_down_at(const Point<World>& tip) {
     state.hands[0].seen = false;
     at(tip);
@@ -80,7 +80,7 @@ TEST(Tick, SlopeAtTheSurfaceIsTheTissuesStiffness) {
 }
 
 TEST(Tick, ForceTurnsWithTheObject) {
-  // the ball is made unequal by moving it off the pivot: what is felt must turn rigidly with it
+  // the ball is displaced from the pivot to break the symmetry: the contact must rotate rigidly with it
   TickedLoop still, turned;
   still.parameters.friction = still.parameters.viscosity = false;
   still.model.X_WorldPatient = Transform<World, Patient>(still.model.X_WorldPatient.linear(), {4, 1, -2});
@@ -102,7 +102,7 @@ TEST(Tick, ForceTurnsWithTheObject) {
 TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
   TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
-  // off the pivot, so that turning moves the surface under the still tip
+  // displaced from the pivot, so that a rotation moves the surface under the stationary tip
   loop.model.X_WorldPatient = Transform<World, Patient>(loop.model.X_WorldPatient.linear(), {10, 0, 0});
   const Point<World> tip(10, kBoneRadius_mm, 0);
   loop.at(tip);
@@ -147,7 +147,7 @@ TEST(Tick, DeepInsideIsAContactThoughNothingPushes) {
 }
 
 TEST(Tick, VelocityIsRelativeToTheObject) {
-  // a tip that rides on the turning object does not move relative to it
+  // a tip that moves with the turning object does not move relative to it
   TickedLoop loop;
   const auto turn_at = [](double t) {
     return Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.5 * t);
@@ -183,7 +183,7 @@ TEST(Tick, SurvivesPosesThatAreNotFinite) {
     EXPECT_EQ(loop.wrench.force_N, Vector<World>());
     EXPECT_TRUE(loop.record.device[0].flags & kFlagNotFinite);
   }
-  // the velocity window starts anew: the jump back is no motion; the force comes in by the ramp
+  // the velocity window is reset: the jump back is not motion; the force ramps in
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   EXPECT_EQ(loop.record.device[0].velocity_patient_mm_s, (std::array<double, 3>{}));
   EXPECT_TRUE(loop.record.device[0].flags & kFlagRamp);
@@ -203,7 +203,7 @@ TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
   EXPECT_FALSE(loop.record.device[0].flags & kFlagJump);
   EXPECT_LT(loop.wrench.force_N.norm(), 0.01);
   EXPECT_EQ(loop.record.device[0].velocity_patient_mm_s, (std::array<double, 3>{})) << "no speed of 10 m/s";
-  // what counts is how far the device moved: 4 mm with a scale of 4 are 16 mm in the patient
+  // the threshold applies to the device's displacement: 4 mm at scale 4 are 16 mm in the patient
   loop.parameters.device[0].scale = 4;
   loop.set_down_at(Point<World>(kBoneRadius_mm, 0, 0));
   loop.at(Point<World>(kBoneRadius_mm + 16, 0, 0));
@@ -212,7 +212,7 @@ TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
   EXPECT_TRUE(loop.record.device[0].flags & kFlagJump);
   loop.parameters.device[0].scale = 1;
   loop.set_down_at(Point<World>(kBoneRadius_mm, 0, 0));
-  // the fastest of hands is no jump
+  // the fastest hand motion is not a jump
   for (int n = 0; n < 40; ++n) {
     loop.at(Point<World>(kBoneRadius_mm + 3 * n, 0, 0));
     EXPECT_FALSE(loop.record.device[0].flags & kFlagJump) << n;
@@ -250,7 +250,7 @@ TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
   testing::set_full_force(loop.model, std::nan(""));
   loop.at(tip);
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
-  // the model is mended, by a new version: a blend that starts from what was not finite would stay so
+  // a new version repairs the model: a blend that starts from a non-finite force would stay non-finite
   testing::set_full_force(loop.model, full_N);
   ++loop.model.version;
   loop.at(tip);
@@ -291,14 +291,14 @@ TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
   one.at(Point<World>(kBoneRadius_mm, -3, 0));
   two.at(Point<World>(kBoneRadius_mm, -3, 0));
   ASSERT_GT(one.wrench.torque_Nmm.norm(), 0.1);
-  // the stage clamps what is above the limit, both alike
+  // the output stage clamps force and torque by the same factor
   const double clamp = std::min(1.0, 2 / two.record.device[0].unclamped_force_N);
   EXPECT_NEAR(two.record.device[0].unclamped_force_N, 2 * one.record.device[0].unclamped_force_N, 1e-12);
   EXPECT_LT((two.wrench.force_N - one.wrench.force_N * 2 * clamp).norm(), 1e-9);
   EXPECT_LT((two.wrench.torque_Nmm - one.wrench.torque_Nmm * (2.0 / 4) * clamp).norm(), 1e-9);
 }
 
-// what changes the force while the tip holds still
+// change of the force source while the tip is stationary
 struct Change {
   const char* name;
   std::function<void(TickedLoop&)> apply;
@@ -338,18 +338,18 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
       }
       previous = changed.wrench.force_N;
       previous_kept = kept.wrench.force_N;
-      // a tick more or less, by rounding
+      // one tick tolerance for rounding
       if (n != 299) {
         ASSERT_EQ((changed.record.device[0].flags & kFlagBlend) != 0, n >= 200 && n < 299)
             << change.name << n;
       }
     }
     ASSERT_GT(apart_N, 0.02) << change.name << " must change something";
-    // a smooth step of that height over 0.1 s: 1.5 times the even slope at its steepest
+    // the blend is a smooth step over 0.1 s: at its steepest 1.5 times the mean slope
     EXPECT_LT(largest_step_N, 1.2 * undisturbed_N + 1.6 * apart_N * kMillisecond_s / kOutputFeel.blend_s)
         << change.name;
 
-    // and what comes out in the end is what the change alone would give
+    // the final force is the one that the change alone produces
     TickedLoop from_the_start;
     from_the_start.model = model;
     from_the_start.model.tissues[0].viscosity_N_s_per_mm = 0.01;
@@ -362,7 +362,7 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
 }
 
 TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
-  // the tip holds still, so that nothing but the method changes the force
+  // the tip is stationary, so that only the method changes the force
   const Model model = testing::with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0, 3));
   for (const ForceMethodInfo& from : kDirectMethods) {
     TickedLoop loop;
@@ -387,7 +387,7 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
       }
       EXPECT_LE(largest_step_N,
                 1.6 * (previous - before).norm() * kMillisecond_s / kOutputFeel.blend_s + 1e-12);
-      // as if it had been felt by that method from the start
+      // same force as if that method had been used from the start
       TickedLoop fresh;
       fresh.model = model;
       fresh.parameters.method = to.method;
@@ -397,7 +397,7 @@ TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
   }
 }
 
-// a loop that feels by the proxy
+// a loop that uses the proxy method
 struct ProxyLoop : TickedLoop {
   explicit ProxyLoop(double cartilage_mm = 0) {
     model = testing::with_exact_surfaces(ball_model({0.6, 0.6, 0.9}, 1.0, cartilage_mm), cartilage_mm);
@@ -425,8 +425,8 @@ TEST(Tick, TheProxyHoldsTheTipWithTheTissuesStiffness) {
 }
 
 TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
-  // Terraces of 0.7 mm whose normals are those of the slope, as smoothed ones are: the proxy rests on their
-  // edges. And a notch of two walls.
+  // Terraces of 0.7 mm with the normals of the slope, as smoothed normals are: the proxy rests on the
+  // terraces' edges. And a notch between two walls.
   const auto slope_mm = [](const Eigen::Vector3d& p) {
     return (p.z() - 0.0875 * p.x()) / std::hypot(1, 0.0875);
   };
@@ -482,8 +482,8 @@ TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
 }
 
 TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
-  // As of bone that borders a skin which can be gone through: its surface in the outer layer comes after
-  // those of the structures. Where it was smoothed no felt voxel may lie under it.
+  // Model of bone bordering a skin that can be punctured: its surface in the outer layer follows the
+  // structures' surfaces. Where it was smoothed there may be no felt voxel under it.
   ProxyLoop loop;
   FeltSurface outer = loop.model.surfaces[0];
   outer.structure = 0;
@@ -506,7 +506,7 @@ TEST(Tick, TellsWhatTheForceComesFrom) {
   EXPECT_NEAR(device.felt_depth_mm[0], 1, 0.02);
   EXPECT_NEAR(device.felt_share[0], 1, 1e-12);
   EXPECT_EQ(device.felt_label[1], 0);
-  // by a direct method what is touched gives all
+  // by a direct method the touched structure accounts for the whole force
   loop.parameters.method = ForceMethod::kTrilinear;
   loop.at({kBoneRadius_mm + 2, 0, 0});
   EXPECT_EQ(device.felt_label[0], device.label);
@@ -523,7 +523,7 @@ TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
   EXPECT_FALSE(loop.record.device[0].flags & kFlagInside);
   loop.lead({kBoneRadius_mm + 1, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 50);
   EXPECT_GT(loop.wrench.force_N.x(), 1);
-  // paused in contact: nobody knows any more where the surface was met
+  // paused in contact: the surface point of first contact is forgotten
   loop.parameters.paused = true;
   for (int n = 0; n < 300; ++n) loop.at({kBoneRadius_mm - 1, 0, 0});
   loop.parameters.paused = false;
@@ -541,7 +541,7 @@ TEST(Tick, TheProxySticksToATurningObject) {
   const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
   loop.lead({kBoneRadius_mm + 2, 0, 0}, tip, 100);
   const auto stuck = loop.record.device[0].proxy_patient_mm;
-  // four degrees about up: the place turns away under the tip by about a millimetre
+  // four degrees about the up axis: the surface point moves away under the tip by about a millimetre
   loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.07, Eigen::Vector3d::UnitZ()));
   for (int n = 0; n < 10'000; ++n) loop.at(tip);
   const auto now = loop.record.device[0].proxy_patient_mm;
@@ -550,7 +550,7 @@ TEST(Tick, TheProxySticksToATurningObject) {
 }
 
 TEST(Tick, ChangesThatNeverEndHoldNoForce) {
-  // a switch that flips in every tick, as somebody could make a viewer do, while the tip leaves the bone
+  // a switch that toggles in every tick, as a malicious viewer could cause, while the tip leaves the bone
   ProxyLoop loop;
   const Point<World> pressed(kBoneRadius_mm - 1, 0, 0), free(kBoneRadius_mm + 5, 0, 0);
   loop.lead({kBoneRadius_mm + 2, 0, 0}, pressed, 200);
@@ -581,7 +581,7 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
   EXPECT_LE(largest_step_N, 1.6 * before_N * kMillisecond_s / kOutputFeel.blend_s);
 }
 
-// pressed and let go at a speed, again and again: the work that the force did on the tip
+// repeated presses and releases at a constant speed; returns the work of the force on the tip
 double given_out_mJ(ProxyLoop& loop, double speed_mm_s) {
   loop.parameters.friction = loop.parameters.viscosity = false;
   double given_mJ = 0;
@@ -604,7 +604,7 @@ TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
   EXPECT_NEAR(free_mJ, 10 * 1.5 * 0.1, 0.3) << "F v T of every press";
   EXPECT_LT(kept_mJ, 0.15 * free_mJ);
 
-  // the last tick of a press that is let go
+  // last tick of a press that is being released
   EXPECT_EQ(free.record.switches & kSwitchPassivity, 0);
   EXPECT_LT(free.record.device[0].energy_mJ, -0.8 * free_mJ) << "observed in any case";
   bool acted = false;
@@ -619,7 +619,7 @@ TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
 }
 
 TEST(Tick, ATurningObjectIsNoActivity) {
-  // the tip rides on the ball, pressed by a millimetre, while the world turns it around
+  // the tip moves with the ball, pressed in by a millimetre, while the world rotates
   ProxyLoop loop;
   loop.parameters.passivity = true;
   loop.lead({kBoneRadius_mm + 1, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
@@ -627,7 +627,7 @@ TEST(Tick, ATurningObjectIsNoActivity) {
   EXPECT_NEAR(before_mJ, 0.5 * 1.5, 0.05) << "what the spring holds";
   loop.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()));
   for (int n = 0; n < 100; ++n) {
-    // where the turn of this tick will put it
+    // position after this tick's rotation
     const double part = std::min(1.0, (n + 1) * kMillisecond_s / kTurningFeel.interval_s);
     const auto turn = Rotation<World, World>::about(Eigen::Vector3d::UnitZ(), 0.3 * part);
     loop.at(Point<World>((turn * Vector<World>(kBoneRadius_mm - 1, 0, 0)).eigen()));
@@ -663,7 +663,7 @@ TEST(Tick, AForceThatFadesOutGetsNothingBackThatWasHeldBack) {
     SCOPED_TRACE(clutched);
     ProxyLoop loop;
     loop.parameters.passivity = true;
-    // 0.8 N an encoder step, softened to 0.15 N while energy is owed
+    // 0.8 N per encoder step, softened to 0.15 N while energy is owed
     loop.parameters.device[0].force_gain = 10;
     loop.parameters.device[0].position_step_mm = 0.055;
     DeviceState device;
@@ -700,8 +700,8 @@ TEST(Tick, SwitchingThePassivityControllerBlends) {
   }
 }
 
-// a floor at z = 0: bone for x < 1, cartilage of a third of its stiffness for x > -1; where they overlap, the
-// corners that voxels round leave no groove
+// floor at z = 0: bone for x < 1, cartilage with a third of its stiffness for x > -1; they overlap, so that
+// corners rounded by voxels leave no groove
 Model seamed_floor() {
   Model model = testing::with_exact_surfaces(ball_model());
   const GridGeometry& grid = model.labels->geometry();
@@ -720,7 +720,7 @@ Model seamed_floor() {
 }
 
 TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
-  // 1 mm below the floor, across the seam from 1.5 to 0.5 N/mm at 50 mm/s, and resting while things change
+  // 1 mm below the floor, across the seam from 1.5 to 0.5 N/mm at 50 mm/s, and stationary during changes
   ProxyLoop loop;
   loop.model = seamed_floor();
   loop.parameters.passivity = true;
@@ -772,7 +772,7 @@ TEST(Tick, TheProxyIsLetGoByNewSurfacesThatItIsInside) {
   ProxyLoop loop;
   loop.lead({kBoneRadius_mm + 2, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
   ASSERT_GT(loop.wrench.force_N.x(), 1);
-  // the bone has grown over it
+  // new bone encloses the tip
   const GridGeometry& grid = loop.model.labels->geometry();
   const SignedField grown = testing::sampled_distance(
       grid, [](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - 3; }, 4);
@@ -784,7 +784,7 @@ TEST(Tick, TheProxyIsLetGoByNewSurfacesThatItIsInside) {
   EXPECT_EQ(loop.record.device[0].proxy_patient_mm, loop.record.device[0].tip_patient_mm);
 }
 
-// the same shape, prepared anew
+// the same shape, prepared again
 std::shared_ptr<const Surface> anew(const Surface& surface) {
   return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.steepest());
 }
@@ -797,18 +797,18 @@ FeltSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, doubl
   return felt;
 }
 
-// before the bone's and the shell's
+// inserts a surface before those of bone and shell
 void begin_to_feel(const FeltSurface& surface, Model& model) {
   model.surfaces.insert(model.surfaces.begin(), surface);
   model.label_of_surface.insert(model.label_of_surface.begin(), testing::kFat);
 }
 
-// edits of the model that leave what was pressed where it was
+// edits of the model that do not affect the contact
 struct Edit {
   const char* name;
   std::function<void(Model&)> make;
   double bone_N_per_mm = 1.5;
-  bool makes_soft = false;  ///< a shell that is pressed is gone through
+  bool makes_soft = false;  // the shell in contact becomes puncturable
 };
 
 const Edit kEdits[] = {
@@ -845,7 +845,7 @@ const Edit kEdits[] = {
      }},
 };
 
-// the bone within 3 mm of what 0.5 N go through
+// bone with a 3 mm shell that is punctured at 0.5 N
 ProxyLoop wrapped_bone() {
   ProxyLoop loop(3);
   loop.model.surfaces[1].surface = ball_beside(loop.model, {0, 0, 0}, kBoneRadius_mm + 3).surface;
@@ -854,7 +854,7 @@ ProxyLoop wrapped_bone() {
   return loop;
 }
 
-// through that, and a millimetre into the bone
+// through the shell and one millimetre into the bone
 ProxyLoop through_the_shell() {
   static const ProxyLoop pressed = [] {
     ProxyLoop loop = wrapped_bone();
@@ -882,7 +882,7 @@ TEST(Tick, AnEditKeepsTheContactWhileSomethingIsPunctured) {
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(loop.record.device[0].proxy_patient_mm[static_cast<std::size_t>(axis)],
                   proxy[static_cast<std::size_t>(axis)], 1e-3);
-    // it comes out as it would have: the shell is closed behind it
+    // on the way out it behaves as before: the shell closes behind the tip
     loop.lead({kBoneRadius_mm - 1, 0, 0}, {kBoneRadius_mm + 6, 0, 0}, 200);
     EXPECT_EQ(loop.state.hands[0].proxy.punctured.count(), 0u);
   }
@@ -913,7 +913,8 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
 }
 
 TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
-  // the first has gone through the shell, the second leans on it, the third has not come near anything
+  // the first device has punctured the shell, the second is in contact with it, the third is far from
+  // everything
   ProxyLoop loop = wrapped_bone();
   std::array<DeviceState, 3> devices;
   std::array<Wrench, 3> wrenches;
@@ -936,7 +937,7 @@ TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
     edited.version = loop.model.version + 1;
     std::swap(loop.model, edited);
     for (int n = 0; n < 200; ++n) tick_at(1);
-    // and back again, which is an edit too
+    // reverting is an edit too
     edited.version = loop.model.version + 1;
     std::swap(loop.model, edited);
     for (int n = 0; n < 200; ++n) tick_at(1);
@@ -950,7 +951,7 @@ TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
 TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
   ProxyLoop loop = through_the_shell();
   const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
-  // the shell's surface moves to the bone's place
+  // the shell's surface takes the bone's index
   loop.model.surfaces.erase(loop.model.surfaces.begin());
   loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
   loop.model.tissues[0].felt = false;
@@ -974,7 +975,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
   EXPECT_EQ(loop.state.holes.all()[0].structure, 1);
   EXPECT_NE(loop.state.hash(1), without);
   loop.lead(within, outside, 200);
-  // the shell's surface moves to the bone's place
+  // the shell's surface takes the bone's index
   loop.model.surfaces.erase(loop.model.surfaces.begin());
   loop.model.label_of_surface.erase(loop.model.label_of_surface.begin());
   loop.model.tissues[0].felt = false;
@@ -989,7 +990,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
     most_N = std::max(most_N, loop.wrench.force_N.norm());
   }
   EXPECT_LT(most_N, 0.1);
-  // and elsewhere the shell holds
+  // elsewhere the shell still resists
   loop.lead(within, outside, 200);
   loop.lead(outside, {0, kBoneRadius_mm + 6, 0}, 400);
   loop.lead({0, kBoneRadius_mm + 6, 0}, {0, kBoneRadius_mm + 2.7, 0}, 200);
@@ -1016,7 +1017,7 @@ TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
   EXPECT_TRUE(loop.record.device[0].flags & kFlagRuptured);
 }
 
-// a replay prepares the scene anew
+// a replay prepares the scene again
 TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
   ProxyLoop once = wrapped_bone(), again = once;
   for (FeltSurface& felt : again.model.surfaces) felt.surface = anew(*felt.surface);
@@ -1067,8 +1068,8 @@ TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
-// the force on a tip that rested 1 mm deep and then goes on at a speed, outwards, after so long without a
-// pose
+// force on a tip that rested 1 mm deep and then moves outwards at a constant speed, after a dropout of the
+// given duration
 double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kNotKnown) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
@@ -1106,17 +1107,17 @@ TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
     EXPECT_NEAR(returned_N(speed_mm_s, 9e-3, kMoved_s), without_N, 1e-6) << "nothing was lost";
     EXPECT_LT(returned_N(speed_mm_s, 21e-3, kMoved_s), 0.1 * without_N + 1e-6) << "by the ramp";
   }
-  // slowly, as long as it returns
+  // slow motion, for the whole recovery time
   EXPECT_NEAR(returned_N(1, kDropout_s, kOutputFeel.return_s + 5e-3),
               returned_N(1, 0, kOutputFeel.return_s + 5e-3), 1e-6)
       << "for a tenth of a second";
-  // where it has nearly left, the damper neither pulls nor is more than the wall
+  // close to leaving contact, the damper neither pulls nor exceeds the contact force
   EXPECT_GE(returned_N(32, kDropout_s, kMoved_s), 0);
 }
 
 TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
-  // out of a wall at 40 mm/s, with and without what damps: the proxy's tissue and its coupling, the trilinear
-  // method's tissue and its friction along the surface
+  // out of contact at 40 mm/s, with and without damping: the proxy's tissue viscosity and coupling, the
+  // trilinear method's tissue viscosity and its friction along the surface
   constexpr double kSpeed_mm_s = 40, kDepth_mm = 1.2;
   const ProxyLoop fresh;
   const auto damping_of = [&](ForceMethod method, double viscosity, double coupling, double along,
@@ -1135,14 +1136,14 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
       loop.parameters.device[0].most_damping_N_s_per_mm = most;
       loop.parameters.device[0].force_gain = gain;
       loop.parameters.device[0].scale = scale;
-      // down to where the way begins, then along it
+      // down to the start of the path, then along it
       const Point<World> end(kBoneRadius_mm - kDepth_mm, 0, 0);
       const Point<World> begin = end - way * (30 * kSpeed_mm_s * kMillisecond_s);
       loop.lead(begin + Vector<World>(4, 0, 0), begin, 100);
       loop.lead(begin, end, 30);
       force_N[damped] = loop.wrench.force_N;
     }
-    // at the device: N by mm/s of the device
+    // at the device: N per device mm/s
     return -(force_N[1] - force_N[0]).dot(way) / (kSpeed_mm_s / scale);
   };
   const Vector<World> out(1, 0, 0), along(0, 1, 0);
@@ -1151,16 +1152,16 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, most, along), most, 1e-4);
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0.004, 0, most, out * -1.0), most, 1e-3);
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0, 0.05, 0, most, out * -1.0), most, 1e-3);
-    // a field is not whole there
+    // a direct method's field has not reached its full value there
     EXPECT_LE(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), most);
     EXPECT_GT(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), 0.8 * most);
     EXPECT_NEAR(damping_of(ForceMethod::kTrilinear, 0.005, 0, 0.06, most, along), most, 1e-3);
   }
-  // by what the device feels of it
+  // clamped by the damping rendered at the device
   EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, 0.012, along, 0.5, 3), 0.012, 1e-4);
   EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.002, 0, 0, 0.012, along, 0.5, 3), 0.003, 1e-4)
       << "less is whole";
-  // nothing known, nothing clamped; of recordings that do not tell it, too
+  // unknown damping clamps nothing; the same for recordings without it
   for (const double unknown : {kNotKnown, 0.0, -1.0})
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, unknown, along), 0.05, 1e-4);
 }
@@ -1206,8 +1207,8 @@ TEST(Tick, TheCouplingsDampingComesInWithTheSpringAndNeverPullsIn) {
     const double spring_N = spring.wrench.force_N.x(), damped_N = damped.wrench.force_N.x();
     EXPECT_GE(damped_N, 0);
     EXPECT_EQ(damped_N > 0, spring_N > 0 && damped_N > 0);
-    // the spring's own rise and the damper's, spread over the window of 10 ms; a turn changes it by twice
-    // that
+    // growth of the spring's and the damper's force over the 10 ms window; a reversal changes the damper's by
+    // twice as much
     EXPECT_LT(std::abs(damped_N - previous_N), 1.5 * 0.1 + 2 * 0.01 * kSpeed_mm_s / 10 + 0.05);
     if (n >= 35 && n < 40) {
       EXPECT_NEAR(damped_N - spring_N, 0.01 * kSpeed_mm_s, 0.05) << "B v";
@@ -1230,7 +1231,7 @@ TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
   EXPECT_NE(without.record.device[0].flags & kFlagMethodMissing, 0u);
   EXPECT_EQ(without.wrench.force_N, with.wrench.force_N);
   EXPECT_EQ(without.record.method, static_cast<std::uint8_t>(ForceMethod::kSmoothSphere)) << "the input";
-  // nothing changes what makes the force, so nothing blends
+  // the force source does not change, so nothing blends
   without.parameters.method = ForceMethod::kTrilinear;
   without.at(tip);
   EXPECT_EQ(without.record.device[0].flags & (kFlagMethodMissing | kFlagBlend), 0u);
@@ -1250,7 +1251,7 @@ TEST(Tick, ViscosityActsDeepInsideWhereTheNormalVanishes) {
   TickedLoop loop;
   for (int n = 0; n < 30; ++n) loop.at(Point<World>(0.02 * n, 0, 0));
   EXPECT_EQ(loop.record.device[0].normal_patient, (std::array<double, 3>{}));
-  // 20 mm/s through bone's viscosity
+  // bone's viscosity at 20 mm/s
   EXPECT_NEAR(loop.wrench.force_N.x(), -20 * loop.model.tissues[0].viscosity_N_s_per_mm, 1e-6);
 }
 
@@ -1259,7 +1260,7 @@ TEST(Tick, SeveralPointsGiveATorqueAboutTheTip) {
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.model.tools[0].points_mm = {{0, 0, 0}, {10, 0, 0}};
   DeviceState device;
-  // the second point, turned towards +y, touches the ball's top; the tip hangs free
+  // the second point, rotated towards +y, touches the top of the ball; the tip is in free space
   device.tip = Point<World>(0, kBoneRadius_mm + 10, 0);
   device.R_WorldTool = Eigen::AngleAxisd(-M_PI / 2, Eigen::Vector3d::UnitZ());
   loop.at(device);

@@ -6,7 +6,7 @@
 #include "haptics/test_model.h"
 #include "palpate/servo/servo.h"
 
-/// A tool that the hand turns, by the whole tick.
+/// Tests of a tool that the hand rotates, by the complete tick.
 namespace palpate {
 namespace {
 
@@ -14,7 +14,7 @@ using testing::kBoneRadius_mm;
 
 constexpr double kToolLever_mm = 100;
 
-// a ball, and a lever that reaches from the tip to above it; in the world
+// a ball, and a lever from the tip to a point above it; in World
 struct TurnedLoop {
   Model model = testing::with_exact_surfaces(testing::ball_model());
   Parameters parameters;
@@ -32,7 +32,7 @@ struct TurnedLoop {
     parameters.device[0].limits.peak_torque_Nmm = 1e6;
     model.tools[0].points_mm = {{-kToolLever_mm, 0, 0}};
   }
-  // turned so that the lever's end goes down
+  // rotated so that the lever's end moves down
   void at(const Point<World>& tip, double angle_rad) {
     DeviceState device;
     device.tip = tip;
@@ -42,7 +42,7 @@ struct TurnedLoop {
 };
 
 TEST(ToolTurnTick, ALeverThatIsTurnedIntoABallIsHeldByIt) {
-  // 20 rad/s at 250 Hz: 8 mm a tick, until the hand's end of it stands 11 mm deep
+  // 20 rad/s at 250 Hz: 8 mm per tick, until the lever's end is 11 mm deep by the hand's attitude
   TurnedLoop loop;
   const Point<World> tip(kToolLever_mm, kBoneRadius_mm + 5, 0);
   const double end_rad = std::asin((5 + 11) / kToolLever_mm);
@@ -50,7 +50,7 @@ TEST(ToolTurnTick, ALeverThatIsTurnedIntoABallIsHeldByIt) {
   for (int n = 0; n < 40; ++n) loop.at(tip, end_rad);
   EXPECT_TRUE(loop.record.device[0].flags & kFlagContact);
   EXPECT_FALSE(loop.record.device[0].flags & kFlagWedged);
-  // by 1.5 N/mm along the way out, and about the tip
+  // 1.5 N/mm along the way out, and the torque about the tip
   EXPECT_NEAR(loop.wrench.force_N.norm(), 1.5 * (kBoneRadius_mm - std::hypot(4, 1.29)), 0.3);
   EXPECT_GT(loop.wrench.force_N.normalized().y(), 0.9);
   const Vector<World> lever =
@@ -60,7 +60,7 @@ TEST(ToolTurnTick, ALeverThatIsTurnedIntoABallIsHeldByIt) {
 }
 
 TEST(ToolTurnTick, TheHashSeesTheAttitude) {
-  // in free air, where a turn changes nothing else
+  // in free air, where a rotation changes nothing else
   const auto hash_of = [](double angle_rad) {
     TurnedLoop loop;
     for (int n = 0; n < 20; ++n) loop.at(Point<World>(0, 400, 0), angle_rad);

@@ -14,9 +14,9 @@ namespace {
 
 constexpr double kTurnTick_s = 1e-3, kWall_N_per_mm = 1.5, kLever_mm = 20;
 
-/// A wall of 1.5 N/mm below the plane z = 0 of World, which turns about World's x axis, and tips above y = 20
-/// mm, where a turn by an angle lifts it by 20 mm times its sine. No friction, no passivity controller, no
-/// slew.
+/// A wall of 1.5 N/mm below the plane z = 0 of World, which rotates about World's x axis, and tips above y =
+/// 20 mm, where a rotation lifts the surface by 20 mm times the sine of its angle. No friction, passivity
+/// controller or slew.
 struct TurningWall {
   Model model = testing::ball_model({2, 2, 2});
   Parameters parameters;
@@ -52,7 +52,7 @@ struct TurningWall {
     tick(model, parameters, devices, dt_s, state, wrenches, record);
   }
   static Point<World> tip_at(double height_mm) { return {0, kLever_mm, height_mm}; }
-  // pressed from above until it gives so much
+  // pressed from above until the contact force is reached
   void press(double force_N) {
     for (int n = 0; n <= 100; ++n) at(tip_at(1 - n * 0.01 * (1 + force_N / kWall_N_per_mm)));
     ASSERT_NEAR(force(), force_N, 1e-3);
@@ -64,8 +64,8 @@ struct TurningWall {
   double turned() const { return 2 * std::asin(record.rotation_felt_wxyz[1]); }
 };
 
-// analytic: all the power goes into the spring between the wall and a hand that does not move,
-// F^2 = F0^2 + 2 K P t
+// analytic: all power goes into the spring between the wall and a hand that does not move, F^2 = F0^2 + 2 K P
+// t
 TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
   for (const double begins_N : {0.2, 1.0, 3.0}) {
     SCOPED_TRACE(begins_N);
@@ -78,19 +78,19 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
       wall.at(resting);
       const double fed_mJ = kTurningFeel.most_power_mW * n * kTurnTick_s;
       const double expected_N = std::sqrt(begins_N * begins_N + 2 * kWall_N_per_mm * fed_mJ);
-      // a wall that stands at an angle of 0.1 pushes aside, too
+      // at an angle of 0.1 the wall also pushes sideways
       ASSERT_NEAR(wall.force(), expected_N, 0.01 * expected_N) << n;
       ASSERT_LE(wall.record.device[0].turned_mJ, fed_mJ * (1 + 1e-3)) << n;
       ASSERT_TRUE(wall.record.device[0].flags & kFlagTurnHeld) << n;
     }
     EXPECT_NEAR(wall.record.device[0].turned_mJ, kTurningFeel.most_power_mW * 0.4, 0.05);
-    // the contact's own observer stays relative to the object: the spring holds what both put in
+    // the contact's passivity observer stays relative to the object: the spring holds the energy of both
     const double held_mJ = 0.5 * (wall.force() * wall.force() - begins_N * begins_N) / kWall_N_per_mm;
     EXPECT_NEAR(wall.record.device[0].energy_mJ - energy_mJ, held_mJ, 0.05 * held_mJ);
   }
 }
 
-// and away from it the other way round: it is not let fall
+// the opposite direction: the hand is not allowed to fall
 TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(1));
@@ -104,7 +104,7 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
   }
 }
 
-// P / F: a hand that gives way under its own force is led that fast
+// P / F: the speed at which a compliant hand is displaced
 TEST(Turning, AHandThatGivesWayIsLedNoFasterThanThePowerOverItsForce) {
   constexpr double kHand_N = 1;
   TurningWall wall;
@@ -121,7 +121,7 @@ TEST(Turning, AHandThatGivesWayIsLedNoFasterThanThePowerOverItsForce) {
   EXPECT_NEAR(way_mm, kTurningFeel.most_power_mW * kTicks * kTurnTick_s / kHand_N, 0.1);
 }
 
-// what an attacker did: 25 degrees to and fro at 6.7 Hz, 1.4 N a tick
+// attack: 25 degrees back and forth at 6.7 Hz, 1.4 N per tick
 TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(1));
@@ -140,7 +140,7 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     before_mJ = device.turned_mJ;
   }
   EXPECT_LE(largest_step_N, kTurningFeel.most_step_N * 1.01);
-  // half a period's worth
+  // the energy of half a period
   EXPECT_LE(most_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.most_power_mW * 0.075) + 0.05);
   EXPECT_GE(least_N, 0);
 }
@@ -176,7 +176,7 @@ TEST(Turning, WhereNoForceIsSentTheObjectTurnsInItsTime) {
     EXPECT_EQ(wall.record.device[0].turned_mJ, 0);
     EXPECT_EQ(wall.record.device[0].flags & kFlagTurnHeld, 0u);
   }
-  // and a pose that is not finite does not stop the turning
+  // a non-finite pose does not stop the rotation
   TurningWall wall;
   wall.at(TurningWall::tip_at(5));
   wall.turn_to(0.3);
@@ -188,10 +188,11 @@ TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
   TurningWall one, both;
   for (TurningWall* wall : {&one, &both}) ASSERT_NO_FATAL_FAILURE(wall->press(0.2));
   const Point<World> resting = TurningWall::tip_at(-0.2 / kWall_N_per_mm);
-  // the other's lever is half as long, on the other side, and it presses with 2 N: the wall goes away from it
+  // the other device's lever is half as long, on the other side, and it presses with 2 N: the wall moves away
+  // from it
   const Point<World> above(0, -10, 1), pressed(0, -10, -2 / kWall_N_per_mm);
   for (int n = 0; n <= 100; ++n) both.at(resting, above + (pressed - above) * (0.01 * n));
-  // its way from where it was before is a jump, after which the force comes in by the ramp
+  // the displacement from its earlier position is a jump, after which the force ramps in
   for (int n = 0; n < 600; ++n) both.at(resting, pressed);
   EXPECT_NEAR(both.wrenches[1].force_N.norm(), 2, 1e-3);
   for (TurningWall* wall : {&one, &both}) wall->turn_to(0.3);
@@ -206,7 +207,7 @@ TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
   EXPECT_GT(both.record.device[0].turned_mJ, 0);
 }
 
-// what scale and gain make of it: the limits are the hand's
+// the limits apply at the device, including scale and gain
 TEST(Turning, TheLimitsAreThoseOfTheDevice) {
   TurningWall wall;
   wall.parameters.device[0].scale = 4;
@@ -216,11 +217,11 @@ TEST(Turning, TheLimitsAreThoseOfTheDevice) {
   ASSERT_NEAR(wall.force(), begins_N, 1e-3);
   wall.turn_to(0.3);
   for (int n = 1; n <= 100; ++n) wall.at(TurningWall::tip_at(-2));
-  // a device's millimetre is four of the patient: 3 N/mm
+  // a device millimetre is four patient millimetres: 3 N/mm
   EXPECT_NEAR(wall.force(), std::sqrt(begins_N * begins_N + 2 * 3 * kTurningFeel.most_power_mW * 0.1), 0.01);
 }
 
-// the work as anybody can count it from the records
+// work recomputed from the records
 TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));

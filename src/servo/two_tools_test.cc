@@ -9,7 +9,7 @@
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
 
-/// Devices that hold different tools, in the whole tick.
+/// Tests of devices with different tools, in the complete tick.
 namespace palpate {
 namespace {
 
@@ -29,7 +29,7 @@ Tool burr_of_ball() {
   return burr;
 }
 
-/// Devices that are led over a ball of bone, and a session that carves.
+/// Devices moved over a ball of bone by the test, and a session that carves.
 struct LedHands {
   std::shared_ptr<const Model> model;
   std::shared_ptr<const Carving> carving;
@@ -49,13 +49,13 @@ struct LedHands {
     parameters.max_force_N = 10;
     for (auto& hand : state.hands) hand.output.gain = 1;
   }
-  // so far above the ball, and so far turned from its top to one side
+  // position `clear_mm` above the ball, rotated from its top to one side
   Point<World> above(double clear_mm, double turned_rad) const {
     const double r = kBoneRadius_mm + clear_mm;
     return model->X_WorldPatient * Point<Patient>(r * std::sin(turned_rad), 0, r * std::cos(turned_rad));
   }
   void tick_once() { tick(*model, parameters, devices, 1e-3, state, wrenches, record); }
-  // as a session does; how many cuts there were
+  // carves as a session does; returns the number of cuts
   std::size_t carve() {
     std::vector<Cut> cuts;
     for (std::size_t d = 0; d < devices.size(); ++d)
@@ -107,7 +107,7 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
     std::vector<Tool> tools(2, probe_of_ball());
     tools[with_burr] = burr_of_ball();
     LedHands led(std::move(tools));
-    // side by side, the motor's switch on
+    // side by side, with the motor's switch on
     for (int n = 0; n < 400; ++n) {
       led.devices[with_burr].tip = led.above(2.2 - 0.01 * n, 0);
       led.devices[with_probe].tip = led.above(2.2 - 0.005 * n, 0.4);
@@ -135,7 +135,7 @@ TEST(TwoTools, AProbeFindsTheHoleThatTheBurrHasCut) {
   led.parameters.motor = false;
   led.tick_once();
   led.carve();
-  // it goes in where there was bone, which it would have felt from 1.5 mm above it on
+  // enters where there was bone, which it would have touched from 1.5 mm above
   for (int n = 0; n < 300; ++n) {
     led.devices[0].tip = led.above(20 - std::min(18.8, 0.1 * n), 0);
     led.tick_once();
@@ -159,7 +159,7 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
     led.parameters.motor = motor;
     led.devices[0].buttons = first;
     led.devices[1].buttons = second;
-    // a probe has no pedal, whatever its device's buttons are
+    // a probe has no pedal, whatever its device's buttons
     led.devices[2].buttons = ~0u;
     for (int n = 0; n < 150; ++n) {
       for (std::size_t d = 0; d < 3; ++d)
