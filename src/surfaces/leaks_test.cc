@@ -24,7 +24,7 @@ std::size_t joints_of(const Volume<LabelId>& labels, const std::vector<LabelId>&
   return joints;
 }
 
-// a wall across the cube, x = 4, that goes on at x = 5 from y = 5
+// a wall across the cube at x = 4 that continues at x = 5 from y = 5
 Volume<LabelId> stepped_wall(bool joined_by_faces) {
   Volume<LabelId> labels = empty_cube(11);
   for (int k = 0; k < 11; ++k)
@@ -71,14 +71,14 @@ TEST(Leaks, CrumbsPocketsAndLumpsAreNone) {
   for (int k = 3; k < 10; ++k)
     for (int j = 3; j < 10; ++j)
       for (int i = 3; i < 10; ++i) labels.at(i, j, k) = 1;
-  labels.at(10, 10, 5) = 1;  // a crumb at an edge
-  labels.at(2, 2, 2) = 1;    // and one at a corner
+  labels.at(10, 10, 5) = 1;  // a crumb connected by an edge
+  labels.at(2, 2, 2) = 1;    // and one by a corner
   labels.at(8, 8, 6) = 0;    // a pocket below the surface
   labels.at(9, 9, 6) = 0;    // that opens to the outside by an edge
   EXPECT_EQ(joints_of(labels, {1}), 0u);
 }
 
-// a ball of random bumps: thick, whatever its surface looks like
+// a ball with random bumps: thick, whatever its surface
 TEST(Leaks, ARoughBallIsNotLeaky) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));

@@ -16,7 +16,7 @@ TEST(Pieces, CoverABoxOnceAndAreNarrowWhereMuchIsSeenAround) {
   const auto any = [&](int low, int high) { return std::uniform_int_distribution<int>(low, high)(random); };
   int cut = 0;
   for (int n = 0; n < 200; ++n) {
-    // as many columns as are never looked at here, so that strips are needed now and then
+    // an unusually large number of columns, so that strips are sometimes needed
     const Span3 box{{any(-5, 5), any(-5, 5), any(-5, 5)}, {any(5, 3000), any(5, 700), any(5, 90)}};
     const PieceMargins margins{{any(0, 50), any(0, 50), any(0, 50)}, {any(0, 150), any(0, 150), any(0, 150)}};
     const int threads = any(1, 40);
@@ -40,7 +40,7 @@ TEST(Pieces, CoverABoxOnceAndAreNarrowWhereMuchIsSeenAround) {
   }
   EXPECT_GT(cut, 100);
   EXPECT_TRUE(cut_into_pieces({}, {}, 2).all.empty());
-  // a volume of the usual size is cut into slabs alone
+  // a volume of the usual size is cut into slabs only
   EXPECT_EQ(cut_into_pieces({{0, 0, 0}, {320, 320, 300}}, {{15, 15, 15}, {30, 30, 30}}, 2).all.size(), 13u);
 }
 

@@ -25,7 +25,7 @@ TEST(RaisedField, IsWhatADenseOneWouldBe) {
         box.low[a] = any(0, grid.dims[a] - 1);
         box.high[a] = any(box.low[a] + 1, grid.dims[a]);
       }
-      // of one value, everywhere above 0, or here and there
+      // a uniform value, above 0 everywhere, or sparse
       const int kind = any(0, 2);
       std::vector<std::uint16_t> values(static_cast<std::size_t>(box.size(0)) *
                                         static_cast<std::size_t>(box.size(1)));

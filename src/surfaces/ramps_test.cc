@@ -53,7 +53,7 @@ void expect_nothing_outside_and_something_inside(const Volume<LabelId>& labels, 
   EXPECT_EQ(inside, 0u);
 }
 
-// labels by the height of a voxel's centre over a plane through the middle of the grid
+// labels by the height of a voxel's centre above a plane through the centre of the grid
 Volume<LabelId> layers(const GridGeometry& grid, const Eigen::Vector3d& up,
                        const std::function<LabelId(double height_mm)>& label_at) {
   Volume<LabelId> labels(grid);
@@ -73,7 +73,7 @@ GridGeometry cube(const Eigen::Vector3d& spacing_mm, double side_mm) {
 
 // ---- directions
 
-// the same ball with air around, which the union Gaussian needs
+// the same ball surrounded by air, which the union Gaussian needs
 struct BallCase {
   BallCase(double radius_mm, const Eigen::Vector3d& spacing_mm, std::mt19937& random) {
     const test::RandomBall tight(radius_mm, spacing_mm, random);
@@ -110,7 +110,7 @@ TEST(Ramps, OnBallsPointOutward) {
   for (const Eigen::Vector3d& spacing : kClinical) {
     for (const double radius_mm : {5.0, 10.0, 20.0}) {
       std::array<std::vector<double>, kDepth_mm.size()> ramp_deg, gaussian_deg, felt_mm;
-      // as many rays of each radius: the larger a ball, the fewer are needed for them
+      // the same number of rays per radius: larger balls need fewer instances
       const int balls = radius_mm < 10 ? 20 : radius_mm < 20 ? 8 : 4;
       for (int n = 0; n < balls; ++n) {
         const BallCase ball(radius_mm, spacing, random);
@@ -134,7 +134,7 @@ TEST(Ramps, OnBallsPointOutward) {
         const test::Spread ramp(ramp_deg[t]), gaussian(gaussian_deg[t]), felt(felt_mm[t]);
         std::printf(" | %.1f mm: %.2f %.2f (%.2f %.2f), felt %.2f", kDepth_mm[t], ramp.mean, ramp.at(0.99),
                     gaussian.mean, gaussian.at(0.99), felt.mean);
-        // near the surface the differences reach into what has to be 0
+        // near the surface the differences include voxels that must be 0
         EXPECT_LE(ramp.mean, kDepth_mm[t] < 1 ? 6 : 3) << kDepth_mm[t];
         EXPECT_LE(ramp.at(0.99), kDepth_mm[t] < 1 ? 18 : 14) << kDepth_mm[t];
         EXPECT_NEAR(felt.mean, kDepth_mm[t], 0.15) << "a sphere keeps its size";
@@ -167,7 +167,7 @@ TEST(Ramps, RiseWithTheStiffnessAndEndAtTheWidth) {
       const double slope = (felt_N(3.2) - felt_N(begin_mm)) / (3.2 - begin_mm);
       std::printf("spacing %.3f %.3f up %+.2f %+.2f %+.2f: %.3f N/mm, %.2f N at 1 mm\n", spacing[0],
                   spacing[2], up[0], up[1], up[2], slope, felt_N(1));
-      // a surface nearly parallel to planes of voxels comes to lie half a voxel nearer to them as depth grows
+      // a surface almost parallel to planes of voxels moves by up to half a voxel towards them with depth
       const bool parallel = up.cwiseAbs().maxCoeff() > 0.95;
       EXPECT_GT(slope, 0.93 * kBone_N_per_mm);
       EXPECT_LT(slope, (parallel ? 1.2 : 1.05) * kBone_N_per_mm);
@@ -210,7 +210,7 @@ TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
   }
 }
 
-// ---- structures beside and on each other
+// ---- adjacent and supporting structures
 
 TEST(Ramps, LeaveTheNarrowestGapFree) {
   const GridGeometry grid = cube(kSlices, 24);
@@ -226,7 +226,7 @@ TEST(Ramps, OfTouchingStructuresMeetInAValley) {
   const GridGeometry grid = cube(kSlices, 24);
   const auto labels =
       layers(grid, Eigen::Vector3d::UnitX(), [](double h) { return h < -0.1 ? kBoneLabel : kOther; });
-  // two bones: the same tissue
+  // two bones of the same tissue
   const Ramps ramps = prepared(labels, {{kBoneLabel, 1, {}}, {kOther, 1, {}}});
   const int border = grid.dims[0] / 2;
   EXPECT_LT(force_N(ramps, border - 1, 40, 12), 0.3);
@@ -261,7 +261,7 @@ TEST(Ramps, OfCartilageOnBoneGoOnThroughTheirBorder) {
         EXPECT_GT(-here.gradient.normalized().dot(Vector<Patient>(up)), 0.9) << depth_mm;
         before = here.value;
       }
-      // what is above gives its own stiffness, and bone its own
+      // above the interface the slope is that of the upper structure, below it that of bone
       const double at_border_N = ramps.full_force_N * sample(kThick_mm).value;
       EXPECT_NEAR(at_border_N, kCartilage_N_per_mm * kThick_mm, kBone_N_per_mm * voxel_mm);
       const double bone_slope = ramps.full_force_N * (sample(4.5).value - sample(3).value) / 1.5;
@@ -300,13 +300,13 @@ TEST(Ramps, BesideCartilageBoneIsFeltFromItsBareSurface) {
   const Ramps ramps = prepared(labels);
   EXPECT_NEAR(force_N(ramps, 48, 30, top - 4), kBone_N_per_mm * 2, 0.5);
   EXPECT_NEAR(force_N(ramps, 12, 30, top - 4), kBone_N_per_mm * 2 + kCartilage_N_per_mm * 2.5, 0.6);
-  // no step on the way along
+  // no step along the way
   for (int i = 12; i < 48; ++i)
     EXPECT_LE(std::abs(force_N(ramps, i + 1, 30, top - 4) - force_N(ramps, i, 30, top - 4)),
               1.05 * kBone_N_per_mm * 0.5);
 }
 
-// the least over paths between voxel centres of length times stiffness, from what is free to a structure
+// minimum over paths between voxel centres, from free space to a structure, of length times stiffness
 std::vector<double> least_over_paths(const Volume<LabelId>& labels, const std::array<LabelId, 2>& passable,
                                      const std::array<double, 2>& stiffness) {
   const GridGeometry& grid = labels.geometry();
@@ -352,7 +352,7 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
     const GridGeometry grid = test::surface_grid({30, 28, 18}, {0.4, 0.5, 0.8});
     Volume<LabelId> labels(grid);
     std::uniform_real_distribution<double> within(4, 9);
-    // lumps, later ones over earlier ones
+    // random lumps, later ones over earlier ones
     for (const LabelId label :
          {kBoneLabel, kCartilageLabel, kBoneLabel, kCartilageLabel, kOther, LabelId{0}}) {
       const Eigen::Vector3d centre(within(random), within(random), within(random));
@@ -374,7 +374,7 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
   }
 }
 
-// ---- the same bits, and errors
+// ---- determinism, and errors
 
 Volume<LabelId> lumps(std::mt19937& random) {
   Volume<LabelId> labels(test::surface_grid({50, 40, 60}, {0.5, 0.6, 0.7}));

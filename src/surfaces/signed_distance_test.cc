@@ -11,7 +11,7 @@
 namespace palpate::internal {
 namespace {
 
-/// The distance to the nearest centre of the other class by looking at all of them.
+/// Distance to the nearest centre of the other class, by exhaustive search.
 double oracle(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing, double reach, int i, int j,
               int k) {
   const auto at = [&](int x, int y, int z) { return mask.row(y, z)[x - mask.span().low[0]]; };

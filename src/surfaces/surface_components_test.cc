@@ -64,7 +64,7 @@ TEST(SurfaceComponents, EqualFloodFillOverTwentySixNeighbours) {
 
 TEST(SurfaceComponents, SayWhereTheyAre) {
   Volume<LabelId> labels(test::surface_grid({9, 8, 7}, {1, 1, 1}));
-  labels.at(1, 2, 3) = labels.at(2, 3, 4) = labels.at(2, 4, 4) = 5;  // by a corner, by a face
+  labels.at(1, 2, 3) = labels.at(2, 3, 4) = labels.at(2, 4, 4) = 5;  // connected by a corner, by a face
   const Components found = find_components(*label_bricks(labels), 5, label_spans(*label_bricks(labels))[5]);
   ASSERT_EQ(found.all.size(), 1u);
   EXPECT_EQ(found.all[0].span.low, (Index3{1, 2, 3}));

@@ -14,7 +14,7 @@
 namespace palpate::internal {
 namespace {
 
-/// Steps that are negative inside, from a volume of labels.
+/// Field with negative steps inside, from a volume of labels.
 Volume<std::int16_t> sides_of(const Volume<LabelId>& labels) {
   Volume<std::int16_t> sides(labels.geometry());
   for (std::size_t n = 0; n < sides.voxels().size(); ++n)
@@ -96,7 +96,7 @@ TEST(SurfaceNet, NodesStayInTheirCellsWithAnyNumberOfThreads) {
   }
 }
 
-/// A tilted plane that ends in a wall, or in crumbs, beyond what is known.
+/// A tilted plane that ends in a wall, or in crumbs, beyond the known region.
 TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
   std::mt19937 random(test::test_seed());
   constexpr int kLast = 30;
@@ -117,7 +117,7 @@ TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
     for (int i = 0; i < kLast; ++i) {
       const std::uint32_t n = wall.find(i, j, k);
       if (n == SurfaceNet::kNone) continue;
-      // the rounds end when nothing moves, walls neither
+      // iterations end when nothing moves, walls included
       for (int a = 0; a < 3; ++a) EXPECT_NEAR(wall.place[n][a], crumbs.place[crumbs.find(i, j, k)][a], 5e-3f);
       ++compared;
     }
@@ -134,7 +134,7 @@ TEST(SurfaceNet, RelaxingStopsWhenAsked) {
   EXPECT_EQ(done.error().kind, ErrorKind::kInterrupted);
 }
 
-/// The distance to a piece of a line, or to a triangle, in double and step by step.
+/// Distance to a line segment, or to a triangle, in double precision.
 double distance_to(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   const double square = (b - a).squaredNorm();
   const double part = square > 0 ? std::clamp((p - a).dot(b - a) / square, 0.0, 1.0) : 0;
@@ -152,7 +152,7 @@ double distance_to(const Eigen::Vector3d& p, const std::array<Eigen::Vector3d, 3
   return over ? std::abs(normal.normalized().dot(p - t[0])) : least;
 }
 
-/// Every quad's two triangles, each cut as NetTriangles cuts them.
+/// Both triangles of every quad, split as NetTriangles splits them.
 std::vector<std::array<Eigen::Vector3d, 3>> triangles_of(const SurfaceNet& net) {
   std::vector<std::array<Eigen::Vector3d, 3>> all;
   for_each_row(net.cells, [&](int j, int k) {

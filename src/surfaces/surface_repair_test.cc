@@ -3,17 +3,17 @@
 #include "base/test_seed.h"
 #include "surfaces/test_surface_shapes.h"
 
-/// Hand segmentation draws slice by slice, and where slices are far apart a slanting surface becomes a
-/// staircase. What the smoothing of the position does about it, and how far it moves the surface.
+/// Hand segmentation proceeds slice by slice, and widely spaced slices turn a slanted surface into a
+/// staircase. Measures how the smoothing of the position reduces it, and how far it moves the surface.
 namespace palpate {
 namespace {
 
 struct Quality {
-  double direction_deg = 0, place_mm = 0;  ///< root mean squares
+  double direction_deg = 0, place_mm = 0;  ///< Root mean squares
 };
 
-/// How far the position's own gradient and zero are from a shape whose outward normal and signed distance
-/// at a point are known, along rays from inside.
+/// Error of the position's gradient and zero level, along rays from inside, against a shape with known
+/// outward normal and signed distance.
 template <class Shape>
 Quality measure(const Surface& s, const Shape& shape, std::mt19937& random) {
   Quality q;
@@ -29,7 +29,7 @@ Quality measure(const Surface& s, const Shape& shape, std::mt19937& random) {
   return {std::sqrt(q.direction_deg), std::sqrt(q.place_mm)};
 }
 
-/// A half space whose surface slants through the middle of a grid.
+/// A half space whose surface is slanted through the centre of a grid.
 struct Slope {
   Eigen::Vector3d middle, up, u, v;
   Eigen::Vector3d point(std::mt19937& random) const {
@@ -39,7 +39,7 @@ struct Slope {
   Eigen::Vector3d normal(const Eigen::Vector3d&) const { return up; }
 };
 
-/// A cylinder across the slices.
+/// A cylinder perpendicular to the slices' direction.
 struct Rod {
   Eigen::Vector3d middle, axis;
   double radius;
@@ -63,7 +63,7 @@ Surface smoothed(const Volume<LabelId>& labels) {
   return prepare_with(labels, SurfaceOptions{}.position_sigma_mm).surface;
 }
 
-/// The distance of the labels as it is before anything is smoothed.
+/// Signed distance of the labels before smoothing.
 Surface unsmoothed(const Volume<LabelId>& labels) {
   const PreparedSurface s = prepare_with(labels, 0);
   const SignedField distance(s.workings.distance.dense(), s.surface.position().steps());
@@ -117,12 +117,13 @@ TEST(SurfaceRepair, RodsLoseTheirStairs) {
     std::printf("rod of %.0f mm: direction %.2f -> %.2f deg rms, place %.3f -> %.3f mm rms\n", radius,
                 before.direction_deg, after.direction_deg, before.place_mm, after.place_mm);
     EXPECT_LT(after.direction_deg, 0.6 * before.direction_deg);
-    // a thin rod gets a little thinner for it
+    // a thin rod becomes slightly thinner
     EXPECT_LT(after.place_mm, 0.1);
   }
 }
 
-// between neighbours of different classes the labels' surface is midway; ours lies between them too
+// the labels' surface is midway between neighbours of different classes; the smoothed one lies between them
+// too
 TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
   std::mt19937 random(7);
   for (const double sigma_mm : {0.5, 1.0, 3.0}) {

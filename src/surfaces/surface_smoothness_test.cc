@@ -10,8 +10,8 @@
 #include "surfaces/surface_stages.h"
 #include "surfaces/test_surface_shapes.h"
 
-/// How smooth surfaces from labels of analytic shapes are, and how true. docs/decisions/0017-surface-nets.md
-/// has the same over more places.
+/// Smoothness and accuracy of surfaces from labels of analytic shapes. docs/decisions/0017-surface-nets.md
+/// has the same measurements for more positions.
 namespace palpate {
 namespace {
 
@@ -32,7 +32,7 @@ Surface surface_of(const Vector3d& size_mm, const Vector3d& spacing,
   return std::move(prepare_surfaces(*label_bricks(labels), {test::kTissue}, {})->front().surface);
 }
 
-/// The same labels' surface as it was before there were nets (docs/decisions/0009): their distance, filtered.
+/// Surface of the same labels by the method before surface nets (docs/decisions/0009): filtered distance.
 Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels) {
   using internal::StepsSource;
   SurfaceOptions options;
@@ -57,7 +57,7 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
   return {field(position, plan.reach_mm), field(normal, plan.broad_reach_mm), s.surface.steepest()};
 }
 
-/// A half space whose surface is tilted to the slices.
+/// A half space whose surface is tilted relative to the slices.
 struct TiltedPlane {
   TiltedPlane(const Vector3d& spacing, double tilt_deg, std::mt19937& random) {
     std::uniform_real_distribution<double> within(-0.5, 0.5);
@@ -71,19 +71,19 @@ struct TiltedPlane {
                                [&](const Vector3d& p) { return (p - middle).dot(up) < 0; });
   }
 
-  Vector3d middle, up, along;  ///< along: its steepest line
+  Vector3d middle, up, along;  ///< Along: direction of steepest slope
   Volume<LabelId> labels;
 };
 
 struct Ripple {
-  double mm = 0;       ///< peak to peak, 1 mm deep: of the force over 1 N at 1 N/mm
-  double p99_deg = 0;  ///< of the normal on the surface
-  double mean_mm = 0;  ///< how far it is from its place
+  double mm = 0;       ///< Peak to peak ripple 1 mm deep: of the force over 1 N at 1 N/mm
+  double p99_deg = 0;  ///< Error of the normal on the surface
+  double mean_mm = 0;  ///< Mean displacement of the surface
   std::vector<double> deep_mm;
 };
 constexpr double kFirst_mm = -8, kLast_mm = 8, kApart_mm = 0.05;
 
-/// Along the steepest line, 16 mm long.
+/// Measured along the steepest line, 16 mm long.
 Ripple ripple_along(const Surface& s, const TiltedPlane& plane) {
   Ripple ripple;
   std::vector<double> angles, places;
@@ -106,8 +106,8 @@ Ripple ripple_of_plane(const Vector3d& spacing, double tilt_deg, std::mt19937& r
       std::move(prepare_surfaces(*label_bricks(plane.labels), {test::kTissue}, {})->front().surface), plane);
 }
 
-/// How many places between the voxels a plane has; PALPATE_TEST_SCENES says another number. Terraces of 5
-/// degrees are longer than a Gaussian along the surface, and those of 2 degrees longer than what is measured.
+/// Number of positions of a plane relative to the voxels; overridden by PALPATE_TEST_SCENES. Terraces at 5
+/// degrees are longer than a Gaussian along the surface, those at 2 degrees longer than the measured line.
 int places_of_planes(double tilt_deg) {
   const char* asked = std::getenv("PALPATE_TEST_SCENES");
   return asked != nullptr ? std::atoi(asked) : tilt_deg == 5 ? 8 : 2;
@@ -134,7 +134,7 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
       const bool coarse_and_steep = spacing == kCoarse && (tilt == 20 || tilt == 35);
       EXPECT_LE(worst.mm, tilt == 2 ? 0.35 : coarse_and_steep ? 0.15 : 0.08);
       EXPECT_LE(worst.mean_mm, 0.1);
-      // at 2 degrees labels say little about how a surface is tilted
+      // at 2 degrees labels hardly determine the tilt of a surface
       if (tilt > 2) {
         EXPECT_LE(worst.p99_deg, 2);
         EXPECT_LE(worst.mean_mm, 0.05);
@@ -143,7 +143,8 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
   }
 }
 
-/// With PALPATE_DRAW_TERRACES=FOLDER also at other tilts, and two pictures there: docs/images has them.
+/// With PALPATE_DRAW_TERRACES=FOLDER also tests other tilts and draws two pictures of each, as in
+/// docs/images.
 TEST(SurfaceSmoothness, TerracesOfTheFilteredDistanceAreGone) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -215,7 +216,7 @@ TEST(SurfaceSmoothness, SpheresStayWhereTheyAre) {
   }
 }
 
-/// What is left of a ridge's height, which rises from a plane that stands upright on the slices.
+/// Remaining fraction of the height of a ridge on a plane perpendicular to the slices.
 double kept_of_ridge(const Vector3d& spacing, bool along_slices, std::mt19937& random) {
   std::uniform_real_distribution<double> within(-0.5, 0.5);
   const Vector3d size = along_slices ? Vector3d(24, 14, 30) : Vector3d(30, 14, 24);
@@ -245,7 +246,7 @@ TEST(SurfaceSmoothness, ARidgeKeepsItsHeight) {
   std::mt19937 random(seed);
   for (const Vector3d& spacing : {kThinSlices, kEven}) {
     for (const bool along_slices : {true, false}) {
-      // some places' labels are those of a flatter ridge, too (docs/decisions/0017-surface-nets.md)
+      // in some positions the labels also fit a flatter ridge (docs/decisions/0017-surface-nets.md)
       constexpr int kRidges = 12;
       double kept = 0;
       for (int n = 0; n < kRidges; ++n) kept += kept_of_ridge(spacing, along_slices, random) / kRidges;

@@ -29,14 +29,14 @@ struct Directions {
   double radius_mm, mean_deg, p99_deg;
 };
 
-/// Angles between the normal and the radius where a ray from the centre meets the surface.
+/// Angles between the normal and the radius at the intersection of a ray from the centre with the surface.
 void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits) {
   const auto seed = test::test_seed();
   SCOPED_TRACE(testing::Message() << "seed " << seed << ", spacing " << spacing.transpose() << ", radius "
                                   << limits.radius_mm);
   std::mt19937 random(seed);
   std::vector<double> angles, errors, angles_away;
-  // as many rays of each radius: the larger a ball, the fewer are needed for them
+  // the same number of rays per radius: larger balls need fewer instances
   const int balls = limits.radius_mm <= 10 ? 6 : limits.radius_mm <= 15 ? 3 : 2;
   for (int n = 0; n < balls; ++n) {
     const test::RandomBall ball(limits.radius_mm, spacing, random);
@@ -47,7 +47,7 @@ void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits)
                        test::crossing(s.surface, ball.centre + (limits.radius_mm - 1.5) * d, d, 3);
       errors.push_back(r - limits.radius_mm);
       angles.push_back(test::angle_deg(s.surface.outward(Point<Patient>(ball.centre + r * d)).eigen(), d));
-      // where the centre of a tool of 3 mm radius is
+      // position of the centre of a tool of 3 mm radius
       angles_away.push_back(
           test::angle_deg(s.surface.outward(Point<Patient>(ball.centre + (r + 3) * d)).eigen(), d));
     }
@@ -61,7 +61,7 @@ void expect_directions(const Eigen::Vector3d& spacing, const Directions& limits)
   EXPECT_NEAR(error.mean, 0, 0.09);
   EXPECT_GT(error.at(0.001), -0.5 * spacing.maxCoeff());
   EXPECT_LT(error.at(0.999), 0.5 * spacing.maxCoeff());
-  // where the mask itself is off by half a voxel in each direction
+  // the mask itself is off by up to half a voxel in each direction
   EXPECT_GT(error.at(0), -0.5 * spacing.norm());
   EXPECT_LT(error.at(1), 0.5 * spacing.norm());
   std::printf(
@@ -83,8 +83,8 @@ TEST(Surfaces, NormalsOfBallsPointOutward) {
 
 // ---- thin tissue
 
-/// Every voxel stays on its side, which makes the components those of the mask (26 neighbours) and leaves no
-/// labelled centre outside.
+/// Every voxel stays on its side, so that the components are those of the mask (26-neighbourhood) and no
+/// labelled centre is outside.
 void expect_sides_kept(const PreparedSurface& s, const Volume<LabelId>& labels) {
   const Volume<std::int16_t> position = s.surface.position().bricks().dense();
   const GridGeometry& grid = position.geometry();
@@ -109,7 +109,7 @@ TEST(Surfaces, PlatesOfOneAndTwoVoxelsSurvive) {
   for (const Eigen::Vector3d& spacing : kClinicalSpacings) {
     for (int n = 0; n < 12; ++n) {
       const Eigen::Vector3d normal = test::random_direction(random);
-      // as thick as one or two voxels are along the normal: the grid's steps across it leave no hole then
+      // as thick as one or two voxels along the normal: then the sampling leaves no hole
       const double thick = (1 + n % 2) * normal.cwiseAbs().cwiseProduct(spacing).maxCoeff();
       const Eigen::Vector3d centre = 9 * Eigen::Vector3d::Ones() + within(random) * spacing;
       const std::array<int, 3> dims{static_cast<int>(18 / spacing[0]), static_cast<int>(18 / spacing[1]),
@@ -139,7 +139,7 @@ TEST(Surfaces, ThinPlatesPushOutwardThroughTheirDepth) {
   }
 }
 
-// ---- what a surface promises
+// ---- properties of surfaces
 
 TEST(Surfaces, StayAtTheirReachFarAwayAndHaveNoStepThere) {
   std::mt19937 random(2);
@@ -186,9 +186,9 @@ TEST(Surfaces, AreNeverSteeperThanTheySay) {
   EXPECT_GT(worst, 0.7 * s.steepest());
 }
 
-// ---- the same bits
+// ---- determinism
 
-/// What is known of a place without looking: at random places around a surface.
+/// Bounds hold at random points around a surface.
 void expect_bounds_hold(const Surface& s) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -280,7 +280,7 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
       local += prepare_patch(now, *label_bricks(labels), dirty).local ? 1 : 0;
       auto again = prepare_surface_again(now, *label_bricks(labels), dirty);
       ASSERT_TRUE(again.ok());
-      // however it came about: what counts is what was made once and what is there now
+      // independent of history: only the first version and the current labels matter
       const auto at_once = prepare_surface_again(once, *label_bricks(labels), everything);
       ASSERT_TRUE(at_once.ok());
       expect_same(*again, *at_once);
@@ -336,7 +336,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
     const Eigen::Vector3d start = ball.centre + 7.5 * d;
     const double r = test::crossing(once.surface, start, d, 3);
     const double from_cut = (start + r * d - top).norm();
-    // six cells draw along what is next to the cut, the longest of them a slice
+    // relaxation affects six cells next to the cut, the longest of them a slice thick
     if (from_cut > 3 + 6 * spacing[2] + 1) {
       ++beside;
       EXPECT_EQ(test::crossing(carved->surface, start, d, 3), r);
@@ -347,7 +347,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
   }
   EXPECT_GT(beside, 1000);
   EXPECT_GT(within, 20);
-  // a tool of 1.5 mm radius goes into the hole: the distance is that to what is left
+  // a tool of 1.5 mm radius fits into the hole: the distance is that to the remaining material
   EXPECT_GT(carved->surface.distance_mm(Point<Patient>(top)), 1.5);
 }
 
@@ -364,8 +364,8 @@ TEST(Surfaces, APatchHoldsWhatMayBeNearestToACutAndNoMore) {
   }
   const SurfacePatch patch = prepare_patch(once, *label_bricks(pitted), pit);
   ASSERT_TRUE(patch.local);
-  // over the pit up to the reach; beside it, at less than the reach from where the net is carved, what was
-  // nearest still is
+  // above the pit up to the reach; next to it, at less than the reach from the carved part of the net, the
+  // nearest point is unchanged
   for (const int a : {0, 1}) {
     const int reach = static_cast<int>(once.options.reach_mm / spacing[a]);
     EXPECT_LE(patch.position.box.size[a], pit.size[a] + 2 * reach) << a;
@@ -380,19 +380,19 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   auto labels = ball.labels;
   const auto& extent = old.workings.extent;
   const int top = extent.first[2] + extent.size[2] - 1;
-  // a side that is cut off leaves room enough
+  // cutting off one side stays within the extent
   const VoxelBox dirty{{0, 0, top}, {100, 100, 1}};
   for (int j = 0; j < labels.geometry().dims[1]; ++j) {
     for (int i = 0; i < labels.geometry().dims[0]; ++i) labels.at(i, j, top) = 0;
   }
   EXPECT_TRUE(prepare_patch(old, *label_bricks(labels), dirty).local);
 
-  // nothing changed: nothing to do
+  // no change: an empty patch
   const SurfacePatch none = prepare_patch(old, *label_bricks(ball.labels), dirty);
   EXPECT_TRUE(none.local);
   EXPECT_TRUE(none.position.values.empty());
 
-  // beyond
+  // outside the extent
   ASSERT_GT(extent.first[0], 0);
   labels = ball.labels;
   labels.at(extent.first[0] - 1, extent.first[1] + 3, extent.first[2] + 3) = kTissue;
@@ -402,7 +402,7 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   ASSERT_TRUE(again.ok());
   expect_same(*again, prepared_surfaces(labels));
 
-  // all gone
+  // all removed
   EXPECT_FALSE(prepare_surface_again(old, *label_bricks(Volume<LabelId>(labels.geometry())),
                                      {{0, 0, 0}, {100, 100, 100}})
                    .ok());
@@ -415,7 +415,7 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   test::RandomBall ball(6, {0.5, 0.5, 1}, random);
   const auto clean = prepared_surfaces(ball.labels);
   ball.labels.at(0, 0, 0) = kTissue;
-  ball.labels.at(1, 1, 1) = kTissue;  // by a corner
+  ball.labels.at(1, 1, 1) = kTissue;  // connected by a corner
   ball.labels.at(0, 5, 0) = kTissue;
 
   const PreparedSurface kept = prepared_surfaces(ball.labels);
@@ -452,7 +452,7 @@ TEST(Surfaces, RefuseWhatCannotBe) {
   EXPECT_FALSE(prepare_surfaces(*label_bricks(labels), {0}, {}).ok());
   EXPECT_FALSE(prepare_surfaces(*label_bricks(labels), {kTissue, 3}, {}).ok());
   EXPECT_TRUE(prepare_surfaces(*label_bricks(labels), {}, {}).ok());
-  // a structure that fills its volume ends where the volume does
+  // a structure that fills its volume ends at the volume's border
   const PreparedSurface full = prepared_surfaces(labels);
   EXPECT_LT(full.surface.distance_mm({1.5, 1.5, 1.5}), 0);
   EXPECT_GT(full.surface.distance_mm({1.5, 1.5, -1}), 0);

@@ -16,7 +16,7 @@ inline GridGeometry surface_grid(const std::array<int, 3>& dims, const Eigen::Ve
   return grid;
 }
 
-/// kTissue where a voxel's centre is inside, by its place in mm.
+/// Labels with kTissue where a voxel's centre, in mm, is inside.
 inline Volume<LabelId> label_where(const GridGeometry& grid,
                                    const std::function<bool(const Eigen::Vector3d&)>& inside) {
   Volume<LabelId> labels(grid);
@@ -30,7 +30,7 @@ inline Volume<LabelId> label_where(const GridGeometry& grid,
   return labels;
 }
 
-/// Wide enough for a ball, with its centre somewhere within a voxel of the middle.
+/// Volume large enough for a ball, with its centre at random within a voxel of the middle.
 struct RandomBall {
   RandomBall(double radius, const Eigen::Vector3d& spacing_mm, std::mt19937& random) : radius_mm(radius) {
     std::uniform_real_distribution<double> within(-0.5, 0.5);
@@ -55,7 +55,7 @@ inline Eigen::Vector3d random_direction(std::mt19937& random) {
   return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
 }
 
-/// The first place along a way, start + s * direction with s in 0 ... length, where the position is 0.
+/// First zero crossing of the position along a ray: s in 0 ... length at start + s * direction.
 inline double crossing(const Surface& surface, const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
                        double length) {
   const auto at = [&](double s) { return surface.distance_mm(Point<Patient>(start + s * direction)); };
@@ -74,7 +74,7 @@ inline double angle_deg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / 3.14159265358979323846;
 }
 
-/// Mean and percentiles of what was measured.
+/// Mean and percentiles of measured values.
 struct Spread {
   explicit Spread(std::vector<double> measured) : values(std::move(measured)) {
     std::sort(values.begin(), values.end());

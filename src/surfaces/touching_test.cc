@@ -24,7 +24,7 @@ Volume<LabelId> random_labels(std::mt19937& random, int most_dim) {
   return labels;
 }
 
-// by every voxel's neighbours
+// oracle: examines every voxel's neighbours
 bool touch(const Volume<LabelId>& labels, LabelId a, LabelId b, Common common) {
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
@@ -64,8 +64,8 @@ TEST(TouchingGroups, AreChainsOfThoseThatTouch) {
   GridGeometry grid;
   grid.dims = {12, 3, 3};
   Volume<LabelId> labels(grid);
-  // 5 and 2 by a face, 2 and 9 by a corner, 4 alone, 7 beside 4 but a voxel away, 1 touches 4 and is not
-  // asked for
+  // 5 and 2 touch by a face, 2 and 9 by a corner; 4 is isolated, 7 is one voxel away from 4; 1 touches 4 and
+  // is not requested
   labels.at(0, 0, 0) = 5;
   labels.at(1, 0, 0) = 2;
   labels.at(2, 1, 1) = 9;
@@ -81,7 +81,7 @@ TEST(TouchingGroups, AreChainsOfThoseThatTouch) {
 }
 
 TEST(OuterSurfaces, HaveNoCrackWhereStructuresMeet) {
-  // the flat top of a block whose labels change along a plane
+  // flat top of a block whose labels change along a plane
   GridGeometry grid;
   grid.dims = {80, 80, 24};
   grid.spacing_mm = {0.36, 0.36, 0.7};
@@ -104,13 +104,13 @@ TEST(OuterSurfaces, HaveNoCrackWhereStructuresMeet) {
   }
   EXPECT_GT(own_dip_mm, 0.3);
   EXPECT_LT(outer_dip_mm, 0.1);
-  // as if there were one label alone
+  // the same as for a single label
   Volume<LabelId> one = labels;
   for (LabelId& label : one.voxels()) label = label == 0 ? LabelId{0} : LabelId{3};
   const auto whole = prepare_surfaces(*label_bricks(one), {3}, {});
   ASSERT_TRUE(whole.ok());
   EXPECT_EQ(outer->front()->content_hash(), whole->front().surface.content_hash());
-  // one that touches nobody is as it was
+  // a group of one structure that touches none is unchanged
   const auto alone = prepare_outer_surfaces(*label_bricks(labels), {{8}}, {});
   ASSERT_TRUE(alone.ok());
   EXPECT_EQ(alone->front()->content_hash(), (*own)[1].surface.content_hash());

@@ -18,11 +18,11 @@
 namespace palpate {
 namespace {
 
-// steps until a cell that was full and is gone has followed
+// number of steps until a full cell that was removed has reached its target
 const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.most_fill_change)) + 2;
 constexpr LabelId kSoftLabel = 1, kFirmLabel = 2, kBoneLabel = 3, kKeptLabel = 4;
 
-// A layer of two tissues on bone, with a cord that is kept; voxels of 1 x 0.9 x 1.1 mm, air above z = 12.
+// A layer of two tissues on bone, with a protected cord; voxels of 1 x 0.9 x 1.1 mm, air above z = 12.
 std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
   auto model = std::make_shared<Model>();
   model->tissue_law = TissueLaw::kElastic;
@@ -76,7 +76,7 @@ void expect_same(const ElasticGrid& grid, const ElasticGrid& whole) {
   EXPECT_EQ(grid.held(), whole.held());
 }
 
-// in the grid's own axes
+// sweep given in the grid's own axes
 Cut sweep_in(const Model& model, const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius_mm,
              std::uint32_t stroke = 0) {
   const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
@@ -165,7 +165,7 @@ TEST(ChangedVoxels, AreThoseThatDiffer) {
   }
 }
 
-/// Cells and a solver that follow, beside what is laid whole of the same model.
+/// Cells and a solver that follow changes, compared with new ones for the same model.
 class CarvedCellsOf : public ::testing::Test {
  protected:
   void begin(const std::shared_ptr<const Model>& model, const ElasticBox& box) {
@@ -208,7 +208,7 @@ class CarvedCellsOf : public ::testing::Test {
     fresh.forces(u, g);
     expect_same_bits(f.values, g.values, "forces");
   }
-  // under a patch at the surface there, from scratch
+  // compliance under a patch at the surface, solved from scratch
   double compliance(const CarvedCells& cells, ElasticSolver& solver, const Point<Patient>& at,
                     ElasticSolution& told) const {
     const PressurePatch patch(cells.grid(), at, Vector<Patient>(box_.axes.col(2)), 3);
@@ -249,7 +249,7 @@ TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
                                        begin_at + Eigen::Vector3d(way(random), way(random), way(random)),
                                        radius(random), static_cast<std::uint32_t>(n + 1))});
       }
-      // some are cut on before they have followed
+      // some are cut further before they have reached their target
       if (random() % 2 == 0)
         step();
       else {
@@ -292,7 +292,7 @@ TEST_F(CarvedCellsOf, BoneThatIsTakenAwayLetsGoOfWhatIsOnIt) {
   const Point<Patient> over = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(14, 12, 21.5);
   ElasticSolution told;
   const double firm = compliance(*cells_, *solver_, over, told);
-  // undercut: the bone below alone
+  // undercut: only the bone below
   for (double y = 6; y < 20; y += 2) model_ = cut(model_, {sweep_in(*model_, {6, y, 2}, {22, y, 2}, 2.6)});
   settle();
   expect_as_whole();
@@ -309,7 +309,7 @@ TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
     return std::count(u.values.begin(), u.values.end(), 0.0f);
   };
   const auto before = held_nodes();
-  // a plane beneath, and one on each side: a block that is part of nothing
+  // a plane beneath and one on each side leave a disconnected block
   std::vector<Cut> cuts;
   for (double y = 5; y <= 21; y += 1) cuts.push_back(sweep_in(*model, {5, y, 12}, {18, y, 12}, 1.7, 1));
   for (double z = 12; z <= 24; z += 1) {
@@ -360,7 +360,7 @@ TEST(ElasticCellOnItsWay, ChangesByNoMoreThanItMay) {
   EXPECT_FLOAT_EQ(falls.mu, 1.6f);
   EXPECT_FLOAT_EQ(falls.lambda, 4.8f);
   EXPECT_EQ(toward({Matter::kSoft, 0.15f, 0.3f, 0.9f}, none, 0.2), none);
-  // nothing is left to hang on next to no stiffness
+  // no cell is left with almost no stiffness
   EXPECT_FLOAT_EQ(toward({Matter::kSoft, 0.2000001f, 0.4f, 1.2f}, none, 0.2).fill, 0.02f);
   const ElasticCell rises = toward(none, half, 0.2);
   EXPECT_EQ(rises.matter, Matter::kSoft);

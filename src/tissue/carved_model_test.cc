@@ -36,7 +36,7 @@ Model one_body() {
   return testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, kShell_mm), kShell_mm);
 }
 
-// a groove by a ball of 4 mm whose lowest place is so far below the outer surface, beside x = 0
+// groove by a ball of 4 mm whose lowest point is `below_mm` below the outer surface, at `x_mm`
 std::vector<Cut> groove(double below_mm, double x_mm) {
   const double z = kBoneRadius_mm + kShell_mm + 2 - below_mm;
   return {{0, {{x_mm, -4, z}, {x_mm, 0, z}, 2}}, {1, {{x_mm, 0, z}, {x_mm, 4, z}, 2}}};
@@ -64,7 +64,7 @@ TEST(CarvedModel, EverySurfaceIsCarvedAndTheRestIsShared) {
     EXPECT_EQ(next->surfaces[s].surface->content_hash(), alone.surface()->content_hash()) << s;
   }
   EXPECT_NE(next->surfaces[2].surface, model.surfaces[2].surface);
-  // nothing within reach: what is there is the very same
+  // nothing in range: the surfaces are the same objects
   const auto far = none->with(std::vector<Cut>{{0, {{25, 25, 25}, {26, 25, 25}, 2}}})->taken_from(model);
   EXPECT_EQ(far->surfaces[2].surface, model.surfaces[2].surface);
   EXPECT_EQ(far->surfaces[2].made, nullptr);
@@ -99,7 +99,7 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
 
 TEST(CarvedModel, DistancesAreToWhatIsLeft) {
   Model model = one_body();
-  // the bone by the surface that is leant on, and both by ones that nobody leans on
+  // the bone by its contact surface, and both structures by surfaces without contact
   const auto own = [&](double radius_mm) {
     const SignedField field = testing::sampled_distance(
         model.labels->geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - radius_mm; }, 4);
@@ -119,7 +119,7 @@ TEST(CarvedModel, DistancesAreToWhatIsLeft) {
   const auto none = std::make_shared<const Carving>(model);
   const auto carving = none->with(groove(2, -6));
   const auto cut = carving->taken_from(model);
-  // in the middle of the ball that cut, all around is gone by its radius
+  // at the centre of the ball that cut, everything within its radius is removed
   const double z = outer_mm;
   EXPECT_NEAR(at(model, 1, z), std::hypot(6, z) - outer_mm, 0.05);
   EXPECT_NEAR(at(*cut, 1, z), 2, 0.3);
@@ -129,7 +129,7 @@ TEST(CarvedModel, DistancesAreToWhatIsLeft) {
   for (std::size_t s = 0; s < 3; ++s) EXPECT_EQ(at(*back, s, z), at(model, s, z)) << s;
 }
 
-// a model with the cuts of some strokes taken from it, all at once
+// a model with the cuts of several strokes applied at once
 std::shared_ptr<const Model> cut_at_once(const Model& model, const std::vector<std::vector<Cut>>& strokes) {
   std::vector<Cut> cuts;
   for (const std::vector<Cut>& stroke : strokes) cuts.insert(cuts.end(), stroke.begin(), stroke.end());
@@ -153,7 +153,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   std::uint64_t swept = 0;
   for (int n = 0; n < 25; ++n) {
     if (const int action = below(4); action < 2) {
-      // in one version or two, the second of which goes on with the stroke
+      // in one version or two, the second of which continues the stroke
       std::vector<Cut> cuts = groove(1 + below(2), 4.0 * below(4) - 8);
       for (Cut& cut : cuts) cut.sweep.stroke = stroke;
       ++stroke;
@@ -175,7 +175,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     }
     EXPECT_EQ(carving->strokes_to_undo(), done.size());
     EXPECT_EQ(carving->strokes_to_redo(), undone.size());
-    // what a burr has swept is known to be carved, whatever becomes of it
+    // swept material is reported as carved even after an undo
     EXPECT_EQ(carving->sweeps(0) + carving->sweeps(1), swept);
     felt = carving->taken_from(*felt);
     const auto at_once = cut_at_once(model, done);
@@ -196,14 +196,14 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   EXPECT_EQ(felt->labels, model.labels);
 }
 
-// What one of several readers was told of a version at a place, and by a slice of its labels.
+// Values that one of several readers found in a version at a point and in a slice of its labels.
 struct Told {
   std::uint32_t edits = 0;
   Point<Patient> at;
   int k = 0;
   std::array<double, 2> distance_mm{};
   std::array<Vector<Patient>, 2> outward;
-  std::size_t material = 0;  // of the slice, in voxels
+  std::size_t material = 0;  // voxels in the slice
 
   bool operator==(const Told&) const = default;
 };
@@ -224,7 +224,7 @@ Told told_by(const Model& model, std::uint32_t edits, const Point<Patient>& at, 
   return told;
 }
 
-// The last version, for readers of other threads.
+// The current version, for readers on other threads.
 class Published {
  public:
   explicit Published(std::shared_ptr<const Model> model) : model_(std::move(model)) {}
@@ -254,7 +254,7 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   std::array<std::atomic<std::uint32_t>, kReaders> seen{};
   std::array<std::vector<Told>, kReaders> told;
 
-  // each holds some versions and drops the oldest, which may be the last one to hold its bricks
+  // each holds some versions and releases the oldest, possibly the last owner of its bricks
   const auto read = [&](std::size_t reader) {
     std::mt19937 random(seed + 1 + static_cast<unsigned>(reader));
     std::uniform_real_distribution<double> across(-12, 12), height(-4, 4);
@@ -277,7 +277,7 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   std::vector<std::thread> readers;
   for (std::size_t reader = 0; reader < kReaders; ++reader) readers.emplace_back(read, reader);
 
-  // grooves at random places; each fifth version undoes a stroke
+  // grooves at random positions; each fifth version undoes a stroke
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> below_mm(1, 3), place_mm(-8, 8);
   std::vector<std::vector<Cut>> strokes;
@@ -297,14 +297,14 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
     felt = carving->taken_from(*felt);
     strokes_of.push_back(strokes);
     published.set(felt);
-    // all of them read while more is carved, however busy the machine
+    // all readers have seen recent versions while more is carved, even on a busy machine
     for (const auto& edits : seen)
       while (edits + 2 < n) std::this_thread::yield();
   }
   done = true;
   for (std::thread& reader : readers) reader.join();
 
-  // as the same strokes carved at once are read by one thread
+  // values read by one thread after carving the same strokes at once
   std::vector<std::shared_ptr<const Model>> oracle;
   for (const auto& of : strokes_of) oracle.push_back(cut_at_once(*model, of));
   for (const std::vector<Told>& by_one : told) {
@@ -317,7 +317,7 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   }
 }
 
-// MiB at most, while so many versions were made, each of which was let go for the next
+// peak memory in MiB while a number of versions is made, each released when the next is ready
 double peak_of_versions(const Model& model, unsigned versions) {
   return test::peak_memory_of([&] {
     std::mt19937 random(5);
@@ -325,7 +325,7 @@ double peak_of_versions(const Model& model, unsigned versions) {
     std::shared_ptr<const Model> felt = std::make_shared<const Model>(model);
     auto carving = std::make_shared<const Carving>(model);
     for (unsigned n = 0; n < versions; ++n) {
-      // strokes of two versions; each seventh action undoes one
+      // strokes of two versions; each seventh action is an undo
       if (n % 7 == 6 && carving->strokes_to_undo() > 0) {
         carving = carving->undone();
       } else {
@@ -341,11 +341,11 @@ double peak_of_versions(const Model& model, unsigned versions) {
 }
 
 TEST(CarvedModel, VersionsDoNotAddUp) {
-  // PALPATE_TEST_VERSIONS=10000 is the whole campaign
+  // PALPATE_TEST_VERSIONS=10000 runs the whole campaign
   const char* const asked = std::getenv("PALPATE_TEST_VERSIONS");
   const unsigned many = asked != nullptr ? static_cast<unsigned>(std::atoi(asked)) : 1200;
   const Model model = one_body();
-  // until the groove is cut everywhere and all strokes are there that are kept
+  // until the groove is cut everywhere and the undo history is full
   const double some_MiB = peak_of_versions(model, many / 2), all_MiB = peak_of_versions(model, many);
   std::printf("%u versions: %.1f MiB, %u: %.1f MiB\n", many / 2, some_MiB, many, all_MiB);
   ASSERT_GT(some_MiB, 0);
@@ -355,7 +355,7 @@ TEST(CarvedModel, VersionsDoNotAddUp) {
 TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
   const Model model = one_body();
   const std::vector<Cut> cuts = groove(1, 0);
-  // the rest of a stroke, which was undone before it came
+  // the rest of a stroke that was undone before the rest arrived
   const auto rest = Carving(model).with(std::span(cuts).first(1))->undone()->with(std::span(cuts).last(1));
   EXPECT_EQ(rest->strokes_to_undo(), 1u);
   EXPECT_EQ(rest->strokes_to_redo(), 0u);
@@ -369,7 +369,7 @@ TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
   std::vector<Cut> first;
   for (std::uint32_t stroke = 0; stroke < kMostUndone + 2; ++stroke) {
     Cut cut = groove(1, 0)[0];
-    // by less and less, so that hardly anything is to be carved
+    // decreasing radius, so that hardly anything is carved
     cut.sweep.radius_mm = stroke < 2 ? 2 : 0.5;
     cut.sweep.stroke = stroke;
     if (stroke < 2) first.push_back(cut);
@@ -404,7 +404,7 @@ TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
 }
 
 TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
-  // where x < 0 the shell is cartilage
+  // the shell is cartilage where x < 0
   const Model model = one_body();
   const auto owner = [](const Model& of, double x_mm, double below_mm) {
     const double r = kBoneRadius_mm + kShell_mm - below_mm;

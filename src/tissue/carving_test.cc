@@ -27,11 +27,11 @@ std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
   for (int n = 0; n < count; ++n) {
     Sweep sweep;
     sweep.from = Point<Patient>(place(random), place(random), place(random));
-    // some stand still
+    // some are stationary
     sweep.to = sweep.from;
     if (n % 3 != 0) sweep.to += Vector<Patient>(step(random), step(random), step(random));
     sweep.radius_mm = radius(random);
-    // and some are of cylinders and cones
+    // some are cylinders and cones
     if (n % 2 != 0) {
       sweep.axis_mm = {step(random), step(random), 2 * step(random)};
       sweep.end_radius_mm = n % 4 == 1 ? sweep.radius_mm : radius(random);
@@ -41,7 +41,7 @@ std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
   return sweeps;
 }
 
-// as CarvedSurface's docstring says it, one voxel after the other
+// implementation of CarvedSurface's documentation, voxel by voxel
 class CarvingOracle {
  public:
   CarvingOracle(const SignedField& made, std::span<const Sweep> sweeps)
@@ -53,7 +53,7 @@ class CarvingOracle {
           const Eigen::Vector3d at = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
           double depth_mm = -kReach_mm;
           for (const Sweep& sweep : sweeps) {
-            // of which sweep_test.cc has an oracle
+            // sweep_test.cc has an oracle for these
             if (!sweep.is_of_ball()) {
               depth_mm = std::max(depth_mm, SweptShape(sweep).depth_mm(Point<Patient>(at)));
               continue;
@@ -81,7 +81,7 @@ class CarvingOracle {
   }
 
  private:
-  // whether a corner of the cells around is inside
+  // whether a corner of the surrounding cells is inside
   bool is_beside(const std::vector<int>& values, int i, int j, int k) const {
     for (int c = std::max(0, k - 1); c <= std::min(k + 1, grid_.dims[2] - 1); ++c)
       for (int b = std::max(0, j - 1); b <= std::min(j + 1, grid_.dims[1] - 1); ++b)
@@ -93,7 +93,7 @@ class CarvingOracle {
     int i, j, k;
     double distance_mm;
   };
-  // the voxels that distances are told from
+  // voxels from which distances are measured
   std::vector<Near> near(const std::vector<int>& values) const {
     std::vector<Near> near;
     for (int k = 0; k < grid_.dims[2]; ++k)
@@ -137,7 +137,7 @@ TEST(Carving, EveryVoxelIsAsItIsSaid) {
       for (int j = 0; j < grid.dims[1]; ++j)
         for (int i = 0; i < grid.dims[0]; ++i) {
           const int expected = oracle.at(i, j, k), is = voxels.at(i, j, k);
-          // the oracle reckons in double, and a step is rounded
+          // the oracle computes in double, and steps are rounded
           EXPECT_LE(std::abs(is - expected), 1) << i << ' ' << j << ' ' << k;
           if (is != expected) ++different;
           if (is != made->position().bricks().at(i, j, k)) ++moved;
@@ -177,7 +177,7 @@ TEST(Carving, WhereNothingIsTakenNothingChanges) {
   const CarvedSurface touched = whole.with(beside);
   EXPECT_EQ(touched.surface()->content_hash(), made->content_hash());
 
-  // beyond the reach of a cut, the same bricks
+  // outside the range of a cut, the same bricks
   const std::vector<Sweep> cut{{Point<Patient>(6, 0, 0), Point<Patient>(6, 1, 0), 1}};
   const CarvedSurface carved = whole.with(cut);
   EXPECT_NE(carved.surface()->content_hash(), made->content_hash());
@@ -215,7 +215,7 @@ const Case kCases[] = {
     {{0.3, 0.3, 0.3}, 0}, {{0.6, 0.6, 0.6}, 0}, {{0.6, 0.6, 0.6}, 0.5}, {{0.36, 0.36, 0.7}, 0.8}};
 
 TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
-  // passes side by side, as a hand mills a bed: the ball's centre is free at the height of the passes
+  // parallel passes, as in milling a bed: the ball's centre is free at the height of the passes
   const double radius_mm = 2, apart_mm = 0.4;
   for (const auto& [spacing_mm, turn] : kCases) {
     const auto made = testing::surface_to_carve(18, spacing_mm, slab(-5, 0, 9), testing::turned_by(turn));
@@ -246,7 +246,7 @@ TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
 TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
   const double radius_mm = 2.5;
   for (const auto& [spacing_mm, turn] : kCases) {
-    // through a plate, whose middle has no direction of its own
+    // through a plate, whose middle plane has no gradient
     const auto made = testing::surface_to_carve(18, spacing_mm, slab(-2, 2, 9), testing::turned_by(turn));
     const std::vector<Sweep> sweep{{Point<Patient>(0.2, 0.1, 6), Point<Patient>(0.2, 0.1, -6), radius_mm}};
     const CarvedSurface carved = CarvedSurface(made).with(sweep);
@@ -281,7 +281,7 @@ TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   const auto made = testing::surface_to_carve(10, {0.5, 0.6, 0.8}, ball, testing::turned_by(0.3));
   const CarvedSurface carved = CarvedSurface(made).with(random_sweeps(random, 12));
   const Surface& surface = *carved.surface();
-  // where three sweeps meet in a point, each axis may climb by itself
+  // where three sweeps meet in a point, each axis may contribute its slope
   EXPECT_LT(surface.steepest(), 2.2);
   std::uniform_real_distribution<double> place(-9, 9);
   for (int n = 0; n < 20000; ++n) {
@@ -300,7 +300,7 @@ TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
   const Eigen::Vector3d spacing_mm(0.5, 0.6, 0.7);
   const auto made = testing::surface_to_carve(12, spacing_mm, ball, testing::turned_by(0.4));
   const Eigen::Vector3d middle(3, -2, 4);
-  // on a grid of its own that holds all of it
+  // on a grid of its own that contains all of it
   const auto kept = testing::surface_to_carve(
       12, Eigen::Vector3d::Constant(0.5), [&](const Eigen::Vector3d& p) { return (p - middle).norm() - 3; });
   std::vector<Sweep> sweeps = random_sweeps(random, 30);
@@ -315,7 +315,7 @@ TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
   int kept_places = 0, saved = 0, gone = 0;
   for (int n = 0; n < 100'000; ++n) {
     const Point<Patient> at(place(random), place(random), place(random));
-    // a cell's length on either side of the kept one's surface anything may be
+    // within a cell's length of the protected surface the result is not specified
     const double from_kept_mm = kept->distance_mm(at), cell_mm = spacing_mm.norm();
     const bool was = made->distance_mm(at) < -0.05, is = but.surface()->distance_mm(at) < 0;
     if (from_kept_mm < -0.3 && was) {

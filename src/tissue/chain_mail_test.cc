@@ -20,7 +20,7 @@ using testing::soft_block;
 constexpr double kEdge_mm = 1;
 constexpr int kMailCells = 16;
 
-// z up; soft below the surface, z = kMailCells - 4, and rigid below `bone`
+// z up; soft below the surface z = kMailCells - 4, rigid below `bone_mm`
 ElasticGrid tissue_on_bone(double bone_mm) {
   ElasticBox box;
   box.cell_mm = kEdge_mm;
@@ -44,7 +44,7 @@ Eigen::Vector3d moved_mm(const ChainMail& mail, int i, int j, int k) {
   return moved;
 }
 
-// By how much a link is beyond its bounds at most, between nodes that are there, and of which one moved.
+// Largest violation of a link's bounds, over links between existing nodes at least one of which was moved.
 double most_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
   double most = 0;
   const auto is_there = [&](int i, int j, int k) { return (grid.held(i, j, k) & ElasticGrid::kNoNode) == 0; };
@@ -67,11 +67,11 @@ TEST(ChainMail, BelowADentEachLinkTakesItsShareAndNoMore) {
   const ElasticGrid grid = tissue_on_bone(1);
   ChainMail mail(grid);
   mail.press(dent_of(1.8));
-  // straight below the tool's tip each link gives half its length
+  // directly below the tool's tip each link contributes half its length
   for (int below = 0; below < 6; ++below)
     EXPECT_NEAR(moved_mm(mail, 8, 8, kMailCells - 4 - below).z(), -std::max(0.0, 1.8 - 0.5 * below), 1e-6)
         << below;
-  // the tool's sphere, and where that is steeper than links shear, half a length each
+  // the tool's sphere and, where that is steeper than links can shear, half a length per link
   const double first_mm = 1.8 - (3 - std::sqrt(8.0));
   for (int aside = 1; aside < 5; ++aside)
     EXPECT_NEAR(-moved_mm(mail, 8 + aside, 8, kMailCells - 4).z(),
@@ -123,7 +123,7 @@ TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
     EXPECT_NEAR(moved_mm(mail, 8, 8 + aside, top).z(), right, 1e-3);
     EXPECT_LT(right, -0.05);
   }
-  // where no bound is met it is as its neighbours are in the mean
+  // where no bound is active, the mean of its neighbours
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis)
     for (const int way : {-1, 1})
@@ -132,7 +132,7 @@ TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
 }
 
 TEST(ChainMail, BoneStaysWhereThereIsNoRoom) {
-  // 2 mm of tissue, pressed by 1.8
+  // 2 mm of tissue, compressed by 1.8 mm
   const ElasticGrid grid = tissue_on_bone(kSurface_mm - 2);
   ChainMail mail(grid);
   mail.press(dent_of(1.8));
@@ -162,7 +162,7 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
     ASSERT_NE(mail, nullptr);
     boxes += mail->box().corner != corner;
     corner = mail->box().corner;
-    // the nodes that the tool moved are as deep as it is
+    // nodes moved by the tool are as deep as the tool
     EXPECT_NEAR(mail->most_moved_mm(), 2, 0.35) << x;
   }
   EXPECT_GT(boxes, 3);

@@ -13,7 +13,7 @@ namespace {
 
 using testing::soft;
 
-/// A nodule in a layer on bone, along the patient's axes turned by `axes`.
+/// A nodule in a layer on bone, in axes rotated by `axes` relative to the patient's.
 class TissueWithNodule : public ::testing::Test {
  protected:
   TissueWithNodule() : grid_(make()), solver_(grid_), u_(grid_.layout()), load_(grid_.layout()) {}
@@ -83,7 +83,7 @@ TEST_F(TissueWithNodule, ForceGrowsWithDepthAndOverTheNodule) {
   EXPECT_GT(press(11, 10, 1).force_N, 1.1 * press(4, 10, 1).force_N);
 }
 
-// F2 / 2 grad W is how the energy falls along the surface: its integral is the energy's difference
+// F2 / 2 grad W is the decrease of the energy along the surface: its integral is the energy difference
 TEST_F(TissueWithNodule, TheForceAlongTheSurfaceIsTheGradientOfTheCompliance) {
   const double x0 = 6.2, x1 = 9.2, force_N = 0.05;
   constexpr int kSteps = 12;

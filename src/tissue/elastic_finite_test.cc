@@ -18,7 +18,7 @@ namespace {
 using testing::SlowElastic;
 using testing::soft;
 
-/// What is stored in a cell, in double, with the hourglass modes of the linear one.
+/// Energy of a cell, in double, with the hourglass modes of the linear element.
 double cell_energy(double mu, double lambda, double h, const Eigen::Matrix<double, 24, 1>& u) {
   Eigen::Matrix3d f = Eigen::Matrix3d::Identity();
   for (int corner = 0; corner < 8; ++corner)
@@ -27,7 +27,7 @@ double cell_energy(double mu, double lambda, double h, const Eigen::Matrix<doubl
   const double volume = f.determinant();
   const double density =
       mu / 2 * (f.squaredNorm() - 3) - mu * (volume - 1) + (lambda + mu) / 2 * std::pow(volume - 1, 2);
-  // of the linear cell what even strains leave
+  // hourglass part of the linear cell: zero for uniform strain
   const testing::CellStiffness all = testing::cell_stiffness(mu, lambda, h),
                                even = testing::cell_stiffness(mu, lambda, h, 0);
   return density * h * h * h + u.dot((all - even) * u) / 2;
@@ -163,7 +163,7 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
   FiniteSettings settings;
   settings.most_steps = 40;
   settings.most_iterations = 60;
-  settings.tolerance = 2e-5;  // about what floats hold
+  settings.tolerance = 2e-5;  // about the precision of floats
   EXPECT_TRUE(solver.solve_finite(load, besides, settings, held).converged);
   EXPECT_TRUE(ElasticSolver(grid).solve_finite(load, by_grid, settings).converged);
   for (std::size_t n = 0; n < by_grid.values.size(); ++n)
@@ -186,7 +186,7 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
     }
   }
-  // and back
+  // back to rest
   std::fill(load.values.begin(), load.values.end(), 0.0f);
   settings.most_steps = 60;
   settings.tolerance = 1e-6;

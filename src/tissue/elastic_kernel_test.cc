@@ -20,7 +20,7 @@ using testing::cell_stiffness;
 using testing::CellStiffness;
 using testing::SlowElastic;
 
-/// What K of a grid needs, held nodes by number.
+/// Operator of a grid's data, with held nodes.
 internal::elastic::Operator operator_of(const ElasticGrid& grid) {
   const ElasticLayout& layout = grid.layout();
   std::vector<std::uint8_t> held(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
@@ -38,7 +38,7 @@ ElasticField random_field(const ElasticGrid& grid, std::mt19937& random) {
   return field;
 }
 
-/// Rows shorter than a vector, as long, longer; single cells along an axis.
+/// Rows shorter than a vector, equal, and longer; single cells along an axis.
 const std::array<int, 3> kShapes[] = {{1, 1, 1},  {2, 1, 3},  {14, 3, 1}, {15, 2, 2},
                                       {16, 1, 2}, {31, 4, 3}, {33, 3, 4}, {7, 6, 5}};
 
@@ -88,7 +88,7 @@ TEST(ElasticKernel, ItsDiagonalIsTheDenseElements) {
   });
 }
 
-// the element itself: no force of a rigid motion, exact energy of any even strain, no mode without stiffness
+// the element itself: no force for rigid motion, exact energy for uniform strain, no zero-energy modes
 TEST(ElasticKernel, TheDenseElementIsRight) {
   const double mu = 3, lambda = 20, h = 0.8;
   const CellStiffness k = cell_stiffness(mu, lambda, h);
@@ -110,7 +110,7 @@ TEST(ElasticKernel, TheDenseElementIsRight) {
 }
 
 TEST(ElasticKernel, CoarseCellsAreTheSameBody) {
-  // an even strain has the same energy on the coarse grid, whatever the moduli
+  // a uniform strain has the same energy on the coarse grid, for any moduli
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> unit(0, 1);
   const ElasticGrid grid(

@@ -14,7 +14,8 @@
 #include "tissue/test_elastic_oracle.h"
 #include "tissue/test_elastic_scenes.h"
 
-// Against a dense solution, and as physics; the analytic cases are src/verification/tissue_cases_test.cc.
+// Comparison with dense solutions and physical properties; the analytic cases are in
+// src/verification/tissue_cases_test.cc.
 
 namespace palpate {
 namespace {
@@ -50,7 +51,7 @@ TEST(ElasticSolver, IsTheDenseSolution) {
       right[3 * slow.number(i, j, k) + c] = load.values[grid.layout().node(i, j, k, c)] =
           static_cast<float>(0.01 * unit(random));
   });
-  // columns of the dense K, the identity where nodes are held
+  // columns of the dense K, identity where nodes are held
   Eigen::MatrixXd dense(slow.values(), slow.values());
   for (int n = 0; n < slow.values(); ++n) {
     dense.col(n) = slow.apply(Eigen::VectorXd::Unit(slow.values(), n));
@@ -89,7 +90,7 @@ TEST(ElasticSolver, GoesOnFromTheLastSolution) {
   press_down(grid, 7, 7, 0.01f, load);
   EXPECT_GT(solver.solve(load, u, kMany, 1e-4).iterations, 0);
   EXPECT_EQ(solver.solve(load, u, kMany, 1.1e-4).iterations, 0);
-  // and back to rest
+  // back to rest
   std::fill(load.values.begin(), load.values.end(), 0.0f);
   const float pressed = u.values[grid.layout().node(7, 7, 8, 2)];
   solver.solve(load, u, 30, 0);
@@ -131,7 +132,7 @@ TEST(ElasticSolver, ForcesAreInBalanceAndWorkIsEnergy) {
   load.values[grid.layout().node(3, 4, 6, 0)] = 0.004f;
   solver.solve(load, u, kMany, 1e-6);
   solver.forces(u, force);
-  // what holds it takes up what presses it
+  // reaction forces balance the load
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double work = 0, energy = 0;
   SlowElastic(grid).for_each_node([&](int i, int j, int k) {
@@ -185,7 +186,7 @@ TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
 }
 
 TEST(ElasticGrid, WhatNothingHoldsIsHeld) {
-  // a block in the air beside one on bone
+  // a block in the air next to one on bone
   ElasticGrid grid = on_bone({12, 4, 4}, [](const Point<Patient>& p) {
     return p.x() < 5 || (p.x() > 7 && p.z() > 1) ? soft(10, 0.4) : ElasticMaterial{};
   });
@@ -196,7 +197,7 @@ TEST(ElasticGrid, WhatNothingHoldsIsHeld) {
 }
 
 TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
-  // bone below, then two tissues whose seam is in the middle of a cell; oblique and left-handed
+  // bone below, then two tissues with an interface in the middle of a cell; oblique and left-handed axes
   GridGeometry geometry = test::make_grid({8, 8, 12}, 3);
   geometry.spacing_mm = {0.5, 0.5, 0.5};
   Volume<LabelId> labels(geometry);
@@ -223,7 +224,7 @@ TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
   EXPECT_NEAR(youngs_kPa(4), 20, 1e-3);
   EXPECT_NEAR(grid->fill()[grid->layout().cell(1, 2, 4)], 0.5, 1e-6);
   EXPECT_EQ(grid->mu()[grid->layout().cell(1, 2, 5)], 0);
-  // where it stands in the patient
+  // position in the patient
   const Point<Patient> corner = geometry.X_PatientVoxel() * Point<Voxel>(7.5, 7.5, 11.5);
   EXPECT_LE((grid->box().patient({4, 4, 6}) - corner).norm(), 1e-9);
 }

@@ -13,7 +13,7 @@ namespace {
 
 using testing::kBone;
 
-// what is below z = 0 is protected; told of to 4 mm from it
+// material below z = 0 is protected, with distances up to 4 mm
 Model spared_below() {
   Model model = testing::ball_model({3, 3, 3});
   const auto above = [](const Eigen::Vector3d& p) { return p.z(); };
@@ -48,7 +48,7 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   TickRecord tick = held_at(3);
   meter.see(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
-  // every device has the burr, where there are several
+  // with several devices, each has the burr
   tick = held_at(3.5);
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
@@ -70,7 +70,7 @@ TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
   NearestMeter beside_probe(model);
   beside_probe.see(tick);
   EXPECT_NEAR(beside_probe.nearest_mm().at(kBone), 1.5, 0.01) << "a probe comes as near as it likes";
-  // each with its own head and its own pedal
+  // each device with its own head and pedal
   second.burr = BurrSettings{.pedal = 5};
   second.radius_mm = 1;
   NearestMeter beside_burr(model);
@@ -97,7 +97,7 @@ TEST(NearestMeter, CountsAllOfACylinder) {
   model.tools[0].burr->end_radius_mm = 1;
   NearestMeter meter(model);
   TickRecord tick = held_at(7.5);
-  // with its far end down, in the patient, however the object is turned
+  // far end down in the patient, independent of the object's rotation
   const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
   const Vector<World> down = model.X_WorldPatient * Vector<Patient>(0, 0, -1);
   const Eigen::Quaterniond held = smallest_turn(Eigen::Vector3d::UnitZ(), object * down.eigen());
@@ -125,7 +125,7 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   tick.device[0].age_s = kCuttingFeel.motor_stops_s;
   meter.see(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
-  // its pose is old, and it turns on
+  // its pose is stale, and it keeps running
   NearestMeter late(model);
   tick.device[0].age_s = 0.9 * kCuttingFeel.motor_stops_s;
   tick.device[0].flags = kFlagStale;

@@ -16,16 +16,16 @@
 namespace palpate {
 namespace {
 
-/// How a burr's head goes on from its first ball.
+/// Row of balls that extends a burr's head beyond its first ball.
 struct Row {
   double length_mm = 0, end_radius_mm = 0;
-  Vector<Patient> spindle = {1, 0, 0};  ///< as the tool is first held
+  Vector<Patient> spindle = {1, 0, 0};  ///< Initial axis of the tool
 };
 const Row kLyingCylinder{5, 2, {1, 0, 0}}, kStandingCylinder{5, 2, {0, 0, 1}};
 const Row kLyingCone{5, 1.2, Vector<Patient>(5, 0, -0.8).normalized()};
 const Row kStandingCone{5, 2.8, {0, 0, 1}};
 
-/// A burr of 4 mm above a block of bone, led by a hand that no force moves.
+/// A burr of 4 mm above a block of bone, moved by a hand that yields to no force.
 class LedBurr {
  public:
   explicit LedBurr(double revolutions_per_s = 1000, const Row& row = {})
@@ -42,9 +42,9 @@ class LedBurr {
   }
 
   ToolPose pose() const { return ToolPose(tip_, attitude_); }
-  /// From the last tip, evenly.
+  /// Moves linearly from the last tip.
   ProxyResult lead_to(const Point<Patient>& to, int ticks) { return lead_to(to, attitude_, ticks); }
-  /// Likewise, while it turns.
+  /// Moves and rotates linearly.
   ProxyResult lead_to(const Point<Patient>& to, const Eigen::Quaterniond& attitude, int ticks) {
     const Vector<Patient> step = (to - tip_) / ticks;
     const Eigen::Quaterniond from = attitude_;
@@ -76,7 +76,7 @@ class LedBurr {
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
     keep_proxy(felt_, {&head, 1}, pose(), before, proxy_);
   }
-  /// What is beside something softer gives its stiffness in two layers.
+  /// Adds a softer adjacent structure, so that the bone contributes its stiffness in two layers.
   void in_two_layers() {
     felt_[0].layer = 1;
     felt_[0].from_N_per_mm = 0.5;
@@ -95,7 +95,7 @@ class LedBurr {
   ProxyOptions options_;
   Point<Patient> tip_{0, 0, 3};
   Eigen::Quaterniond attitude_ = Eigen::Quaterniond::Identity();
-  Vector<Patient> spindle_;  // while it is not turned
+  Vector<Patient> spindle_;  // without rotation
 };
 
 TEST(Removal, AMotorThatIsOffLeavesABall) {
@@ -136,7 +136,7 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
   for (int n = 0; n < 20; ++n) {
     const double force_N = burr.lead_to(burr.tip_, 1).force_N.z();
     EXPECT_LT(force_N, last_N);
-    // the spring's force at where the proxy is now
+    // spring force at the proxy's current position
     EXPECT_NEAR(last_N - force_N, 2 * (last_mm - burr.proxy_.position.z()), 1e-6);
     last_N = force_N;
     last_mm = burr.proxy_.position.z();
@@ -148,7 +148,7 @@ TEST(Removal, InLayersItIsOneBurr) {
   LedBurr one, two;
   two.in_two_layers();
   for (int n = 0; n < 40; ++n) {
-    // deeper than it can go at once, carved every now and then
+    // deeper than it can advance at once, carved from time to time
     const Point<Patient> tip(0.02 * n, 0, 1.5 - 0.04 * n);
     const ProxyResult in_one = one.lead_to(tip, 20), in_two = two.lead_to(tip, 20);
     one.carve();
@@ -180,13 +180,13 @@ TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
   const double taken_mm3 = burr.state_.taken_mm3;
   for (int n = 99; n >= 0; --n) {
     const ProxyResult felt = burr.lead_to(from + way * (0.01 * n), 10);
-    // no longer pressed into the ground
+    // no longer pressed into the bottom
     if (n < 90) {
       EXPECT_LT(felt.force_N.norm(), 0.2) << n;
     }
   }
   EXPECT_EQ(burr.state_.taken_mm3, taken_mm3);
-  // and beside the hole it is a ball again
+  // outside the hole it is a full ball again
   burr.lead_to(Point<Patient>(-6, 0, 2.5), 100);
   burr.lead_to(Point<Patient>(-6, 0, 1.5), 100);
   EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
@@ -196,7 +196,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
-  // a nerve of 3 mm, 2.5 mm under the bone's surface
+  // a nerve of 3 mm diameter, 2.5 mm below the bone's surface
   const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x(), p.z() + 4) - 1.5; };
   LedBurr burr;
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
@@ -208,7 +208,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   for (int stroke = 0; stroke < 40; ++stroke) {
     burr.lead_to(Point<Patient>(aside(random), aside(random), 2.2), 100);
     const Point<Patient> from = burr.tip_;
-    // up to 10 N, aimed at it and beside it
+    // with up to 10 N, towards it and next to it
     const Vector<Patient> way = Point<Patient>(aside(random), aside(random), depth(random)) - from;
     for (int n = 1; n <= 20; ++n) {
       for (int tick = 1; tick <= 20; ++tick) {
@@ -223,7 +223,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   }
   EXPECT_LT(nearest_mm, 0.01) << "it was met";
   EXPECT_GT(burr.state_.taken_mm3, 50);
-  // nothing of it is gone, and something right above is
+  // nothing of it is removed, while material directly above is
   int above = 0;
   for (double x = -4; x <= 4; x += 0.1)
     for (double y = -3; y <= 3; y += 0.5)
@@ -258,7 +258,7 @@ TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
   }
 }
 
-// of the block, by a lattice of places that no plane of it goes through
+// volume swept from the block, by sampling a lattice of points not aligned with its planes
 double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
   constexpr double kCell_mm = 0.2;
   Eigen::Array3d low = Eigen::Array3d::Constant(1e9), high = -low;
@@ -278,12 +278,12 @@ double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
   return taken * kCell_mm * kCell_mm * kCell_mm;
 }
 
-// how a head is led, carved all along, and what comes of it
+// motion of a head, carved all along, and its result
 struct LedWay {
   const char* name;
   Row row;
   Vector<Patient> along;  // from above the block
-  double turn_rad = 0;    // about y, meanwhile
+  double turn_rad = 0;    // about y, during the motion
 };
 
 TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
@@ -309,7 +309,7 @@ TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
     }
     for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
     const double swept = swept_mm3(*burr.carved_.made(), shapes);
-    // of what it just grazes it counts little
+    // material that is only grazed counts little
     EXPECT_NEAR(burr.state_.taken_mm3 / swept, 1, 0.1);
     EXPECT_GT(swept, 10);
   }
@@ -322,7 +322,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
   std::uniform_real_distribution<double> about(-1, 1), unit(0, 1);
   for (const Row& row : {kLyingCylinder, kStandingCone}) {
     LedBurr burr(1000, row);
-    // soft, so that it comes along
+    // soft enough for it to follow
     burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
     burr.lead_to(Point<Patient>(-2, 0, 1.9), 50);
     std::vector<Point<Patient>> been;
@@ -340,7 +340,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
         for (int m = 0; m < 40; ++m) {
           const double part = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
-          // nearly on its outline
+          // almost on its outline
           const Point<Patient> at = burr.proxy_.position + held.along_mm * part +
                                     out.normalized() * (held.radius_at_mm(part) - 0.02);
           if (burr.carved_.made()->distance_mm(at) < -0.02) been.push_back(at);
@@ -364,7 +364,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
-  // a nerve of 3 mm that runs down half a millimetre beside the head
+  // a nerve of 3 mm diameter that descends half a millimetre beside the head
   const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x() - 4, p.y()) - 1.5; };
   LedBurr burr(1000, kStandingCylinder);
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
@@ -393,7 +393,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   };
   lead(Vector<Patient>(0, 0, -7), burr.attitude_);
   for (int stroke = 0; stroke < 25; ++stroke) {
-    // with 5 N from where it is held, and turned as a hand would
+    // with 5 N at the proxy, and rotated as a hand would
     const Vector<Patient> way =
         Vector<Patient>(about(random) + 0.5, about(random), 0.5 * about(random)).normalized() * 2.5;
     const Eigen::Vector3d axis(about(random), about(random), about(random));
@@ -418,7 +418,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
 }
 
 TEST(Removal, TheRimOfAGrooveGivesWay) {
-  // led beside a groove that is there, whose rim it meets from the side
+  // moved along an existing groove, whose rim it meets from the side
   LedBurr burr;
   for (FeltSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
   for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
@@ -436,7 +436,7 @@ TEST(Removal, TheRimOfAGrooveGivesWay) {
 }
 
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
-  // surfaces that are never made anew, of what is soft enough for a long way, on a spiral
+  // surfaces that are never rebuilt, material soft enough for a long path, on a spiral
   LedBurr burr;
   burr.felt_[0].cutting_energy_mJ_per_mm3 = 5;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
@@ -471,7 +471,7 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
-  // told again, nothing is lost
+  // repeating the call loses nothing
   settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
@@ -481,7 +481,7 @@ TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
   burr.lead_to(Point<Patient>(0, 0, 1.9), 100);
   std::uint64_t finished = finished_sweeps(burr.state_);
   ASSERT_GT(burr.state_.taken_mm3, 0);
-  // pressed a little, it sinks in by less than what would make another sweep
+  // with little pressure it sinks in by less than would start another sweep
   constexpr int kTicks = static_cast<int>(kCuttingFeel.longest_sweep_s / 0.001);
   for (int n = 0; n < 5; ++n) {
     burr.lead_to(burr.tip_, kTicks + 1);

@@ -19,8 +19,7 @@ using testing::kBone;
 using testing::kCartilage;
 using testing::kFat;
 
-// bone where z < 0 and cartilage above, fat, which is not felt, where x > 8; patient's axes turned in the
-// grid
+// bone where z < 0 and cartilage above; fat, which is not felt, where x > 8; the grid's axes are rotated
 Model blocks(const Eigen::Vector3d& spacing_mm, const Eigen::Matrix3d& direction) {
   Model model = testing::ball_model({3, 3, 3});
   Volume<LabelId> labels(testing::cube_grid(12, spacing_mm, direction));
@@ -82,7 +81,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   for (int n = 0; n < 30; ++n) {
     const Point<Patient> from(place(random), place(random), place(random));
     cuts.push_back({0, {from, from + Vector<Patient>(0.2, 0.1, 0), 0.5 + 0.05 * n}});
-    // every third of a cone
+    // every third one is a cone
     if (n % 3 == 0) {
       cuts.back().sweep.axis_mm = {1, -2, 3};
       cuts.back().sweep.end_radius_mm = 0.5 + 0.1 * n;
@@ -95,7 +94,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   again.add(std::span(cuts).first(10));
   EXPECT_EQ(once.by_label_mm3(), again.by_label_mm3());
 
-  // the oracle: place by place
+  // oracle: point by point
   const GridGeometry& grid = model.labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   std::map<LabelId, double> expected;
@@ -119,7 +118,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   once.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t places) {
     EXPECT_EQ(label, model.labels->at(i, j, k));
     by_places[label] += std::popcount(places) * RemovedVolume::place_mm3(grid);
-    // the first place that is gone lies in a sweep
+    // the first removed point lies in a sweep
     const int first = std::countr_zero(places);
     const Point<Patient> at = X_PatientVoxel * RemovedVolume::place(i, j, k, first);
     EXPECT_TRUE(
@@ -146,7 +145,7 @@ TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
   std::uint32_t stroke = 0;
   for (int n = 0; n < 60; ++n) {
     if (const unsigned action = random() % 4; action < 2) {
-      // overlapping ones too
+      // including overlapping ones
       std::vector<Cut> cuts;
       for (int sweeps = 0; sweeps < 3; ++sweeps) {
         const Point<Patient> at(within(6), within(3), within(3));

@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-// the greatest of a concave function from 0 to 1, by thirds
+// maximum of a concave function on 0 ... 1, by ternary search
 template <class F>
 double greatest(const F& concave) {
   double low = 0, high = 1;
@@ -25,8 +25,8 @@ double greatest(const F& concave) {
   return std::max({concave(0.0), concave(low), concave(1.0)});
 }
 
-// over all balls of the row the greatest over their ways: of a function that is concave in both together that
-// over one is concave in the other
+// maximum over the balls of the row of the maximum over their paths; partial maximisation of a jointly
+// concave function is concave
 double searched_depth_mm(const Sweep& sweep, const Point<Patient>& at) {
   return greatest([&](double t) {
     const Point<Patient> first = sweep.from + sweep.axis_mm * t;
@@ -52,7 +52,7 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
     sweep.end_radius_mm = n % 3 == 0 ? sweep.radius_mm : 0.3 + 2 * unit(random);
     sweep.axis_mm = vector(0.2 + 5 * unit(random));
     Vector<Patient> way = vector(3 * unit(random));
-    // along the axis, nearly so, none, or hardly any
+    // along the axis, nearly so, zero, or almost zero
     if (n % 8 == 1) way = sweep.axis_mm * (0.3 * about(random));
     if (n % 8 == 2) way = sweep.axis_mm * 0.3 + vector(1e-5);
     if (n % 8 == 3) way = {};
@@ -61,7 +61,7 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
     const SweptShape shape(sweep);
     for (int m = 0; m < 12; ++m) {
       Point<Patient> at(place(random), place(random), place(random));
-      // every other one near it, some on the plane of way and axis
+      // every other point is near it, some in the plane of path and axis
       if (m % 2 == 0)
         at = sweep.from + way * unit(random) + sweep.axis_mm * unit(random) +
              vector(m % 4 == 0 ? 1.2 * sweep.radius_mm * unit(random) : 0);
@@ -69,7 +69,7 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
       ASSERT_NEAR(is_mm, expected_mm, 1e-6) << n << ' ' << m;
       inside += is_mm > 0;
       in_plane += m % 4 == 2;
-      // no middle lies outside of its box
+      // no ball centre lies outside the bounding box
       const double box_mm =
           (shape.low() - at.eigen().array()).max(at.eigen().array() - shape.high()).max(0.0).matrix().norm();
       EXPECT_GE(shape.widest_mm() - box_mm, is_mm - 1e-9);

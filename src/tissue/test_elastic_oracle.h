@@ -6,17 +6,17 @@
 #include "palpate/tissue/elastic_grid.h"
 #include "tissue/elastic_kernel.h"
 
-/// The slow way to what tissue/elastic_kernel.h does: every cell's dense stiffness, in double.
+/// Reference implementation of tissue/elastic_kernel.h: dense stiffness of every cell, in double.
 namespace palpate::testing {
 
 using CellStiffness = Eigen::Matrix<double, 24, 24>;
 
-/// Of a cube of edge h: one-point integration of B^T D B, and the hourglass modes. Row 3 * corner +
-/// component; corner's bits are x, y, z.
+/// Stiffness of a cube of edge h: one-point integration of B^T D B, plus the hourglass modes. Row index 3 *
+/// corner + component; the bits of corner are x, y, z.
 inline CellStiffness cell_stiffness(double mu, double lambda, double h,
                                     double hourglass = internal::elastic::kHourglass) {
   const auto sign = [](int corner, int axis) { return (corner >> axis & 1) != 0 ? 1.0 : -1.0; };
-  // strains xx, yy, zz, xy, xz, yz (engineering) in the middle
+  // strains xx, yy, zz, xy, xz, yz (engineering) at the centre
   Eigen::Matrix<double, 6, 24> b = Eigen::Matrix<double, 6, 24>::Zero();
   for (int corner = 0; corner < 8; ++corner) {
     double slope[3];
@@ -33,7 +33,7 @@ inline CellStiffness cell_stiffness(double mu, double lambda, double h,
   d.topLeftCorner<3, 3>().diagonal().array() += 2 * mu;
   d.bottomRightCorner<3, 3>().diagonal().setConstant(mu);
   CellStiffness k = h * h * h * b.transpose() * d * b;
-  // the products of two and of three signs
+  // hourglass modes: products of two and of three signs
   for (const int mode : {3, 5, 6, 7}) {
     for (int c = 0; c < 3; ++c) {
       Eigen::Matrix<double, 24, 1> gamma = Eigen::Matrix<double, 24, 1>::Zero();
@@ -49,7 +49,7 @@ inline CellStiffness cell_stiffness(double mu, double lambda, double h,
   return k;
 }
 
-/// Displacements or forces of all nodes in double, three for each, i fastest.
+/// Displacements or forces of all nodes in double, three per node, i fastest.
 class SlowElastic {
  public:
   explicit SlowElastic(const ElasticGrid& grid) : grid_(grid) {}
@@ -72,7 +72,7 @@ class SlowElastic {
     return all;
   }
 
-  /// K u; held components are 0 unless they are asked for.
+  /// K u; held components are 0 unless `held_too`.
   Eigen::VectorXd apply(const Eigen::VectorXd& u, bool held_too = false) const {
     Eigen::VectorXd force = Eigen::VectorXd::Zero(values());
     const ElasticLayout& layout = grid_.layout();

@@ -5,7 +5,7 @@
 
 #include "palpate/tissue/elastic_grid.h"
 
-/// Grids that tests share.
+/// Elastic grids shared by tests.
 namespace palpate::testing {
 
 inline ElasticMaterial soft(double youngs_modulus_kPa, double poissons_ratio) {
@@ -19,13 +19,13 @@ inline ElasticBox elastic_box(std::array<int, 3> cells, double cell_mm = 1) {
   return box;
 }
 
-/// One material everywhere.
+/// Uniform material.
 inline ElasticGrid elastic_block(std::array<int, 3> cells, double cell_mm, const ElasticMaterial& material) {
   return ElasticGrid(
       elastic_box(cells, cell_mm), [=](const Point<Patient>&) { return material; }, 1);
 }
 
-/// Air, bone and tissues of 1 kPa to 1 MPa, sample by sample, some nodes held in some directions.
+/// Air, bone and tissues of 1 kPa to 1 MPa at random per sample, some nodes held in some directions.
 inline ElasticGrid random_grid(std::array<int, 3> cells, double cell_mm, std::mt19937& random) {
   std::uniform_real_distribution<double> unit(0, 1);
   const double air = 0.4 * unit(random), bone = 0.1 * unit(random);

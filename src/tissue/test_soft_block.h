@@ -6,12 +6,13 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
 
-/// Soft tissue with a flat surface, for tests, and tools that press it.
+/// Soft tissue with a flat surface, and tools that press it, for tests.
 namespace palpate::testing {
 
 inline constexpr int kSoftBlockHalf = 40;  // mm; voxels of 1 mm
 
-// Tissue of 10 kPa whose surface is z = 0, on a plate 20 mm below, with a hard ball of 8 mm 5 mm deep in it.
+// Tissue of 10 kPa with its surface at z = 0, on a plate 20 mm below; optionally with a hard ball of 8 mm at
+// 5 mm depth.
 inline std::shared_ptr<const Model> soft_block(bool nodule, std::uint32_t version = 1,
                                                TissueLaw law = TissueLaw::kElastic) {
   auto model = std::make_shared<Model>();
@@ -52,7 +53,7 @@ inline TickRecord tool_at(const Eigen::Vector3d& at, const Eigen::Vector3d& velo
   return felt;
 }
 
-// pressed in there
+// a tool pressed in at that point
 inline TickRecord pressed_at(double x, double y, double speed_x_mm_s = 0) {
   TickRecord felt = tool_at({x, y, -1}, {speed_x_mm_s, 0, 0});
   DeviceTick& device = felt.device[0];

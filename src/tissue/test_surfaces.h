@@ -9,7 +9,7 @@ namespace palpate::testing {
 
 inline constexpr double kCarvedReach_mm = 4;
 
-/// The normal on voxels of its own, as preparation makes it.
+/// Surface with a separate normal grid, as preparation produces it.
 inline std::shared_ptr<const Surface> surface_to_carve(
     double half_mm, const Eigen::Vector3d& spacing_mm, const Distance& distance_mm,
     const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity()) {
@@ -19,7 +19,7 @@ inline std::shared_ptr<const Surface> surface_to_carve(
   return std::make_shared<const Surface>(sampled(spacing_mm), sampled(spacing_mm.cwiseMax(0.6)), 1.05);
 }
 
-/// Between two heights, with sides far from the middle: a grid that is a little larger holds all of it.
+/// Slab between two heights, with sides far from the centre: a slightly larger grid contains all of it.
 inline Distance slab(double low_mm, double high_mm, double half_mm) {
   const Eigen::Vector3d middle(0, 0, 0.5 * (low_mm + high_mm));
   const Eigen::Vector3d half(half_mm, half_mm, 0.5 * (high_mm - low_mm));

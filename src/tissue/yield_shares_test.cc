@@ -33,14 +33,15 @@ YieldSpot settled(const Model& model, const TickRecord& felt) {
   return solver.frame().spot[0];
 }
 
-// u K u is the sum over the cells
+// u K u equals the sum over the cells
 TEST(YieldShares, ItsEnergiesAreThoseOfTheSolversStiffness) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> moved(-1, 1);
   const auto model = relaxing_block(kOfBlock, {});
-  // a cell for each voxel, so that none has a seam: above the plate, with the ball and a part of the block
+  // one cell per voxel, so that none contains an interface: above the plate, with the ball and part of the
+  // block
   ElasticBox box = elastic_box_of(model->labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, 1);
   box.cells = {15, 9, 12};
   box.corner = Point<Patient>(-4.5, -4.5, -15);
@@ -79,7 +80,7 @@ TEST(YieldShares, OfTissuesThatRelaxAlikeAllRelaxesWhereverItGivesWay) {
   EXPECT_EQ(spot.relaxed.of_time[1], 0);
 }
 
-// by the part by which W changes with its modulus
+// share: relative change of W with the tissue's modulus
 TEST(YieldShares, ATissueCountsByWhatGivesWayOfIt) {
   const auto model = relaxing_block({}, kOfBall);
   const auto share_of_ball = [&](double x) {
@@ -90,7 +91,7 @@ TEST(YieldShares, ATissueCountsByWhatGivesWayOfIt) {
     other->tissues[1].elastic->youngs_modulus_kPa = ball_kPa;
     return settled(*other, pressed_at(x, 0)).compliance_mm_per_N;
   };
-  // the ball of 100 kPa gives way little, and far from it nothing does
+  // the ball of 100 kPa contributes little, and nothing far from it
   for (const double x : {0.0, 4.0}) {
     const double told = share_of_ball(x);
     const double change = std::log(compliance(x, 90) / compliance(x, 110)) / std::log(110.0 / 90);
@@ -103,7 +104,7 @@ TEST(YieldShares, ATissueCountsByWhatGivesWayOfIt) {
 TEST(YieldSolver, TellsNothingThatRelaxesWhereNothingDoes) {
   const auto model = soft_block(true);
   EXPECT_FALSE(settled(*model, pressed_at(0, 0)).relaxed.any());
-  // and W is the same either way
+  // W is the same either way
   const auto relaxing = relaxing_block(kOfBlock, kOfBall);
   EXPECT_EQ(settled(*relaxing, pressed_at(0, 0)).compliance_mm_per_N,
             settled(*model, pressed_at(0, 0)).compliance_mm_per_N);

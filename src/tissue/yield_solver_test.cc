@@ -44,7 +44,7 @@ TEST(YieldSolver, KnowsWhatIsUnderAToolThatComes) {
   EXPECT_LT((spot.at - Point<Patient>(2, 1, 0)).norm(), 0.01);
   EXPECT_EQ(spot.patch_radius_mm, 4.5);
   EXPECT_NEAR(spot.modulus_N_per_mm2, 0.0125, 0.0125 * 0.05);
-  // a layer of 20 mm on a plate gives less than a half space, and not by much under so small a patch
+  // a layer of 20 mm on a plate yields less than a half space, but not by much under so small a patch
   const double half_space = 0.6 / (4.5 * 0.01 / (1 - 0.45 * 0.45));
   EXPECT_LT(spot.compliance_mm_per_N, half_space);
   EXPECT_GT(spot.compliance_mm_per_N, 0.75 * half_space);
@@ -71,7 +71,7 @@ TEST(YieldSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
   for (int n = 0; n < 8; ++n) solver.solve(*model, pressed_at(4, 0));
   const YieldSpot& spot = solver.frame().spot[0];
   EXPECT_GT(spot.slope_per_N.x(), 0);
-  // within a cell: from cell to cell W has ripples of a thousandth
+  // within a cell: from cell to cell W varies by a thousandth
   const double change =
       (settled_compliance(*model, pressed_at(4.1, 0)) - settled_compliance(*model, pressed_at(3.9, 0))) / 0.2;
   EXPECT_NEAR(spot.slope_per_N.x() / change, 1, 0.15);
@@ -79,13 +79,13 @@ TEST(YieldSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
 
 TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   auto model = std::make_shared<Model>(*soft_block(false));
-  // the plate 22 cells down
+  // the plate is 22 cells down
   model->tissue_cell_mm = 0.9;
   YieldSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
   const YieldSpot& spot = solver.frame().spot[0];
 
-  // in a box that reaches into the plate and wider, to the end
+  // in a box that reaches into the plate and is wider, solved to convergence
   ElasticBox box = elastic_box_of(model->labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, model->tissue_cell_mm);
   box.cells = {47, 48, 40};
   box.corner = Point<Patient>(-21.15, -21.6, -27);
@@ -128,11 +128,11 @@ TEST(YieldSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {
   constexpr double kSpeed_mm_s = 50;
   YieldSolver solver;
   double worst = 0;
-  // 16 mm of box lie on each side: three are laid on the way
+  // the box extends 16 mm to each side: three boxes are needed on the way
   for (double x = -22; x < 22; x += kSpeed_mm_s * kYieldFrame_s) {
     const YieldSpot& spot = solver.solve(*model, pressed_at(x, 0.3, kSpeed_mm_s)).spot[0];
     ASSERT_TRUE(spot.is_known());
-    // for where the tool will be
+    // solved for the tool's predicted position
     EXPECT_NEAR(spot.at.x(), x + 1.5 * kSpeed_mm_s * kYieldFrame_s, 1e-6);
     if (static_cast<int>(std::floor(x)) % 4 != 0) continue;
     const double end = settled_compliance(*model, pressed_at(spot.at.x(), 0.3));
@@ -162,14 +162,14 @@ TEST(YieldSolver, KnowsNothingWhereNothingSoftIsNear) {
   EXPECT_FALSE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
   YieldField field;
   EXPECT_FALSE(solver.field_of(0, field));
-  // and is none the worse for it
+  // and works again afterwards
   bare->version = 2;
   bare->tissues[0].elastic = ElasticConstants{10, 0.45};
   EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
   EXPECT_TRUE(solver.field_of(0, field));
 }
 
-// cells that are full up to the surface
+// block with completely filled cells up to the surface
 std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kPa = 100) {
   auto model = std::make_shared<Model>(*soft_block(true, 1, TissueLaw::kNeoHookean));
   model->tissue_cell_mm = 1;
@@ -177,7 +177,7 @@ std::shared_ptr<const Model> finite_block(double tissue_kPa = 10, double ball_kP
   model->tissues[1].elastic = ElasticConstants{ball_kPa, 0.45};
   return model;
 }
-// settled, 3 mm deep or as deep as is said
+// settled, 3 mm deep or at the given depth
 TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.15) {
   TickRecord felt = pressed_at(x, y);
   felt.device[0].tip_patient_mm[2] = 3 - depth_mm;
@@ -190,7 +190,7 @@ YieldSpot settled_spot(const Model& model, const TickRecord& felt) {
   for (int n = 0; n < 8; ++n) solver.solve(model, felt);
   return solver.frame().spot[0];
 }
-// the part by which a force is less deep than of the linear body
+// relative reduction of the depth at a force, compared with the linear body
 double stiffer_part(const YieldSpot& spot) {
   return spot.stiffening_mm_per_N2 * spot.finite_N / spot.compliance_mm_per_N;
 }
@@ -200,7 +200,7 @@ TEST(YieldSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
   const YieldSpot over = settled_spot(*model, deep_at(0, 0)), beside = settled_spot(*model, deep_at(20, 0));
   ASSERT_TRUE(over.is_finite() && beside.is_finite());
   EXPECT_GT(stiffer_part(over), stiffer_part(beside) + 0.02);
-  // where strains are small it is the linear one
+  // for small strains it equals the linear solution
   const YieldSpot slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
   ASSERT_TRUE(slight.is_finite());
   EXPECT_LT(std::abs(stiffer_part(slight)), 0.02);
@@ -222,7 +222,7 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
   YieldSolver solver;
   for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
   const YieldSpot before = solver.frame().spot[0];
-  // a leap from one place to another in one frame, far too deep
+  // jumps from one position to another in one frame, far too deep
   for (int n = 0; n < 12; ++n) {
     const YieldSpot& spot =
         solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
@@ -236,7 +236,7 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
   EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
 }
 
-// the part by which a sphere 4.5 mm deep is less deep than in the linear body; cells of three voxels
+// relative reduction of the depth of a sphere at 4.5 mm, compared with the linear body; cells of three voxels
 double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule) {
   constexpr int kHalfBlock = 24;
   constexpr double kSphere_mm = 4.5;
@@ -273,7 +273,7 @@ double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule)
 }
 
 TEST(YieldSolver, ANeoHookeanBodyIsFoundWhereverTheSurfaceRunsWithinCells) {
-  // a solution with the surface between cells has -0.04 over the nodule, -0.09 where there is none
+  // with the surface between cells the value is -0.04 over the nodule, and -0.09 without one
   const Eigen::Vector3d straight = Eigen::Vector3d::UnitZ(), askew(0.4, 0.3, std::sqrt(0.75));
   for (const auto& [up, off_mm] : {std::pair(straight, 0.0), std::pair(straight, 0.5),
                                    std::pair(straight, 1.0), std::pair(askew, 0.0)}) {
@@ -296,7 +296,7 @@ TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
     YieldSolver solver;
     double depth_mm = -3, x = 0;
     for (int n = 0; n < 16; ++n) {
-      // to 0.5 m/s
+      // up to 0.5 m/s
       const double sinks_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
       depth_mm = std::clamp(depth_mm + sinks_mm_s * kYieldFrame_s, -4.0, 9.0);
       x = std::clamp(x + slides_mm_s * kYieldFrame_s, -12.0, 12.0);
@@ -327,7 +327,7 @@ TEST(YieldSolver, EveryDeviceHasItsOwnPlace) {
   EXPECT_LT(spot[0].compliance_mm_per_N, 0.92 * spot[1].compliance_mm_per_N);
 }
 
-// A plate of 200 kPa whose surface is z = 0, on something else, whose labels go up to z = top.
+// A plate of 200 kPa with its surface at z = 0 on another material; labels extend up to z = top.
 std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& support, double top_mm) {
   constexpr double kPlate_mm = 8, kSupport_mm = 20;
   auto model = std::make_shared<Model>(*soft_block(false));
@@ -351,7 +351,7 @@ std::shared_ptr<const Model> plate_on(const std::optional<ElasticConstants>& sup
   return model;
 }
 
-// the plate without its uppermost millimetres, by a cylinder of 4 mm that lies and is led across its axis
+// the plate without its uppermost millimetres, removed by a horizontal cylinder of 4 mm moved across its axis
 std::shared_ptr<const Model> trimmed(const std::shared_ptr<const Model>& model, double by_mm) {
   constexpr double kAcross_mm = 38, kRadius_mm = 2;
   std::vector<Cut> cuts;
@@ -403,7 +403,7 @@ TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
 
 TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
   const auto whole = std::make_shared<Model>(*soft_block(true));
-  // the surface between two layers of cells, and the groove beside the patch
+  // surface between two layers of cells, and groove next to the patch
   whole->tissue_cell_mm = 1;
   const auto groove = Carving(*whole).with(std::vector<Cut>{{0, {{6.5, -10, 0}, {6.5, 10, 0}, 3}}});
   const auto cut_away = groove->taken_from(*whole);
@@ -415,10 +415,10 @@ TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
   };
   const double before = settled(*whole), after = settled(*cut_away);
   EXPECT_GT(after, 1.01 * before);
-  // the springs of a box that is laid now are the same: the tool has not moved
+  // a new box would have the same springs, because the tool has not moved
   EXPECT_NEAR(after / settled_compliance(*cut_away, pressed_at(0, 0)), 1, 1e-3);
   EXPECT_NEAR(settled(*put_back) / before, 1, 1e-3);
-  // little by little: in no frame of the cut itself does a cell lose more than it may
+  // gradually: in no frame of the cut does a cell lose more than the limit
   YieldSolver other;
   for (int n = 0; n < 8; ++n) other.solve(*whole, pressed_at(0, 0));
   double last = other.frame().spot[0].compliance_mm_per_N;

@@ -22,14 +22,14 @@ TickRecord pressed_with(double x, double y, double force_N) {
 
 TEST(YieldedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
   const auto model = soft_block(false);
-  // the patch is of the least radius, whatever the force
+  // the patch has the least radius, whatever the force
   constexpr double kForce_N = 0.05;
   const YieldedTissue yielded(*model, pressed_with(0, 0, kForce_N));
   ASSERT_FALSE(yielded.rests());
   YieldSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_with(0, 0, kForce_N));
   const YieldSpot& spot = solver.frame().spot[0];
-  // the mean under the patch, weighted as its pressure
+  // mean under the patch, weighted by its pressure
   double sum = 0, weights = 0;
   constexpr int kSteps = 20;
   for (int a = -kSteps; a <= kSteps; ++a)
@@ -41,7 +41,7 @@ TEST(YieldedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
       weights += std::sqrt(inside);
     }
   EXPECT_NEAR(sum / weights / (kForce_N * spot.compliance_mm_per_N), 1, 0.02);
-  // and is proportional to the force
+  // proportional to the force
   const YieldedTissue twice(*model, pressed_with(0, 0, 2 * kForce_N));
   const Point<Patient> deep(3, -2, -6);
   EXPECT_LT((twice.moved_mm(deep) - yielded.moved_mm(deep) * 2).norm(), 0.01 * twice.moved_mm(deep).norm());
@@ -58,7 +58,7 @@ TEST(YieldedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
     ASSERT_GT(seen, before) << "folded at " << z;
     before = seen;
   }
-  // bone holds, and what is far away rests
+  // bone is fixed, and distant tissue is at rest
   EXPECT_EQ(yielded.moved_mm({0, 0, -25}).norm(), 0);
   EXPECT_EQ(yielded.moved_mm({0, 0, 39.9}).norm(), 0);
   EXPECT_EQ(yielded.moved_mm({200, 0, -5}).norm(), 0);
@@ -67,7 +67,7 @@ TEST(YieldedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
 
 TEST(YieldedTissue, IsStrainedAsItsPlacesMove) {
   const YieldedTissue yielded(*soft_block(true), pressed_with(0, 0, 0.3));
-  // in the middle of a cell (1.5 mm, its corner at the volume's), where strain is that of its corners
+  // at the centre of a cell (1.5 mm, with its corner at the volume's), where strain follows from its corners
   const Point<Patient> corner(-40.5, -40.5, -41);
   for (const Eigen::Vector3d& cells :
        {Eigen::Vector3d(27.5, 27.5, 24.5), Eigen::Vector3d(29.5, 26.5, 25.5)}) {
@@ -87,7 +87,7 @@ TEST(YieldedTissue, IsStrainedAsItsPlacesMove) {
     EXPECT_GT(yielded.strain(middle), 0.005);
     EXPECT_NEAR(yielded.strain(middle), std::sqrt((e.cwiseProduct(e)).sum() * 2 / 3), 1e-4);
   }
-  // the hard ball keeps its shape, and the soft tissue above it does not
+  // the hard ball keeps its shape, the soft tissue above it does not
   EXPECT_LT(yielded.strain({0, 0, -9}), 0.3 * yielded.strain({0, 0, -4}));
   EXPECT_TRUE(std::isnan(yielded.strain({0, 0, 5})));
   EXPECT_TRUE(std::isnan(yielded.strain({200, 0, -5})));
