@@ -179,7 +179,7 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
       // within about 20 ms, as for any change of force source, plus the change of a frame for a new contact
       EXPECT_LT(tip.take_largest_step_N(), 0.25 * std::abs(expected_N - before_N) + 0.02);
       EXPECT_EQ(tip.record().device[0].flags & kFlagInside, 0u);
-      // and back again
+      // change back
       ASSERT_TRUE(tip.go_by(from).ok());
       tip.stay(0.4);
       EXPECT_NEAR(sent_N(tip), before_N, is_elastic(from) ? 0.02 * before_N : 1e-3);

@@ -197,7 +197,7 @@ class SurfacesNeeded {
   const Model& model_;
   const std::vector<LabelId>& felt_;
   const std::vector<std::pair<LabelId, LabelId>>& touching_;
-  double softest_ = std::numeric_limits<double>::infinity();  // of deformable tissues
+  double softest_ = std::numeric_limits<double>::infinity();  // least stiffness of deformable tissues
   std::vector<FeltSurface> surfaces_;
   // key: layer, and whether the surface lies beneath one that can be punctured
   std::map<std::pair<int, bool>, std::vector<Part>> parts_;

@@ -97,7 +97,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   // owned by the servo thread
   Pacer pacer_;
   Posted posted_;          // last taken from parameters_in_
-  Parameters parameters_;  // of the current tick
+  Parameters parameters_;  // input of the current tick
   std::vector<WorkspaceMapping> mappings_;
   std::array<bool, kMaxDevices> is_in_patient_{};  // DeviceInfo::in_patient
   SessionState state_;

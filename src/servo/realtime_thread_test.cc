@@ -29,7 +29,7 @@ namespace {
 struct PretendedSystem {
   bool on = false;
   rlim_t rtprio = 0, memlock_bytes = 0;
-  int mlockall_flags = 0;  // of the last call; 0 after munlockall
+  int mlockall_flags = 0;  // flags of the last call; 0 after munlockall
   int mlockall_errno = 0;
 } pretended;
 
@@ -345,7 +345,7 @@ TEST(RealtimeThread, TheStackIsThereBeforeItIsNeeded) {
   EXPECT_LE(fewest_faults(2 << 20, true), kRealLocks ? 0 : 30);
 }
 
-#if !defined(__SANITIZE_THREAD__)  // which keeps more than this on every stack for itself
+#if !defined(__SANITIZE_THREAD__)  // its runtime uses more than this of every stack
 TEST(RealtimeThread, AShortStackIsNotOverrun) {
   // below the 512 KiB that are touched on larger stacks
   EXPECT_EQ(fewest_faults(256 << 10, false), 0);

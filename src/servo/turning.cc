@@ -20,8 +20,8 @@ struct Held {
   bool pushed = false;  // force is sent, or may be in this tick
   Vector<World> lever;  // from World's origin to the point, object not rotated, patient mm
   Vector<World> sent_N;
-  double stiffness_N_per_mm = 0;  // of the contact, at the device; 0: unknown
-  double stiffest_N_per_mm = 0;   // of the stiffest tissue of the model, at the device
+  double stiffness_N_per_mm = 0;  // contact stiffness at the device; 0: unknown
+  double stiffest_N_per_mm = 0;   // stiffest tissue of the model, at the device
   double scale = 1;
 };
 

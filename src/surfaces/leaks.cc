@@ -72,7 +72,7 @@ class Surroundings {
 
 struct Found {
   std::size_t joints = 0, first = std::numeric_limits<std::size_t>::max();
-  Point<Patient> place;  // of the first joint in memory order, independent of threads
+  Point<Patient> place;  // position of the first joint in memory order, independent of threads
 
   void add(const Found& other) {
     joints += other.joints;

@@ -72,9 +72,9 @@ TEST(Leaks, CrumbsPocketsAndLumpsAreNone) {
     for (int j = 3; j < 10; ++j)
       for (int i = 3; i < 10; ++i) labels.at(i, j, k) = 1;
   labels.at(10, 10, 5) = 1;  // a crumb connected by an edge
-  labels.at(2, 2, 2) = 1;    // and one by a corner
+  labels.at(2, 2, 2) = 1;    // another connected by a corner
   labels.at(8, 8, 6) = 0;    // a pocket below the surface
-  labels.at(9, 9, 6) = 0;    // that opens to the outside by an edge
+  labels.at(9, 9, 6) = 0;    // open to the outside by an edge
   EXPECT_EQ(joints_of(labels, {1}), 0u);
 }
 

@@ -105,7 +105,7 @@ class ChainWalk {
     return climb(root, stage.part(0.1, 1));
   }
 
-  double half_thickness_mm = 0;  ///< Of the last root
+  double half_thickness_mm = 0;  ///< Half thickness of the last root structure
 
  private:
   // a structure of the chain, and the depth below the union of it with all links before

@@ -11,7 +11,7 @@ namespace palpate::internal {
 /// Options for the depth of a set of labels: the distance from each voxel inside to the outside.
 struct DepthOptions {
   double reach_mm;  ///< Depth up to which positions are exact
-  double sigma_mm;  ///< Of PositionFilter
+  double sigma_mm;  ///< Width of the PositionFilter
   int threads;
 };
 

@@ -23,7 +23,7 @@ struct NetPart {
 
 /// A triangle with precomputed products for distance queries.
 struct NetTriangle {
-  NetDisc disc;  ///< Its own bound, with the plane's normal
+  NetDisc disc;  ///< Bound of the triangle, with the normal of its plane
   float corner[3], ab[3], ac[3];
   float ab_ab, ab_ac, ac_ac;
   float per_ab, per_ac, per_bc;  ///< 1 / squared length of an edge; 0 for a degenerate edge

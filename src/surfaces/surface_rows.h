@@ -37,11 +37,11 @@ struct SurfaceBand {
 /// weight = max(0, 1 - |position| / band), weighted = weight * (broad - slope * position).
 void weigh_by_position(const float* position, const float* broad, const SurfaceBand& band, std::size_t length,
                        float* weight, float* weighted);
-/// How the position replaces the broad distance, depending on the latter's height at the surface: not at all
-/// up to low_mm, by a share of `most` from high_mm on.
+/// Share of the position that replaces the broad distance, depending on the latter's height at the surface:
+/// not at all up to low_mm, by a share of `most` from high_mm on.
 struct PositionShare {
   float low_mm, high_mm, most;
-  float slope, limit_mm;  ///< Of the broad distance over a plane: initial slope and limit
+  float slope, limit_mm;  ///< Initial slope and limit of the broad distance over a plane
 };
 struct NormalRows {
   const float *broad, *position, *surface, *height_sum;

@@ -60,7 +60,7 @@ struct SurfacePlan {
   GridGeometry fine;
   NormalGrid normal;
   double reach_mm, broad_reach_mm;
-  Index3 window, broad_window;  ///< Of the distance, and of the part of it that the broad distance depends on
+  Index3 window, broad_window;  ///< Reach of the distance, and of the part of it that broad() uses
   PositionFilter position_filter;
   BroadFilter broad_filter;
   NormalFilter normal_filter;

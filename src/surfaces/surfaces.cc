@@ -74,7 +74,7 @@ StrayComponent to_stray(const Component& c, const GridGeometry& grid) {
 
 /// Components of a structure, divided into retained and dropped ones.
 struct Sorted {
-  std::size_t voxels = 0;  ///< Of retained components
+  std::size_t voxels = 0;  ///< Voxels of retained components
   Span3 extent;            ///< Bounding box of retained components
   std::vector<LabelRun> dropped;
   std::vector<StrayComponent> strays;

@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 // Depth of the sampling point in material from which an edge begins to count: half of ahead_mm, so that
-// beside a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
+// next to a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
 constexpr double kCounts_mm = kCuttingFeel.ahead_mm / 2;
 
 /// Pose of the burr's head as constrained by one layer.
@@ -66,7 +66,7 @@ bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Pati
 
 /// Displacements of both ends of a head's axis.
 struct HeadWay {
-  double length_mm = 0;                  // of the end that moves farther
+  double length_mm = 0;                  // displacement of the end that moves farther
   std::array<Vector<Patient>, 2> along;  // unit vectors
   std::array<double, 2> part{};          // fraction of length_mm
 
@@ -344,7 +344,7 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 }
 
 // Pose of a head after a displacement, corrected so that it enters no protected structure deeper than before:
-// moved beside the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
+// moved next to the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
 // surfaces can cause, is resolved at regained_mm per tick.
 HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->spared.empty()) return to;

@@ -150,7 +150,7 @@ struct YieldSolver::Region {
   ElasticField unit_mm, load_N;
   std::optional<YieldShares> shares;  ///< If any tissue relaxes
   double modulus = 0;                 ///< Contact modulus under the patch in the last frame
-  double radius_mm = 0;               ///< Of the tool
+  double radius_mm = 0;               ///< Radius of the tool
   bool is_new = true;                 ///< Nothing has been solved in it yet
   std::unique_ptr<Finite> finite;     ///< For the neo-Hookean law
 

@@ -162,7 +162,7 @@ TEST(YieldSolver, KnowsNothingWhereNothingSoftIsNear) {
   EXPECT_FALSE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
   YieldField field;
   EXPECT_FALSE(solver.field_of(0, field));
-  // and works again afterwards
+  // works again afterwards
   bare->version = 2;
   bare->tissues[0].elastic = ElasticConstants{10, 0.45};
   EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());

@@ -68,7 +68,7 @@ struct Wrench {
 
 /// Properties of a device; unknown ones are empty, not zero.
 struct DeviceInfo {
-  /// What triggers the driver's update. Each kind keeps its own clock and adds no delay.
+  /// Trigger of the driver's update. Each kind keeps its own clock and adds no delay.
   enum class Drive : std::uint8_t {
     /// The servo thread reads and writes at the loop's rate (Force Dimension, the simulated device)
     kPulled,

@@ -82,9 +82,9 @@ enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 /// Upper limit of Model::tissue_coarsened.
 inline constexpr double kMostTissueCoarsened = 2;
 
-/// How a model version differs from the one before: a tissue's properties changed, the direct methods' fields
-/// were rebuilt for the current stiffnesses, material was cut away, a stroke was undone or redone, or soft
-/// tissue switched to another constitutive law.
+/// Difference of a model version from the one before: a tissue's properties changed, the direct methods'
+/// fields were rebuilt for the current stiffnesses, material was cut away, a stroke was undone or redone, or
+/// soft tissue switched to another constitutive law.
 struct ModelChange {
   static constexpr std::uint32_t kFieldsMadeAnew = 0xffffffff;
   static constexpr std::uint32_t kCut = 0xfffffffe;   ///< Cut by the sweeps recorded before it

@@ -12,7 +12,7 @@
 /// device is used, so that a build needs none of them.
 namespace palpate {
 
-/// Where to look for a vendor's library.
+/// Search location of a vendor's library.
 struct VendorLibraryPlace {
   /// The file itself, if the user specifies it. Empty: `names` are searched for in `folders`.
   std::filesystem::path file;

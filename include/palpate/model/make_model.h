@@ -27,7 +27,7 @@ struct ModelParts {
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;  ///< Model::tissue_law
   double tissue_cell_mm = 0;                  ///< Model::tissue_cell_mm
-  double sigma_mm = 1;                        ///< Of the smooth sphere, and of a smoothed field
+  double sigma_mm = 1;  ///< Gaussian width of the smooth sphere, and of a smoothed field
   /// Scene's force limit; infinite: none besides the device's and user's
   double max_force_N = std::numeric_limits<double>::infinity();
   std::vector<NoGoRegion> no_go;  ///< Model::no_go
@@ -45,7 +45,7 @@ struct MadeModel {
   /// Prepared for the trilinear method. Data for display only (scan, side) can be added.
   std::shared_ptr<Model> model;
   std::vector<RampFigures> ramps;  ///< One per felt structure; none for a smoothed field
-  double full_force_N = 0;         ///< Of these ramps
+  double full_force_N = 0;         ///< Full scale of these ramps
 };
 /// Builds a model. Without felt structures its field is 0 everywhere.
 /// Errors: kBadInput for a ramp width that does not suit the voxels, a burr less than two voxels across, an

@@ -24,9 +24,9 @@ struct SeveralSettings {
 /// of the others (a follower) runs in a thread of its own, at its own rate.
 ///
 ///     owner      |tick |tick |tick |tick |tick |tick |tick |tick |tick        in the owner's thread
-///                   ▲     ▲     ▲     ▲  the newest state that each follower has told
+///                   ▲     ▲     ▲     ▲  newest state published by each follower
 ///     follower   |update     |update     |update     |update                  in its own
-///                ▲ the newest command that a tick has left for it
+///                ▲ newest command published by a tick
 ///
 /// Neither side waits for the other: states and commands are exchanged by mailboxes. A follower's update
 /// returns the force that a tick computed from the state of the update before. Its force is therefore later

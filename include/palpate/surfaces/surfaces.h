@@ -96,8 +96,8 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
                                                       const SurfaceOptions& options,
                                                       const Progress& progress = {});
 
-/// As prepare_surfaces(), but passes each surface to `take` before building the next, for callers that do not
-/// need the intermediate data.
+/// Variant of prepare_surfaces() that passes each surface to `take` before building the next, for callers
+/// that do not need the intermediate data.
 Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                   const SurfaceOptions& options,
                                   const std::function<void(PreparedSurface)>& take,

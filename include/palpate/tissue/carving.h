@@ -119,7 +119,7 @@ class Carving {
     std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing removed from it
     std::shared_ptr<const Bricks<LabelId>> labels;
     std::shared_ptr<const Bricks<std::uint8_t>> taken;
-    std::uint64_t hash = 0;  // of all cuts applied, in order; 0: none
+    std::uint64_t hash = 0;  // digest of all cuts applied, in order; 0: none
   };
   struct Stroke {
     std::shared_ptr<const Left> before, after;  // after: set by the first undo
@@ -135,7 +135,7 @@ class Carving {
   std::shared_ptr<const Bricks<LabelId>> made_labels_;
   std::vector<bool> is_cut_;  // by label
   bool tells_parts_ = false;
-  std::vector<std::shared_ptr<const Surface>> kept_;  // of protected structures
+  std::vector<std::shared_ptr<const Surface>> kept_;  // surfaces of protected structures
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;
   StrokeHistory<Stroke> strokes_;

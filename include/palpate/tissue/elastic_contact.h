@@ -51,7 +51,7 @@ class PressurePatch {
   std::vector<Weight> weights_;
   std::vector<Weight> along_[3];  ///< Weights of the derivatives along the box's axes
   struct Borne {
-    std::uint32_t column, value;  ///< Its first component's
+    std::uint32_t column, value;  ///< Column of the node, and index of its first component
     float weight;
   };
   std::vector<Borne> borne_;  ///< Loads of nodes that are not held, for a force of 1; column by column
@@ -67,7 +67,7 @@ struct SphereContact {
   double contact_radius_mm = 0;
   double compliance_mm_per_N = 0;  ///< W of its patch
   Vector<Patient> tangential_N;    ///< F2 / 2 grad W; without it, work over a nodule is not conserved
-  ElasticSolution solution;        ///< Of the last unit load
+  ElasticSolution solution;        ///< Convergence of the last unit load
 };
 
 /// Force of a sphere at a given depth: d = F W + F (0.75 / a - 0.6 / rho) / E*, a = (3 F R / 4 E*)^(1/3), rho

@@ -27,8 +27,8 @@ enum class Matter : std::uint8_t {
 /// Material at a point.
 struct ElasticMaterial {
   Matter matter = Matter::kNone;
-  double youngs_modulus_kPa = 0;  ///< Of soft material, in kElasticModulusRange
-  double poissons_ratio = 0.45;   ///< Of soft material, 0 ... kMostPoissonsRatio
+  double youngs_modulus_kPa = 0;  ///< If soft: in kElasticModulusRange
+  double poissons_ratio = 0.45;   ///< If soft: 0 ... kMostPoissonsRatio
   bool operator==(const ElasticMaterial&) const = default;
 };
 /// Errors: kBadInput, with the remedy, if a property is out of range.

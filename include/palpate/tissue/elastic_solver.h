@@ -94,7 +94,7 @@ class ElasticSolver {
   ///              rebuilt
   FiniteSolution solve_finite(const ElasticField& force_N, ElasticField& displacement_mm,
                               const FiniteSettings& settings, const HeldMeans& held = {});
-  /// As forces(), for the neo-Hookean body.
+  /// Nodal forces of the neo-Hookean body, like forces().
   void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 
   /// Nodal forces K u everywhere: at held nodes the reaction, at free nodes the imbalance.

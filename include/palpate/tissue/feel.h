@@ -8,7 +8,7 @@ namespace palpate {
 /// every recording (docs/reference/feel.md). docs/decisions/0029 justifies the values. mm in the patient.
 struct CuttingFeel {
   /// Distance ahead of the burr's surface at which material is sampled. An edge counts from half that depth,
-  /// so that beside a pocket, where the burr's surface leaves the material, little counts that the burr does
+  /// so that next to a pocket, where the burr's surface leaves the material, little counts that the burr does
   /// not touch.
   double ahead_mm = 0.1;
   /// Limits of the feed: depth per tick, and, while the surfaces have not been rebuilt, total inset as a
@@ -65,7 +65,7 @@ struct CuttingFeel {
   }
 };
 
-/// Constants of the soft tissue solver that runs beside the tick (yield_solver.h).
+/// Constants of the soft tissue solver that runs concurrently with the tick (yield_solver.h).
 struct SolvingFeel {
   /// Prediction horizon: a solution is computed for the tool's position this many frames after the tick that
   /// it starts from (one frame until it is published, and half of the frame in which it is used), limited to

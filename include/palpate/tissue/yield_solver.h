@@ -13,8 +13,8 @@
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/feel.h"
 
-/// Solver for soft tissue around the tools, which runs beside the servo: from the tools' state in one tick to
-/// the tissue parameters of later ticks.
+/// Solver for soft tissue around the tools, which runs concurrently with the servo: from the tools' state in
+/// one tick to the tissue parameters of later ticks.
 namespace palpate {
 
 /// Time between two solutions, s.
