@@ -31,7 +31,7 @@ TEST(ModelSlot, KeepsWhatATickMayStillUse) {
 }
 
 TEST(ModelSlot, NoTickEverSeesAFreedModel) {
-  // every model marks itself dead when it is freed; the ticks look
+  // every model sets a flag when it is freed; the ticks check it
   struct Marked {
     std::atomic<bool> dead{false};
   };
@@ -54,7 +54,7 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
       slot.end_tick();
     }
   });
-  // some at full speed, some so that ticks fall between them
+  // some in quick succession, some with ticks in between
   for (std::uint32_t version = 1; version <= 2000; ++version) {
     const int before = ticks;
     while (version % 20 == 0 && ticks == before) std::this_thread::yield();
@@ -69,7 +69,7 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
 
 TEST(ModelSlotDeathTest, AVersionBelowTheLastIsABug) {
   ModelSlot slot(model(2));
-  // ready for more
+  // the same version, prepared for more methods
   slot.set(model(2));
   EXPECT_DEATH(slot.set(model(1)), "version");
 }

@@ -88,7 +88,7 @@ TEST(Tick, ForceTurnsWithTheObject) {
   turned.model.X_WorldPatient = still.model.X_WorldPatient;
   const auto R = Rotation<World, World>::about(Eigen::Vector3d(1, 2, -1).normalized(), 0.7);
   turned.parameters.rotation_target = R.quaternion();
-  for (int n = 0; n < 400; ++n) turned.at(Point<World>(40, 0, 0));  // let the turn finish
+  for (int n = 0; n < 400; ++n) turned.at(Point<World>(40, 0, 0));  // until the rotation is complete
   for (int i = 0; i < 50; ++i) {
     const Point<World> tip(4 + kBoneRadius_mm * std::cos(0.1 * i), 1 + kBoneRadius_mm * std::sin(0.1 * i),
                            -2 + 0.1 * i);

@@ -38,13 +38,13 @@ struct CarefulDevice {
   double hand_N_s_per_m = 2;     ///< Damping of the lightest known grip ("light-grip")
 };
 
-/// Delay from a command to its force as the device states it, s. CarefulDevice::delay_s if it states none or
-/// an implausible value (outside 0 ... 1 s); 0 for a simulated device.
+/// Delay from a command to its force as the device states it, s. If it states none or an implausible value
+/// (outside 0 ... 1 s): CarefulDevice::delay_s, or 0 for a simulated device.
 double careful_delay_s(const DeviceInfo& info);
 
 /// Conservative limits for a device.
 struct CarefulBounds {
-  double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< Both at the device at the device
+  double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< Limits at the device
 };
 /// kStiffnessMargin times the theoretical limits, using the device's stated properties and CarefulDevice for
 /// the others. For a device that states nothing: 0.2 N/mm and 0.0042 N s/mm.

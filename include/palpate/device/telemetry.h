@@ -7,7 +7,7 @@
 #include <vector>
 
 /// Inputs and outputs of one tick as plain numbers, for the recorder and the viewers. Units are in the names.
-/// Frames: tip_world, velocities of the device and force in World, all others in Patient.
+/// Frames: names with `world`, orientations, forces and torques are in World, all others in Patient.
 namespace palpate {
 
 inline constexpr int kMaxDevices = 4;

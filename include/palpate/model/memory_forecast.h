@@ -22,7 +22,7 @@ struct MemoryForecast {
 
 /// Estimates from the geometry and from each structure's number of voxels and faces between voxels. Fields
 /// and surfaces store bricks only where they vary: near boundaries, whose area follows from the faces.
-/// @param parts  with labels, tissues and what refers to them; its labels are not moved from
+/// @param parts  labels, tissues, tools and no-go regions; the labels stay in memory
 /// @param proxy  whether the model is also prepared for the proxy
 /// Errors: those of Preparing::touching_pairs; kBadInput for more surfaces than the proxy supports.
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, const Preparing& preparing = {},

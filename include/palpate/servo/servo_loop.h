@@ -157,7 +157,7 @@ class ServoLoop {
   /// All ticks in order, for one consumer (the recorder).
   virtual SpscRing<TickRecord>& ring() noexcept = 0;
   /// All sweeps that burrs have completed, for one consumer, which cuts them from the model and publishes it
-  /// (Carving). Never overflows, because a burr stops cutting while its sweeps are not yet carved.
+  /// (Carving). Never overflows, because a burr stops cutting when too many of its sweeps are not carved yet.
   virtual SpscRing<SweepRecord>& sweeps() noexcept = 0;
   /// Number of burr strokes begun up to the latest tick; the sweeps in the ring belong to them.
   virtual std::uint32_t strokes() const noexcept = 0;

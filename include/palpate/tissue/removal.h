@@ -24,7 +24,7 @@ struct Burr {
   double grip = 0.5;
   /// Largest press force, however far the hand is from the proxy: the greatest force of the device.
   double most_press_N = std::numeric_limits<double>::infinity();
-  /// Structures that the head is kept out of if they are protected by `kept`.
+  /// Protected structures; the head stays out of those with ProtectedStructure::kept.
   std::span<const ProtectedStructure> spared = {};
   std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
   double length_mm = 0;  ///< Distance from the first ball's centre to the last one's, along `axis`; 0: a ball
