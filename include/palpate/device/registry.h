@@ -41,6 +41,7 @@ struct DeviceMaker {
   std::function<DeviceReport()> look;
 };
 
+/// Registered vendors, in the order of registration.
 class DeviceRegistry {
  public:
   /// Registers a vendor. A name that is already registered is a bug.

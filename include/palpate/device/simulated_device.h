@@ -40,6 +40,7 @@ const std::vector<PlantHand>& known_plant_hands();
 /// Built-in hand models with skin: "pen-grip" and "firm-pen-grip", which are the light and the firm grip
 /// holding a pen, and "fingertip", which rests on the device without holding it.
 const std::vector<PlantHand>& plant_hands_with_skin();
+/// Built-in models by name, hands without skin only. Errors: kBadInput for an unknown name.
 Result<PlantDevice> find_plant_device(const std::string& name);
 Result<PlantHand> find_plant_hand(const std::string& name);
 

@@ -10,6 +10,7 @@
 /// Frames: names with `world`, orientations, forces and torques are in World, all others in Patient.
 namespace palpate {
 
+/// Maximum number of devices in a tick.
 inline constexpr int kMaxDevices = 4;
 /// Maximum number of structures along the tip's path that a tick reports.
 inline constexpr int kMostTold = 6;

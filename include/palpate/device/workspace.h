@@ -17,6 +17,7 @@ struct WorkspaceSettings {
   std::optional<Point<World>> home;
   int clutch_button = -1;  ///< Button that acts as clutch, 0 ... 31; any other number: none
 };
+/// Range of scale and force gain.
 inline constexpr double kLowestScale = 0.05, kHighestScale = 20;
 
 /// Maps a device's samples to the workspace and forces back: p_World = home + s R (p - middle) + o, where R

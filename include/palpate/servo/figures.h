@@ -6,6 +6,7 @@
 /// Arithmetic on the timing statistics of a loop.
 namespace palpate {
 
+/// Percentiles of a histogram, us.
 inline Percentiles percentiles_of(const LatencyHistogram& histogram) {
   const LatencyHistogram::Summary s = histogram.summary();
   return {s.p50_us, s.p99_us, s.p999_us, s.max_us};

@@ -28,6 +28,7 @@ namespace palpate {
 template <class T>
 class SpscRing;
 
+/// Range of tick rates, Hz.
 inline constexpr double kLowestRate_hz = 250, kHighestRate_hz = 10000;
 
 /// Options of ServoLoop::start().
@@ -73,6 +74,7 @@ struct TickingThread {
   LateCounts late;            ///< Updates that came later than half a period
 };
 
+/// Percentiles and maximum of a duration.
 struct Percentiles {
   double p50_us = 0, p99_us = 0, p999_us = 0, max_us = 0;
 };
@@ -106,6 +108,7 @@ enum class Rearmed : std::uint8_t {
   kTouching,      ///< A tip is in contact; the force is only restored in free space
 };
 
+/// A running servo loop: inputs from any thread, and its published outputs.
 class ServoLoop {
  public:
   /// Opens the driver and starts the servo thread and its watchdog. The force ramps in over half a second.

@@ -45,6 +45,7 @@ struct RampOptions {
 };
 /// Maximum number of chains of structures resting on each other.
 inline constexpr int kMostRampChains = 2000;
+/// Range of the width of a ramp, mm.
 inline constexpr double kLeastRampWidth_mm = 1, kMostRampWidth_mm = 12;
 /// Depth, mm, to which the ramps of softer structures continue below the width.
 inline constexpr double kDeepestRamp_mm = 12;

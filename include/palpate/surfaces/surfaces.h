@@ -67,6 +67,7 @@ struct SurfaceWorkings {
   /// Net of the surface as first built, shared by later versions.
   std::shared_ptr<const internal::SurfaceNet> net;
 };
+/// Step of the distances stored in surfaces, mm.
 inline constexpr double kSurfaceStep_mm = 1.0 / 2048;
 
 /// A surface with the data to update it.

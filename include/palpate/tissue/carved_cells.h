@@ -21,6 +21,7 @@ struct CarvedLabels {
   /// Carving::taken; null: nothing removed.
   std::shared_ptr<const Bricks<std::uint8_t>> taken;
 };
+/// Labels before removal, and the removal, of a model.
 CarvedLabels carved_labels(const Model& model);
 
 /// Bounding box of the voxels inside `within` at which two versions differ; null stands for 0 everywhere. The

@@ -73,6 +73,7 @@ struct Cut {
   Sweep sweep;
 };
 
+/// Conversion from and to the plain numbers of telemetry.
 Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
