@@ -16,10 +16,11 @@
 namespace palpate::reader {
 namespace {
 
-constexpr rlim_t kMoreMemory = rlim_t{1} << 30;  // beyond what the parent has, bytes
+constexpr rlim_t kMoreMemory = rlim_t{1} << 30;  // in addition to the parent's memory; bytes
 constexpr rlim_t kDescriptors = 64;
 
-// everything that Landlock's first version knows: what is named here and allowed by no rule is refused
+// All access rights of Landlock's first version: a right that is listed here and granted by no rule is
+// denied.
 constexpr std::uint64_t kHandled = (LANDLOCK_ACCESS_FS_MAKE_SYM << 1) - 1;
 static_assert(kHandled & LANDLOCK_ACCESS_FS_EXECUTE);
 
@@ -28,12 +29,12 @@ int landlock_version() {
       ::syscall(SYS_landlock_create_ruleset, nullptr, std::size_t{0}, LANDLOCK_CREATE_RULESET_VERSION));
 }
 
-// The rules are about the files themselves and not about their names: whatever else comes to stand under a
-// name cannot be opened by it.
+// Restricts file access by Landlock. Rules refer to the files themselves and not to their names: another file
+// that replaces one of them cannot be opened.
 void hold_to_files(std::span<const int> files) {
   landlock_ruleset_attr handled{};
   handled.handled_access_fs = kHandled;
-  // what a later version's structure has more of stays zero, which is how the first one knows it
+  // later versions of the structure have more members, which stay zero, as the first version requires
   const int rules = static_cast<int>(
       ::syscall(SYS_landlock_create_ruleset, &handled, sizeof handled.handled_access_fs, 0u));
   if (rules < 0) return;
@@ -47,7 +48,7 @@ void hold_to_files(std::span<const int> files) {
   ::close(rules);
 }
 
-// a key in the terminal is meant for the parent, which ends this process when it is done with it
+// signals from the terminal are meant for the parent, which ends this process when it no longer needs it
 void forget_signals() {
   for (int signal = 1; signal < NSIG; ++signal) ::signal(signal, SIG_DFL);
   for (const int signal : {SIGINT, SIGQUIT, SIGHUP}) ::signal(signal, SIG_IGN);
@@ -61,9 +62,9 @@ void close_all_but(std::span<const int> keep) {
   std::sort(kept.begin(), kept.end());
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int descriptor : {0, 1, 2}) {
-    // one of these where the program was started without it
+    // the program may have been started with this descriptor closed
     if (std::binary_search(kept.begin(), kept.end(), descriptor)) continue;
-    // a sanitizer tells there what it has found
+    // sanitizers report on stderr
     if (descriptor == 2 && sanitized()) continue;
     if (::dup2(nothing, descriptor) < 0) ::close(descriptor);
   }
@@ -109,7 +110,7 @@ bool can_hold_to_files() {
 
 void confine(int parent, std::span<const int> keep, std::span<const int> files) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  // it may have gone before it could be noticed
+  // the parent may have ended before PR_SET_PDEATHSIG took effect
   if (::getppid() != parent) ::_exit(1);
   ::prctl(PR_SET_DUMPABLE, 0);
   forget_signals();
@@ -120,7 +121,7 @@ void confine(int parent, std::span<const int> keep, std::span<const int> files) 
   limit(RLIMIT_FSIZE, 0);
   limit(RLIMIT_NOFILE, kDescriptors);
   limit(RLIMIT_NPROC, 0);
-  // without this neither of the following is to be had
+  // required for Landlock and seccomp
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return;
   hold_to_files(files);
   hold_to_calls();

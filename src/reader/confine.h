@@ -2,30 +2,31 @@
 
 #include <span>
 
-/// What a process that reads hostile bytes cannot do, however far they have led it astray.
+/// Restrictions on a process that reads malicious bytes, effective even if they compromise it.
 namespace palpate::reader {
 
-/// Whether a sanitizer is compiled in. Its runtime needs addresses, files and system calls that a confined
-/// process is refused: then only what is marked * below is taken away.
+/// True if a sanitizer is compiled in. Its runtime needs address space, files and system calls that are
+/// denied to a confined process: then only the restrictions marked * apply.
 bool sanitized();
-/// Whether this kernel holds a process to files (Landlock) and to system calls (seccomp).
+/// True if this kernel can restrict a process to files (Landlock), and to system calls (seccomp).
 bool can_hold_to_files();
 bool can_hold_to_calls();
 
-/// For a new process that has one thread: takes away for ever
-/// - * life after `parent`, stdin, stdout and (where not sanitized) stderr, every descriptor but those of
-///   `keep`, signal handlers, core files and being looked at by others;
-/// - memory beyond what it has and 1 GiB, files that grow, more than 64 descriptors, other processes, new
+/// Irrevocably removes from a new process with a single thread
+/// - * survival of `parent`, stdin, stdout and (without a sanitizer) stderr, all descriptors except those in
+///   `keep`, signal handlers, core dumps, and inspection by other processes;
+/// - memory beyond 1 GiB more than it has, growing files, more than 64 descriptors, other processes, and new
 ///   privileges;
-/// - opening by any name what is not one of `files` (Landlock), and opening to write;
-/// - system calls but for reading what is open, memory without code in it, clocks and its own end (seccomp,
-///   on x86-64 and ARM64): others fail with EPERM.
-/// Where the kernel has no Landlock or no seccomp, the rest holds.
-/// @param keep   descriptors that stay open, those of `files` included
+/// - opening by name any file not in `files` (Landlock), and opening for writing;
+/// - all system calls except those for reading open files, non-executable memory, clocks and exit (seccomp,
+/// on
+///   x86-64 and ARM64): others fail with EPERM.
+/// Without Landlock or seccomp in the kernel, the other restrictions apply.
+/// @param keep   descriptors that stay open, including those of `files`
 /// @param files  descriptors of open files
 void confine(int parent, std::span<const int> keep, std::span<const int> files);
 
-/// Forbids all system calls but those of confine(). False where the kernel has none of that.
+/// Denies all system calls except those listed at confine(). False if the kernel does not support it.
 bool hold_to_calls();
 
 }  // namespace palpate::reader

@@ -1,4 +1,4 @@
-// What a confined process tries and does not get. A sanitizer's runtime could not live in one.
+// Actions that are denied to a confined process. A sanitizer's runtime could not run in one.
 #include "reader/confine.h"
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
@@ -46,7 +46,7 @@ class Confined : public ::testing::Test {
     std::ofstream(other_) << "somebody else's";
   }
 
-  // what a confined process comes to that tries this: 0, or the error; -1 where it died of it
+  // outcome of an attempt in a confined process: 0, or its errno; -1 if the process was killed
   int outcome(const std::function<long()>& attempt) const {
     auto opened = InputFile::open(file_);
     PALPATE_CHECK(opened.ok());
@@ -136,7 +136,7 @@ TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {
     GTEST_SKIP() << "this kernel has no Landlock: a reader opens what stands under the name";
   const auto opened = InputFile::open(file_);
   ASSERT_TRUE(opened);
-  // a library opens by name what was looked at before
+  // a library opens by name a file that was examined before
   std::filesystem::rename(other_, file_);
   EXPECT_EQ(outcome(*opened, [&] { return open_to_read(file_); }), EACCES);
   EXPECT_EQ(outcome(*opened, [&] { return open_to_read(opened->name_for_libraries()); }), 0);
@@ -207,7 +207,7 @@ TEST_F(Confined, ChangesNothing) {
   EXPECT_EQ(folder_.count(), 2u);
 }
 
-// a kernel without Landlock, without seccomp's filters
+// emulates a kernel without Landlock or without seccomp filters
 void become_old_kernel(bool without_files, bool without_calls) {
   constexpr auto kRefuse = [](std::uint32_t error) {
     return sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | error);
@@ -239,7 +239,7 @@ TEST_F(Confined, ReadsOnWhereTheKernelLacksAWall) {
         PALPATE_CHECK(can_hold_to_calls() == !without_calls);
         PALPATE_CHECK(can_hold_to_files() == (has_landlock && !without_files));
         PALPATE_CHECK(outcome([&] { return open_to_read(file_); }) == 0);
-        // what is there holds by itself
+        // each mechanism works independently
         PALPATE_CHECK(outcome([&] { return open_to_read(other_); }) == (can_hold_to_files() ? EACCES : 0));
         PALPATE_CHECK(outcome([] { return ::socket(AF_UNIX, SOCK_STREAM, 0); }) ==
                       (without_calls ? 0 : EPERM));
@@ -263,7 +263,7 @@ TEST_F(Confined, ReadsWhereTheProgramHasNoStdin) {
 }
 
 TEST_F(Confined, ByTheLimitsAloneToo) {
-  // what holds where the kernel has neither Landlock nor seccomp
+  // restrictions that apply without Landlock and seccomp
   EXPECT_EQ(outcome([] {
               rlimit files{}, cores{}, size{};
               ::getrlimit(RLIMIT_NOFILE, &files);

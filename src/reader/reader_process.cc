@@ -31,7 +31,7 @@ Error no_process() {
     confine(parent, keep, files);
     done = work(end);
   } catch (...) {
-    // out of memory; the parent sees the pipe end early
+    // out of memory; the parent detects the early end of the pipe
   }
   ::_exit(done ? 0 : 1);
 }
@@ -65,13 +65,13 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
   process->endless_ = job.endless;
   process->patience_ = job.patience;
   if (job.shared_bytes > 0) {
-    // without a descriptor nobody can change its size
+    // anonymous, so that no process can change its size
     void* shared =
         ::mmap(nullptr, job.shared_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (shared == MAP_FAILED) return no_process();
     process->shared_ = {static_cast<std::byte*>(shared), job.shared_bytes};
   }
-  // the process, which has it too, could fill it: the parent never waits for room in it
+  // Non-blocking: the process has it too and could fill it, and the parent must never wait for it.
   process->words_ = ::eventfd(0, EFD_CLOEXEC | EFD_SEMAPHORE | EFD_NONBLOCK);
   int ends[2];
   if (process->words_ < 0 || ::pipe2(ends, O_CLOEXEC) != 0) return no_process();
@@ -93,7 +93,7 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
 }
 
 ReaderProcess::~ReaderProcess() {
-  // it has ended, or what it is still doing is of no use
+  // the process has ended, or its result is no longer needed
   process_.end();
   for (const int descriptor : {pipe_, words_})
     if (descriptor >= 0) ::close(descriptor);
@@ -113,12 +113,12 @@ Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
 
 void ReaderProcess::go_on() const {
   const std::uint64_t once = 1;
-  // it fails only where the process itself has filled it, and then has enough of them
+  // fails only if the process itself has filled the counter, which then allows it to continue anyway
   while (::write(words_, &once, sizeof once) < 0 && errno == EINTR) {
   }
 }
 
-// until there is something to read, in short steps so that a suspended program does not lose patience
+// waits for data, in short steps so that a suspended program does not exceed `patience`
 Result<void> ReaderProcess::wait() const {
   for (std::chrono::milliseconds waited{0}; waited < patience_; waited += kPoll) {
     if (progress_.stopped()) return Progress::interrupted();

@@ -35,7 +35,7 @@ std::unique_ptr<ReaderProcess> start(const Work& work, Job job = {}, const Progr
   return *std::move(process);
 }
 
-// the error of reading one number from a process that does this, or the number
+// number read from a process that runs `work`, or the error
 std::string read_from(const Work& work, const Job& job = {}, const Progress& progress = kSilent) {
   const auto process = start(work, job, progress);
   std::uint64_t number = 0;
@@ -105,7 +105,7 @@ TEST_F(ReaderProcessTest, IsEndedByNoNumberThatMayBeAnothers) {
 }
 
 TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
-  // 0: it said so
+  // 0: the error was reported
   testing::Child child([] {
     if (!test::forbid_processes()) return;
     const auto process = ReaderProcess::start(
@@ -149,7 +149,7 @@ TEST_F(ReaderProcessTest, AnInterruptEndsWhatLoops) {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     stop = true;
   });
-  // long before its patience of 20 s ends
+  // long before the patience of 20 s ends
   EXPECT_EQ(read_from([](ParentEnd&) -> bool { loop(); }, {}, progress), "interrupted");
   user.join();
 }
@@ -186,7 +186,7 @@ TEST_F(ReaderProcessTest, SharedBytesGoToAndFroByWords) {
         for (std::uint64_t n = 1; n <= 100; ++n) {
           std::memcpy(parent.shared().data(), &n, sizeof n);
           const std::byte there{};
-          // nothing is written over before the parent has said so
+          // nothing is overwritten before the parent has allowed it
           if (!parent.write({&there, 1}) || !parent.wait_for_word()) return false;
         }
         return true;
@@ -203,12 +203,12 @@ TEST_F(ReaderProcessTest, SharedBytesGoToAndFroByWords) {
 }
 
 TEST_F(ReaderProcessTest, AWordIsNeverWaitedFor) {
-  // a process that has filled its own words
+  // a process that fills its own counter
   const auto process = start([](ParentEnd& parent) {
     for (int descriptor = 3; descriptor < 100; ++descriptor) {
       const std::uint64_t most = ~std::uint64_t{0} - 1;
       if (::write(descriptor, &most, sizeof most) != sizeof most) continue;
-      // the pipe took the same number
+      // the pipe received the same number
       if (!send(parent, 3)) return false;
     }
     loop();
@@ -223,7 +223,7 @@ TEST_F(ReaderProcessTest, NoDescriptorButItsOwnIsInherited) {
   const test::TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";
   std::ofstream(folder / "secret") << "y";
-  // without the flag that would close it where another program begins
+  // without O_CLOEXEC
   const int secret = ::open((folder / "secret").c_str(), O_RDONLY),
             file = ::open((folder / "file").c_str(), O_RDONLY);
   Job job;
@@ -243,7 +243,7 @@ TEST_F(ReaderProcessTest, NoDescriptorButItsOwnIsInherited) {
 }
 
 TEST_F(ReaderProcessTest, ItDoesNotOutliveTheProgram) {
-  // what loses its parent comes to this process
+  // orphans are reparented to this process
   ASSERT_EQ(::prctl(PR_SET_CHILD_SUBREAPER, 1), 0);
   pid_t reading = 0;
   {

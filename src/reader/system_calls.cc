@@ -23,14 +23,14 @@ constexpr std::uint32_t kMachine = AUDIT_ARCH_X86_64;
 #elif defined(__aarch64__)
 constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
 #else
-// no machine has this one: every process is left without a filter
+// matches no machine: no filter is installed
 constexpr std::uint32_t kMachine = 0;
 #endif
 static_assert(std::endian::native == std::endian::little, "arguments are looked at in their lower half");
 
 constexpr std::uint32_t kRefuse = SECCOMP_RET_ERRNO | EPERM;
 
-// offsets into what the kernel shows of a call; of an argument the lower half, which is all that an int has
+// Offsets into seccomp_data. Of an argument the lower half is tested, which contains all of an int.
 constexpr std::uint32_t kNumber = offsetof(seccomp_data, nr);
 constexpr std::uint32_t kArchitecture = offsetof(seccomp_data, arch);
 constexpr std::uint32_t argument(std::uint32_t n) {
@@ -40,9 +40,9 @@ constexpr std::uint32_t upper_half(std::uint32_t n) {
   return argument(n) + 4;
 }
 
-// Calls that a reader needs whatever their arguments: none opens, names, starts or reaches anything.
+// System calls allowed with any arguments: none opens, names, starts or reaches anything.
 constexpr long kHarmless[] = {
-    // what is open
+    // open descriptors
     __NR_read,
     __NR_write,
     __NR_readv,
@@ -52,7 +52,7 @@ constexpr long kHarmless[] = {
     __NR_fstat,
     __NR_close,
     __NR_ppoll,
-    // what a name leads to, which Landlock does not hide
+    // metadata by name, which Landlock does not hide
     __NR_newfstatat,
     __NR_statx,
     __NR_readlinkat,
@@ -62,7 +62,7 @@ constexpr long kHarmless[] = {
     __NR_mremap,
     __NR_brk,
     __NR_madvise,
-    // threads' and signals' own affairs
+    // threads and signals of this process
     __NR_futex,
     __NR_rt_sigaction,
     __NR_rt_sigprocmask,
@@ -73,12 +73,12 @@ constexpr long kHarmless[] = {
     __NR_getpid,
     __NR_gettid,
     __NR_getppid,
-    // time and chance
+    // time and random numbers
     __NR_clock_gettime,
     __NR_clock_nanosleep,
     __NR_gettimeofday,
     __NR_getrandom,
-    // the end
+    // exit
     __NR_exit,
     __NR_exit_group,
 #if defined(__x86_64__)
@@ -90,12 +90,12 @@ constexpr long kHarmless[] = {
 #endif
 };
 
-// a filter, instruction by instruction
+// seccomp filter program, built instruction by instruction
 class Filter {
  public:
   void load(std::uint32_t offset) { add(BPF_LD | BPF_W | BPF_ABS, offset, 0, 0); }
   void answer(std::uint32_t with) { add(BPF_RET | BPF_K, with, 0, 0); }
-  // answers at once where the loaded word is this one, is another, or has one of these bits
+  // return immediately if the loaded word is equal, different, or has one of the bits
   void answer_if(std::uint32_t word, std::uint32_t with) {
     add(BPF_JMP | BPF_JEQ | BPF_K, word, 0, 1);
     answer(with);
@@ -108,8 +108,8 @@ class Filter {
     add(BPF_JMP | BPF_JSET | BPF_K, bits, 0, 1);
     answer(with);
   }
-  // what `rules` adds is for one call alone, which it answers whatever it is: others still have their number
-  // loaded
+  // Adds `rules` for one system call, which must return for all of its arguments: for other calls the call
+  // number stays loaded.
   template <class Rules>
   void for_call(long number, const Rules& rules) {
     add(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(number), 0, 0);
@@ -136,33 +136,33 @@ Filter filter_for(std::uint32_t own_process) {
   filter.load(kNumber);
   for (const long call : kHarmless) filter.answer_if(static_cast<std::uint32_t>(call), SECCOMP_RET_ALLOW);
 
-  // reading only
+  // read only
   filter.for_call(__NR_openat, [&] {
     filter.load(argument(2));
     filter.answer_if_any(O_ACCMODE | O_CREAT | O_TRUNC | (__O_TMPFILE & ~O_DIRECTORY), kRefuse);
     filter.answer(SECCOMP_RET_ALLOW);
   });
-  // never memory that can be run
+  // never executable memory
   for (const long call : {long{__NR_mmap}, long{__NR_mprotect}})
     filter.for_call(call, [&] {
       filter.load(argument(2));
       filter.answer_if_any(PROT_EXEC, kRefuse);
       filter.answer(SECCOMP_RET_ALLOW);
     });
-  // abort() in this process, a signal to no other
+  // abort() in this process, but no signal to another
   filter.for_call(__NR_tgkill, [&] {
     filter.load(argument(0));
     filter.answer_unless(own_process, kRefuse);
     filter.answer(SECCOMP_RET_ALLOW);
   });
-  // what a descriptor is, and not whom it signals
+  // descriptor flags, but not the signal owner
   filter.for_call(__NR_fcntl, [&] {
     filter.load(argument(1));
     for (const std::uint32_t command : {F_GETFD, F_SETFD, F_GETFL})
       filter.answer_if(command, SECCOMP_RET_ALLOW);
     filter.answer(kRefuse);
   });
-  // limits are asked for and not set
+  // limits may be queried, not set
   filter.for_call(__NR_prlimit64, [&] {
     for (const std::uint32_t half : {argument(2), upper_half(2)}) {
       filter.load(half);
@@ -177,7 +177,7 @@ Filter filter_for(std::uint32_t own_process) {
 }  // namespace
 
 bool can_hold_to_calls() {
-  // a filter that is not there: the kernel that knows filters looks for it first
+  // a null filter: kernels with seccomp filters report the bad address (EFAULT)
   return kMachine != 0 && ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, nullptr) != 0 && errno == EFAULT;
 }
 

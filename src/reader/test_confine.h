@@ -1,4 +1,4 @@
 #pragma once
 
-/// What is known of the confinement, for tests of rooms that read by it.
+/// Queries about the confinement, for tests of modules that use it.
 #include "reader/confine.h"

@@ -8,10 +8,10 @@
 
 #include "palpate/base/check.h"
 
-/// What a process that was started may leave behind.
+/// Resources that a child process may leave behind.
 namespace palpate::test {
 
-/// Descriptors that this process has open.
+/// Number of descriptors open in this process.
 inline std::size_t open_descriptors() {
   DIR* folder = ::opendir("/proc/self/fd");
   PALPATE_CHECK(folder != nullptr);
@@ -21,7 +21,7 @@ inline std::size_t open_descriptors() {
   return count;
 }
 
-/// Whether this process has no child, not even one that has ended.
+/// True if this process has no child, not even a zombie.
 inline bool has_no_child() {
   return ::waitpid(-1, nullptr, WNOHANG | __WALL) < 0 && errno == ECHILD;
 }

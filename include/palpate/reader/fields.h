@@ -10,8 +10,8 @@
 
 #include "palpate/base/result.h"
 
-/// Plain fields through a pipe between two processes of one machine: numbers as they stand in memory; a text
-/// is u32 n and n bytes.
+/// Serialisation of plain fields over a pipe between two processes of one machine: numbers in native byte
+/// order; a text is u32 n and n bytes.
 namespace palpate::reader {
 
 class ByteTarget {
@@ -23,14 +23,14 @@ class ByteTarget {
 class ByteSource {
  public:
   virtual ~ByteSource() = default;
-  /// Fills `bytes` or says why not.
+  /// Fills `bytes` completely. Errors: depend on the source.
   virtual Result<void> read(std::span<std::byte> bytes) = 0;
 };
 
 class Sender {
  public:
   explicit Sender(ByteTarget& target) : target_(target) {}
-  /// False once anything could not be sent; nothing more is, then.
+  /// False once a write has failed; nothing more is sent then.
   bool ok() const { return ok_; }
 
   template <class Plain>
@@ -48,13 +48,13 @@ class Sender {
   bool ok_ = true;
 };
 
-/// Reads fields; after the first failure values stay as they are and error() tells why.
+/// Deserialises fields; after the first failure values are left unchanged and error() returns the reason.
 class Receiver {
  public:
-  /// The longest text, in bytes, where nothing else is said.
+  /// Default limit for the length of a text; bytes.
   static constexpr std::size_t kMostText = 4096;
 
-  /// @param complaint  stands before what fail() is told, in the error
+  /// @param complaint  prefix of the errors that fail() reports
   Receiver(ByteSource& source, std::string complaint) : source_(source), complaint_(std::move(complaint)) {}
   bool ok() const { return !error_.has_value(); }
   const Error& error() const { return *error_; }

@@ -11,29 +11,30 @@
 #include "palpate/base/progress.h"
 #include "palpate/reader/fields.h"
 
-/// Whatever parses bytes of unknown origin with code that is not made for hostile ones runs in a process of
-/// its own, which may crash, loop or swallow memory, and can do nothing else (confine.h). The parent takes
-/// plain fields from it (fields.h), and pieces of bytes in memory that both have, and believes none of them
-/// unchecked.
+/// Sandbox for code that parses bytes of unknown origin without being hardened against malicious ones. It
+/// runs in a process of its own, which may crash, loop or exhaust its memory, but can do nothing else
+/// (confine.h). The parent receives plain fields (fields.h), and blocks of bytes in shared memory, and
+/// validates all of them.
 ///
-/// The process is a copy of the program as it stands, with the calling thread alone. So who starts one
-/// - holds, while it is started, whatever lock its work will want: another thread's lock stays locked in the
-///   copy. malloc's and stdio's are seen to;
-/// - keeps that thread alive while it reads: Linux ends the process with the thread that started it;
-/// - pays for the copy of the page tables, 1 ms and 50 ms more for each GiB that the program has taken, and
-///   then, as long as the process lives, a fault for each page that the program changes: none is started in a
-///   program whose servo ticks.
+/// The process is a fork of the program with the calling thread only. The caller of start() therefore
+/// - holds, while the process is started, every lock that its work will need: a lock held by another thread
+///   stays locked in the copy. Those of malloc and stdio are handled;
+/// - keeps the calling thread alive while it reads: Linux ends the process with the thread that started it;
+/// - pays for copying the page tables, 1 ms plus 50 ms for each GiB of the program's memory, and then, while
+///   the process lives, a page fault for each page that the program modifies: none is started in a program
+///   whose servo is running.
 namespace palpate::reader {
 
-/// The end that the work in the process has.
+/// Endpoint of the connection in the reader process.
 class ParentEnd : public ByteTarget {
  public:
   ParentEnd(int pipe, int words, std::span<std::byte> shared) : pipe_(pipe), words_(words), shared_(shared) {}
-  /// False: the parent takes no more.
+  /// Sends bytes to the parent; false if the parent accepts no more.
   bool write(std::span<const std::byte> bytes) override;
-  /// Waits until the parent has said go_on() once more than this was called before. False: it never will.
+  /// Waits until the parent has called go_on() once more than this function has returned. False if it never
+  /// will.
   bool wait_for_word();
-  /// What the parent reads too, from the first byte on zeros.
+  /// Memory shared with the parent, initially zero.
   std::span<std::byte> shared() const { return shared_; }
 
  private:
@@ -41,35 +42,40 @@ class ParentEnd : public ByteTarget {
   std::span<std::byte> shared_;
 };
 
-/// The parent's end. When it goes, the process is ended and nothing of it is left.
+/// Endpoint of the connection in the parent. The destructor kills and reaps the process.
 class ReaderProcess : public ByteSource {
  public:
-  /// Runs in the process, confined; whether it came to its end, which only the process's exit status tells.
+  /// Function run in the confined process; returns true if it completed, which is reported only by the exit
+  /// status.
   using Work = std::function<bool(ParentEnd& parent)>;
 
   struct Job {
-    /// Open files: the process has them, and can open them by their names; of a folder what stands in it and
-    /// below.
+    /// Open files and folders to which the process has access: by descriptor, and by name; for a folder also
+    /// its contents.
     std::span<const int> files;
-    std::size_t shared_bytes = 0;  ///< of ParentEnd::shared()
-    std::string died;              ///< Error::what where the process ends before it has sent what is read
-    std::string endless;           ///< Error::what where it sends nothing for as long as `patience`
+    std::size_t shared_bytes = 0;  ///< Size of ParentEnd::shared(); bytes.
+    std::string died;              ///< Error::what if the process ends before it has sent the requested
+                                   ///< bytes.
+    std::string endless;           ///< Error::what if it sends nothing for `patience`.
     std::chrono::milliseconds patience{20'000};
   };
 
-  /// @param progress  ends read() when it is stopped; stays where it is as long as this object lives
-  /// Errors: kUnavailable, there is no process to be had.
+  /// Starts a process.
+  /// @param progress  ends read() when it is cancelled; must outlive this object at the same address
+  /// Errors: kUnavailable if no process can be created.
   static Result<std::unique_ptr<ReaderProcess>> start(const Job& job, const Work& work,
                                                       const Progress& progress);
   ~ReaderProcess() override;
   ReaderProcess(const ReaderProcess&) = delete;
   ReaderProcess& operator=(const ReaderProcess&) = delete;
 
-  /// The next bytes that the process wrote. Errors: Job::died and Job::endless, kBadInput; interrupted.
+  /// Reads the next bytes that the process has sent. Errors: kBadInput with Job::died or Job::endless;
+  /// interrupted.
   Result<void> read(std::span<std::byte> bytes) override;
-  /// Lets the process pass one wait_for_word().
+  /// Allows the process to pass one wait_for_word().
   void go_on() const;
-  /// What the process may change at any moment, also while it is looked at: copy, then check, then use.
+  /// Shared memory, which the process may modify at any time, even during validation: copy, then check, then
+  /// use.
   std::span<const std::byte> shared() const { return shared_; }
 
  private:
