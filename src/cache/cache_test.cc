@@ -44,7 +44,7 @@ class CacheTest : public ::testing::Test {
     set_cache({kept_, most_bytes, [this](const std::string& text) { warnings_.push_back(text); }});
   }
   fs::path file_of(const cache::Digest& key) const { return kept_ / cache::name_of_entry(key); }
-  // as if it had last been used so long ago
+  // sets the time of last use
   void age(const cache::Digest& key, int hours) const {
     fs::last_write_time(file_of(key), fs::file_time_type::clock::now() - std::chrono::hours(hours));
   }
@@ -148,7 +148,7 @@ TEST_F(CacheTest, WhatAKilledProcessLeftIsSweptAway) {
   const fs::path fresh = test::write_text(kept_ / ".palpate-0123456789abcdef-XyZ124.kept", "half");
   cache::keep(key_of(2), bytes_of("two"));
   EXPECT_FALSE(fs::exists(left));
-  // somebody may be writing it
+  // another process may be writing it
   EXPECT_TRUE(fs::exists(fresh));
   EXPECT_EQ(cache_contents().entries, 2u);
 }
@@ -171,7 +171,7 @@ TEST_F(CacheTest, EveryDamageIsAnEntryThatIsNotThere) {
   }
   test::write_text(file_of(key), whole + "x");
   EXPECT_FALSE(cache::find(key));
-  // and one that is another's
+  // an entry under another key
   test::write_text(file_of(key_of(2)), whole);
   EXPECT_FALSE(cache::find(key_of(2)));
   // replaced
@@ -206,7 +206,7 @@ TEST_F(CacheTest, AnEntryThatOthersMayWriteToIsNotTaken) {
   cache::keep(key_of(1), bytes_of("one"));
   EXPECT_TRUE(cache::find(key_of(1)));
   if (::geteuid() != 0) return;
-  // nor one of somebody else, whom only root can play
+  // nor an entry of another account, which only root can create
   constexpr uid_t kNobody = 65534;
   ASSERT_EQ(::chown(file_of(key_of(1)).c_str(), kNobody, kNobody), 0);
   EXPECT_FALSE(cache::find(key_of(1)));
@@ -222,7 +222,7 @@ TEST_F(CacheTest, AFileInThePlaceOfTheFolderIsToldOnce) {
 }
 
 TEST_F(CacheTest, AFullDiskIsToldOnceAndLeavesNothing) {
-  // the limit on file sizes stands in for a full disk
+  // the file size limit stands in for a full disk
   cache::keep(key_of(1), bytes_of("one"));
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
   rlimit before;
@@ -238,7 +238,7 @@ TEST_F(CacheTest, AFullDiskIsToldOnceAndLeavesNothing) {
 }
 
 TEST_F(CacheTest, TwoProcessesKeepTheSame) {
-  // whoever reads meanwhile finds nothing or one of the two, whole
+  // a concurrent reader finds nothing or one of the two, complete
   const std::string mine(20000, 'm'), others(20000, 'o');
   testing::Child child([&] {
     for (int n = 0; n < 200; ++n) cache::keep(key_of(1), bytes_of(others));
@@ -257,7 +257,7 @@ TEST_F(CacheTest, TwoProcessesKeepTheSame) {
   EXPECT_EQ(std::distance(fs::directory_iterator(kept_), {}), 1);
 }
 
-/// The variables that say where the cache is, as they were afterwards.
+/// Environment variables that determine the cache folder, restored afterwards.
 class CacheEnvironment : public ::testing::Test {
  protected:
   CacheEnvironment() {
@@ -314,7 +314,7 @@ TEST(CacheKeys, DifferWhereAnythingDiffers) {
 }
 
 TEST(CacheKeys, DigestsTellEveryByteAndTheSizeOfLargeThings) {
-  // three pieces and a part
+  // three whole pieces and a partial one
   std::vector<std::uint8_t> values((std::size_t{3} << 22) + 5, 7);
   const auto whole = cache::digest_of(values);
   for (const std::size_t place : {std::size_t{0}, (std::size_t{1} << 22) - 1, std::size_t{1} << 22,
@@ -354,7 +354,7 @@ void expect_same_back(const std::vector<T>& values) {
   EXPECT_TRUE(values.empty() || std::memcmp(read.data(), values.data(), values.size() * sizeof(T)) == 0);
 }
 
-// runs of all lengths, and what differs between them
+// runs of all lengths, separated by different values
 template <class T>
 std::vector<T> patchy(std::mt19937& random, std::size_t size) {
   std::vector<T> values;
@@ -401,7 +401,7 @@ TEST(CacheFields, HostileBytesEndTheReadingAndWriteNowhereElse) {
       bytes[random() % bytes.size()] ^= static_cast<std::byte>(1u << random() % 8);
     if (random() % 2 == 0) bytes.resize(random() % bytes.size());
     cache::FieldReader in(bytes);
-    // what lies beside it is looked at by the sanitizers, and here
+    // adjacent memory is checked by the sanitizers, and here
     std::vector<std::int16_t> read(302, -1);
     in.get_values(std::span(read).subspan(1, 300));
     EXPECT_EQ(read.front(), -1);

@@ -19,7 +19,7 @@ bool sha256(std::span<const std::byte> bytes, Digest& digest) {
 }  // namespace
 
 std::optional<Digest> digest_of(std::span<const std::byte> bytes) {
-  // the digest of pieces' digests; the size tells one piece from the digests of two
+  // digest of the size and the pieces' digests; the size distinguishes one piece from the digests of two
   constexpr std::size_t kPiece = std::size_t{1} << 22;
   const auto pieces = static_cast<int>((bytes.size() + kPiece - 1) / kPiece);
   std::vector<Digest> digests(static_cast<std::size_t>(pieces));

@@ -26,13 +26,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kEnding = ".kept";
-// how the temporaries of PendingFile begin
+// prefix of PendingFile's temporaries
 constexpr const char* kTemporary = ".palpate-";
 constexpr auto kAbandonedAfter = std::chrono::hours(1);
 
 struct Cache {
   CacheSettings settings;
-  // entries are kept by several threads
+  // several threads may store entries
   std::mutex mutex;
   bool warned = false;
 };
@@ -49,7 +49,7 @@ std::optional<std::string> environment_text(const char* name) {
 
 fs::path cache_home() {
   const fs::path xdg = environment_text("XDG_CACHE_HOME").value_or("");
-  // the XDG specification ignores relative ones
+  // the XDG specification ignores relative paths
   if (xdg.is_absolute()) return xdg;
   fs::path home = environment_text("HOME").value_or("");
   if (home.empty())
@@ -64,7 +64,7 @@ struct KeptFile {
   fs::file_time_type used;
 };
 
-// the entries, those used longest ago first; sweeps away what killed processes left behind
+// entries, least recently used first; also removes files left by killed processes
 std::vector<KeptFile> kept_files(const fs::path& folder) {
   std::vector<KeptFile> files;
   std::vector<fs::path> abandoned;
@@ -94,7 +94,7 @@ std::uint64_t bytes_of_files(const std::vector<KeptFile>& files) {
   return bytes;
 }
 
-// what it may take: the user's limit, and a part of what the disk would have free without it
+// maximum size: the user's limit, and a fraction of the space that the disk would have free without the cache
 std::uint64_t most_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
   struct statvfs disk {};
   if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.most_bytes;
@@ -115,7 +115,7 @@ bool is_ours_alone_to_write(const struct stat& status) {
   return status.st_uid == ::geteuid() && (status.st_mode & (S_IWGRP | S_IWOTH)) == 0;
 }
 
-// Whether the folder is there, or could be made, and is nobody else's to write to.
+// true if the folder exists or was created, and only this account can write to it
 bool folder_is_ours(const fs::path& folder) {
   std::error_code ignored;
   fs::create_directories(folder.parent_path(), ignored);
@@ -165,7 +165,7 @@ bool write_all(int descriptor, std::span<const std::byte> bytes) {
   return true;
 }
 
-// 0, or the errno of what failed
+// returns 0 or the errno of the failure
 int write_entry(const fs::path& file, const EntryHead& head, std::span<const std::byte> payload) {
   const int descriptor = ::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
   if (descriptor < 0) return errno;
@@ -248,7 +248,7 @@ std::optional<Payload> find(const Digest& key) try {
   if (!is_kept()) return std::nullopt;
   auto file = InputFile::open(cache_settings().folder / name_of_entry(key));
   if (!file || file->size() < sizeof(EntryHead)) return std::nullopt;
-  // what somebody else wrote is his idea of a patient
+  // an entry that another account could have written is not trusted
   struct stat status {};
   if (::fstat(file->descriptor(), &status) != 0 || !is_ours_alone_to_write(status)) return std::nullopt;
   EntryHead head;
@@ -259,7 +259,7 @@ std::optional<Payload> find(const Digest& key) try {
   if (!got || *got != payload.bytes().size()) return std::nullopt;
   const EntryHead whole = head_of(key, payload.bytes());
   if (std::memcmp(&head, &whole, sizeof head) != 0) return std::nullopt;
-  // used now
+  // marks the entry as most recently used
   ::futimens(file->descriptor(), nullptr);
   return payload;
 } catch (const std::bad_alloc&) {
@@ -272,7 +272,7 @@ void keep(const Digest& key, std::span<const std::byte> payload) {
   const CacheSettings& settings = cache_settings();
   if (!folder_is_ours(settings.folder)) return;
 
-  // room for it
+  // free the space required
   const auto files = kept_files(settings.folder);
   std::uint64_t taken = bytes_of_files(files);
   const std::uint64_t most = most_bytes_of(settings, taken), wanted = sizeof(EntryHead) + payload.size();
@@ -284,7 +284,7 @@ void keep(const Digest& key, std::span<const std::byte> payload) {
     taken -= kept.bytes;
   }
 
-  // another process may be writing the same
+  // another process may be writing the same entry
   auto pending = PendingFile::create(settings.folder / name_of_entry(key));
   if (!pending) {
     if (::access(settings.folder.c_str(), W_OK) != 0) warn_once("takes no files");
@@ -292,7 +292,7 @@ void keep(const Digest& key, std::span<const std::byte> payload) {
   }
   const int failure = write_entry(pending->path(), head_of(key, payload), payload);
   if (failure != 0) return warn_once(std::string("takes nothing: ") + std::strerror(failure));
-  // what a power cut leaves of it does not have its checksum
+  // not flushed: the checksum detects an entry damaged by a power cut
   if (!pending->commit(Flush::kNot)) warn_once("takes nothing");
 }
 

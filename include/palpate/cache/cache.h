@@ -7,25 +7,24 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 
-/// What was prepared before, kept in a folder so that a scene starts fast the second time. Nothing that is
-/// kept holds a name: of a file, a patient or a structure. One answer for the whole process, given before
-/// anything is read; until then nothing is kept. docs/guide/cache.md says what is kept and by what it is
-/// found.
+/// Cache folder for prepared results, so that a scene starts faster the second time. No entry contains a name
+/// of a file, a patient or a structure. Process-wide, configured before anything is read; disabled until
+/// then. docs/guide/cache.md describes the entries and their keys.
 namespace palpate {
 
-/// Bytes that all that is kept may take, where nothing else is said.
+/// Default maximum size of all entries; bytes.
 inline constexpr std::uint64_t kUsualCacheBytes = 4'000'000'000;
-/// It never takes more than this part of what the disk would have free without it.
+/// Upper limit relative to the space that the disk would have free without the cache.
 inline constexpr double kCachePartOfDisk = 0.1;
 
 struct CacheSettings {
-  std::filesystem::path folder;  ///< made where it is missing; empty: nothing is kept or looked for
+  std::filesystem::path folder;  ///< Created if it is missing; empty: no caching.
   std::uint64_t most_bytes = kUsualCacheBytes;
-  Warn warn = {};  ///< told at most once, where the folder takes nothing
+  Warn warn = {};  ///< Called at most once, if the folder is not writable.
 };
-/// $PALPATE_CACHE, where it is set, none where that is empty; else $XDG_CACHE_HOME/palpate, else
-/// ~/.cache/palpate; none where nobody knows the home folder. As large as $PALPATE_CACHE_LIMIT ("800M") says.
-/// Errors: kUsage where that is no amount.
+/// Settings from the environment. Folder: $PALPATE_CACHE if it is set, where an empty value disables the
+/// cache; otherwise $XDG_CACHE_HOME/palpate, otherwise ~/.cache/palpate; none if the home folder is unknown.
+/// Maximum size: $PALPATE_CACHE_LIMIT ("800M"). Errors: kUsage if that is not an amount.
 Result<CacheSettings> cache_settings_of_environment();
 void set_cache(CacheSettings settings);
 const CacheSettings& cache_settings();
@@ -33,11 +32,11 @@ const CacheSettings& cache_settings();
 struct CacheContents {
   std::size_t entries = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t most_bytes = 0;  ///< that it may take, the disk considered
+  std::uint64_t most_bytes = 0;  ///< Maximum size, also limited by the disk; bytes.
 };
-/// Nothing where there is no folder, or none that may be read.
+/// Contents of the cache; all 0 without a readable folder.
 CacheContents cache_contents();
-/// Removes all that is kept. Returns what that was. Errors: kOutput where something stays.
+/// Removes all entries and returns what was removed. Errors: kOutput if an entry cannot be removed.
 Result<CacheContents> empty_cache();
 
 }  // namespace palpate

@@ -12,27 +12,28 @@
 
 #include "palpate/base/file.h"
 
-/// By what the cache finds things: SHA-256, which nobody has made collide. The house's own hash (base/hash.h)
-/// has 64 bits and is not for what somebody may want to collide.
+/// Keys of the cache: SHA-256, for which no collision is known. The 64-bit hash of base/hash.h is not
+/// collision resistant.
 namespace palpate::cache {
 
 using Digest = std::array<std::byte, 32>;
 
-/// Of any bytes; large ones on several threads. Nothing where OpenSSL cannot.
+/// Digest of bytes, computed by several threads if they are many; nullopt if OpenSSL fails.
 std::optional<Digest> digest_of(std::span<const std::byte> bytes);
 template <class T>
 requires std::is_arithmetic_v<T> std::optional<Digest> digest_of(const std::vector<T>& values) {
   return digest_of(std::as_bytes(std::span(values)));
 }
 
-/// Of a file from an offset on. Nothing where it cannot be read.
+/// Digest of a file from an offset on; nullopt if it cannot be read.
 std::optional<Digest> digest_of(const InputFile& file, std::uint64_t from);
 
-/// Everything that a result was made from. Two keys are equal where all that was put in is, in its order.
+/// Key of a result, composed of everything from which it was made. Two keys are equal if the same fields were
+/// added in the same order.
 class Key {
  public:
-  /// @param kind     of the result
-  /// @param version  raised by whoever changes how it is made
+  /// @param kind     kind of the result
+  /// @param version  to be incremented whenever its computation changes
   Key(std::string_view kind, std::uint32_t version) {
     put(kind);
     put(version);

@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-/// What the cache keeps of a result: plain numbers as they stand in memory, and many values as runs of equal
-/// ones, which volumes have: background, and what is beyond a surface's reach.
+/// Serialisation of cache entries: numbers in native byte order, and arrays with run-length encoding, because
+/// volumes contain long runs, such as background and distances beyond a surface's reach.
 ///
-///   values:  u32 2n + 1, one value      n equal values           as many of these as it takes
-///            u32 2n,     n values       n that differ
+///   values:  u32 2n + 1, one value      n equal values           repeated
+///            u32 2n,     n values       n different values
 namespace palpate::cache {
 
 class FieldWriter {
@@ -27,7 +27,7 @@ class FieldWriter {
   void put_values(std::span<const Plain> values) {
     // a shorter run costs more than it saves
     constexpr std::size_t kLeastRun = 4 + 16 / sizeof(Plain), kMost = 0x7fffffff;
-    std::size_t first = 0;  // of those that differ and are not yet put
+    std::size_t first = 0;  // first of the different values that are not written yet
     for (std::size_t at = 0; at < values.size();) {
       const std::size_t end = std::min(values.size(), at + kMost);
       std::size_t after = at + 1;
@@ -49,7 +49,7 @@ class FieldWriter {
   const std::vector<std::byte>& bytes() const { return bytes_; }
 
  private:
-  // by their bits: 0 and -0 differ, and NaN is itself
+  // bitwise: 0 and -0 differ, and a NaN equals itself
   template <class Plain>
   static bool same(const Plain& a, const Plain& b) {
     return std::memcmp(&a, &b, sizeof a) == 0;
@@ -68,20 +68,21 @@ class FieldWriter {
   std::vector<std::byte> bytes_;
 };
 
-/// Believes nothing of the bytes: after the first that cannot be, ok() is false and values stay as they are.
+/// Deserialises fields of an untrusted entry: after the first invalid one ok() is false, and values are left
+/// unchanged.
 class FieldReader {
  public:
   explicit FieldReader(std::span<const std::byte> bytes) : rest_(bytes) {}
 
   bool ok() const { return ok_; }
-  /// Whether all was as it should be and nothing is left.
+  /// True if all fields were valid and nothing is left.
   bool finished() const { return ok_ && rest_.empty(); }
 
   template <class Plain>
   requires std::is_arithmetic_v<Plain>
   void get(Plain& value) { get_bytes(&value, sizeof value); }
 
-  /// Exactly as many values as there is room for.
+  /// Reads exactly as many values as `values` holds.
   template <class Plain>
   requires std::is_arithmetic_v<Plain>
   void get_values(std::span<Plain> values) {
