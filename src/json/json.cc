@@ -6,12 +6,12 @@
 namespace palpate {
 namespace {
 
-// deeper texts would exhaust the stack where values are copied and destroyed
+// deeper values would exhaust the stack when they are copied or destroyed
 constexpr std::size_t kMostLevels = 500;
 
 }  // namespace
 
-/// Makes a value of what nlohmann-json's parser reports, and its own value of ours.
+/// Converts nlohmann-json's parser events to a Json, and a Json to nlohmann-json's value type.
 class JsonBuilder {
  public:
   bool null() { return add(Json()); }
@@ -31,7 +31,7 @@ class JsonBuilder {
   bool end_object() {
     Json::Object& members = std::get<Json::Object>(open_.back().value_);
     std::ranges::stable_sort(members, {}, &Json::Member::name);
-    // the last of those with one name
+    // of equal names keep the last one
     Json::Object kept;
     for (std::size_t n = 0; n < members.size(); ++n)
       if (n + 1 == members.size() || members[n].name != members[n + 1].name)
@@ -54,7 +54,7 @@ class JsonBuilder {
             for (const Json& each : value) out.push_back(written(each));
           } else if constexpr (std::is_same_v<T, Json::Object>) {
             out = Written::object();
-            // named once each already
+            // names are unique already
             auto& members = out.get_ref<Written::object_t&>();
             for (const Json::Member& member : value) members.emplace_back(member.name, written(member.value));
           } else if constexpr (!std::is_same_v<T, std::monostate>) {

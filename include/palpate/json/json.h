@@ -14,17 +14,17 @@
 #include <variant>
 #include <vector>
 
-/// JSON values. Parsed and written by nlohmann-json, which one source includes: its header takes a compiler
-/// three seconds to parse and ten to instantiate, this one a fraction of a second.
+/// JSON values. Parsed and written by nlohmann-json, which is included by a single source file: its header
+/// takes three seconds of compile time to parse and ten to instantiate, this one a fraction of a second.
 namespace palpate {
 
-/// A member that is missing, or a value of another type than the one that was asked for.
+/// Error for a missing member or a value of another type than requested.
 class JsonError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// A member of an object. A template, so that Json may be incomplete where it is named.
+/// Member of an object. A template, so that Json may be incomplete at this point.
 template <class Value>
 struct JsonMember {
   bool operator==(const JsonMember&) const = default;
@@ -33,8 +33,8 @@ struct JsonMember {
   Value value;
 };
 
-/// Null, a boolean, a number, a text, an array or an object. Members of an object keep the order in which
-/// they were added; those of a parsed object are sorted by their names.
+/// Null, a boolean, a number, a text, an array or an object. Members of an object are in order of insertion;
+/// those of a parsed object are sorted by name.
 class Json {
  public:
   using Member = JsonMember<Json>;
@@ -53,7 +53,7 @@ class Json {
   Json(std::string text) : value_(std::move(text)) {}
   Json(std::string_view text) : value_(std::string(text)) {}
   Json(const char* text) : value_(std::string(text)) {}
-  /// A range of values is an array.
+  /// Makes an array from a range of values.
   template <std::ranges::input_range Range>
   requires(!std::same_as<Range, Json> && !std::convertible_to<const Range&, std::string_view> &&
            std::constructible_from<Json, std::ranges::range_reference_t<const Range>>)
@@ -61,16 +61,17 @@ class Json {
       : value_(Array()) {
     for (auto&& value : values) std::get<Array>(value_).emplace_back(value);
   }
-  /// Pairs of a text and a value are an object, {{"name", "femur"}, {"value", 3}}; anything else is an array.
+  /// Makes an object from pairs of a text and a value, {{"name", "femur"}, {"value", 3}}; an array from
+  /// anything else.
   Json(std::initializer_list<Json> values);
   static Json array() { return Json(Value(Array())); }
   static Json object() { return Json(Value(Object())); }
 
-  /// Nothing for what is not valid JSON, or nests deeper than 500 levels. Of members with one name the last
-  /// counts.
+  /// Parses a text; nullopt if it is not valid JSON or is nested more than 500 levels deep. Of members with
+  /// equal names the last one counts.
   static std::optional<Json> parse(std::string_view text);
-  /// Bytes that are not UTF-8 are replaced; a number that is not finite becomes null.
-  /// @param indent  spaces for each level; below 0: all in one line
+  /// Serialises the value. Bytes that are not UTF-8 are replaced; a number that is not finite becomes null.
+  /// @param indent  spaces for each level; negative: all on one line
   std::string dump(int indent = -1) const;
 
   bool is_null() const { return std::holds_alternative<std::monostate>(value_); }
@@ -80,25 +81,25 @@ class Json {
   bool is_array() const { return std::holds_alternative<Array>(value_); }
   bool is_object() const { return std::holds_alternative<Object>(value_); }
 
-  /// The value as a T: bool, a number, std::string, or a std::array or std::vector of such. Errors: JsonError
-  /// for a value of another type, and for an array of fewer values.
+  /// Converts the value to T: bool, a number, std::string, or a std::array or std::vector of those. Errors:
+  /// JsonError for a value of another type, and for an array with fewer values.
   template <class T>
   T get() const {
     return read(Type<T>());
   }
-  /// Errors: JsonError for what is not a text.
+  /// Text of a string. Errors: JsonError for any other type.
   const std::string& text() const;
-  /// Numbers are compared by value, whichever type they have; members in their order.
+  /// Compares numbers by value, regardless of their types, and members in their order.
   bool operator==(const Json& other) const;
 
-  /// Of an array or an object, else 0.
+  /// Number of values of an array or members of an object; otherwise 0.
   std::size_t size() const;
   bool empty() const { return size() == 0; }
 
-  // Arrays. What is not one has no values to iterate over. Errors: JsonError for an index that is too large.
+  // Arrays. Iterating over any other type yields nothing. Errors: JsonError for an index out of range.
   const Json* begin() const;
   const Json* end() const;
-  /// A template, as the literal 0 would also be the null pointer of a text.
+  /// A template, because the literal 0 would also convert to a null const char*.
   template <std::integral T>
   const Json& operator[](T n) const {
     return value(static_cast<std::size_t>(n));
@@ -109,21 +110,22 @@ class Json {
   }
   const Json& front() const { return (*this)[0]; }
   Json& back();
-  /// Null becomes an array. Errors: JsonError for what is neither.
+  /// Appends a value; null becomes an array. Errors: JsonError for any other type.
   void push_back(Json value);
 
-  // Objects
-  /// Errors: JsonError for what is not an object.
+  // Objects.
+  /// Members of an object. Errors: JsonError for any other type.
   const Object& items() const;
-  /// Null where there is no such member, and of what is not an object.
+  /// Finds a member by name; nullptr if there is none, or if this is not an object.
   const Json* find(std::string_view name) const;
   bool contains(std::string_view name) const { return find(name) != nullptr; }
-  /// Errors: JsonError where there is no such member.
+  /// Member of this name. Errors: JsonError if there is none.
   const Json& at(std::string_view name) const;
   const Json& operator[](std::string_view name) const { return at(name); }
-  /// Adds the member where there is none; null becomes an object. Errors: JsonError for what is neither.
+  /// Member of this name, added if there is none; null becomes an object. Errors: JsonError for any other
+  /// type.
   Json& operator[](std::string_view name);
-  /// Sets the members that `other` has. Errors: JsonError unless both are objects.
+  /// Sets all members of `other`. Errors: JsonError unless both are objects.
   void update(const Json& other);
 
  private:
@@ -138,7 +140,7 @@ class Json {
   const Array& values() const;
   const Json& value(std::size_t n) const;
   bool boolean() const;
-  /// Calls `use` with the number in the type that it has.
+  /// Calls `use` with the number in its stored type.
   template <class Use>
   auto with_number(const Use& use) const {
     switch (value_.index()) {
