@@ -46,7 +46,7 @@ CatalogEntry knee_atlas() {
                   .remote = "Data/knee.ctbl",
                   .bytes = 2042,
                   .sha256 = "07cd0f28d8621b31b248e911951ed0d66a1b9b271f82b91e16ee013eb691c2f7"},
-                 // its size is published nowhere; the git object id pins it all the same
+                 // its size is not published; the git object id identifies its content
                  {.role = DataRole::kScan,
                   .name = "I.nrrd",
                   .remote = "Data/I.nrrd",
@@ -63,7 +63,7 @@ CatalogEntry head() {
   entry.source = DataSource::kPackage;
   entry.home = "mricron-data";
   entry.folder_hint = "head";
-  // the package manager vouches for the content, and its version may change: no hashes
+  // no hashes: the package manager verifies the content, and the version may change
   entry.files = {{.role = DataRole::kLabels, .name = "aal.nii.gz"},
                  {.role = DataRole::kScan, .name = "ch2.nii.gz"},
                  {.role = DataRole::kNames, .name = "aal.nii.txt"}};
@@ -94,7 +94,7 @@ const CatalogFile& file_for(const CatalogEntry& entry, DataRole role) {
 }
 
 Result<const CatalogEntry*> find_entry(const std::string& name) {
-  // parameters do not make another data set
+  // parameters are not part of the data set's name
   const std::string base = is_phantom_name(name) ? name.substr(0, name.find(':')) : name;
   std::string known;
   for (const auto& entry : catalog()) {
@@ -118,10 +118,10 @@ Result<CatalogEntry> entry_with_parameters(const std::string& name) {
 }
 
 std::string file_stem(const std::string& name) {
-  // as long as a file's name may be, with what is added to it
+  // leaves space for extensions within the maximum length of a file name
   constexpr std::size_t kLongest = 200;
   std::string stem = name;
-  // colons part the folders of PALPATE_DATA
+  // colons separate the folders of PALPATE_DATA
   std::ranges::replace(stem, ':', '_');
   if (stem.size() <= kLongest) return stem;
   std::uint64_t hash = kHashSeed;

@@ -27,7 +27,7 @@ TEST(Catalog, EntriesAreComplete) {
     EXPECT_FALSE(entry.licence.empty());
     EXPECT_EQ(entry.home.empty(), entry.source == DataSource::kGenerated);
     for (const auto& file : entry.files) {
-      // what is downloaded can be checked, over a connection that can be trusted
+      // downloads can be verified, over a trusted connection
       EXPECT_EQ(!file.remote.empty(), entry.source == DataSource::kFetched) << file.name;
       if (file.remote.empty()) continue;
       EXPECT_TRUE(entry.home.starts_with("https://"));
@@ -74,7 +74,7 @@ TEST(Catalog, UserDataFolder) {
   EXPECT_EQ(user_data_folder(), "/home/somebody/.local/share/palpate");
 }
 
-// no data folder but the ones a test makes
+// only the data folders that the test creates
 class LocateTest : public testing::Test {
  protected:
   TemporaryFolder user_, data_;

@@ -10,7 +10,7 @@ namespace {
 using test::TemporaryFolder;
 using test::write_text;
 
-// NIST's examples for SHA-256, and object ids as printed by `git hash-object`
+// NIST's examples for SHA-256, and object ids printed by `git hash-object`
 TEST(Digest, KnownValues) {
   const TemporaryFolder folder;
   write_text(folder / "empty", "");
@@ -25,7 +25,7 @@ TEST(Digest, KnownValues) {
 
 TEST(Digest, LongerThanOneBuffer) {
   const TemporaryFolder folder;
-  // NIST's long example: a million times 'a'
+  // NIST's long example: one million times 'a'
   write_text(folder / "long", std::string(1000000, 'a'));
   EXPECT_EQ(*sha256_of_file(folder / "long"),
             "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");

@@ -17,14 +17,14 @@
 namespace palpate {
 namespace {
 
-// NAME.part: open, locked against a second process, appended to
+// the file NAME.part: open, locked against other processes, written at its end
 class PartFile {
  public:
   explicit PartFile(std::filesystem::path path) : path_(std::move(path)) {}
   PartFile(const PartFile&) = delete;
   PartFile& operator=(const PartFile&) = delete;
   ~PartFile() {
-    // nothing arrived: leave nothing
+    // nothing was received: remove the file
     if (mine_ && size() == 0) ::unlink(path_.c_str());
     if (fd_ >= 0) ::close(fd_);
   }
@@ -59,7 +59,7 @@ class PartFile {
     return true;
   }
 
-  /// Forgets what is there from `size` on, and goes on from there.
+  /// Truncates the file to `size` and continues there.
   bool cut(std::uint64_t size) {
     const auto end = static_cast<off_t>(size);
     return (::ftruncate(fd_, end) == 0 && ::lseek(fd_, end, SEEK_SET) == end) || fail();
@@ -72,7 +72,7 @@ class PartFile {
   }
 
   const std::filesystem::path& path() const { return path_; }
-  /// errno of the write that failed, or 0.
+  /// errno of a failed write, or 0.
   int failure() const { return failure_; }
 
  private:
@@ -83,13 +83,13 @@ class PartFile {
 
   std::filesystem::path path_;
   int fd_ = -1;
-  bool mine_ = false;  ///< locked, and still under its name
+  bool mine_ = false;  ///< Locked, and not renamed yet.
   int failure_ = 0;
 };
 
 enum class Next : std::uint8_t { kCheck, kRetry };
 
-// one call of download(): the attempts and what they learn
+// one call of download(): its attempts and their state
 class Fetching {
  public:
   Fetching(const Download& download, const Progress& progress)
@@ -117,11 +117,11 @@ class Fetching {
   }
 
  private:
-  /// The next piece of the answer goes to disk, in its place; false ends the transfer.
+  /// Writes a piece of the body at its position; returning false cancels the transfer.
   bool take(const TransferReply& reply, std::string_view bytes) {
     if (first_piece_) {
       first_piece_ = false;
-      // a server that ignores the range sends the whole file: begin anew
+      // a server that ignores the range sends the whole file: start from the beginning
       const std::uint64_t start = reply.status == 206 ? reply.range_start.value_or(offset_) : 0;
       misplaced_ = start > offset_;
       if (misplaced_ || !part_.cut(start)) return false;
@@ -142,7 +142,7 @@ class Fetching {
     offset_ = part_.size();
     if (download_.bytes && offset_ > *download_.bytes) offset_ = 0;
     if (download_.bytes && offset_ == *download_.bytes) {
-      // complete already: the last call was ended before it could check
+      // complete already: the previous call was interrupted before verification
       resumed_ = true;
       return Next::kCheck;
     }
@@ -191,7 +191,7 @@ class Fetching {
     switch (reply.status) {
       case 200:
       case 206:
-        // an empty body never reached take()
+        // an empty body does not call take()
         if (first_piece_ && reply.status == 200) part_.cut(0);
         if (download_.bytes && part_.size() < *download_.bytes) {
           trouble_ = "the server sent only " + std::to_string(part_.size()) + " of " +
@@ -200,7 +200,7 @@ class Fetching {
         }
         return Next::kCheck;
       case 416:
-        // nothing beyond what is here: either this is all, or another file stands there now
+        // nothing beyond the local part: either the file is complete, or it has changed on the server
         trouble_ = "the server does not have the rest of the file";
         if (reply.whole_size == part_.size() && part_.size() > 0) return Next::kCheck;
         part_.cut(0);
@@ -220,7 +220,7 @@ class Fetching {
     }
   }
 
-  /// Waits longer after every attempt; false when the user asked to stop.
+  /// Waits longer after every attempt; false if the user cancelled.
   bool pause(int attempt) const {
     using Seconds = std::chrono::duration<double>;
     const auto end =
@@ -240,12 +240,12 @@ class Fetching {
   const Download& download_;
   const Progress& progress_;
   PartFile part_;
-  std::uint64_t offset_ = 0;  ///< bytes on disk
-  bool first_piece_ = true;   ///< of this attempt
-  bool resumed_ = false;      ///< what is on disk came in more than one piece
+  std::uint64_t offset_ = 0;  ///< Bytes on disk.
+  bool first_piece_ = true;   ///< The next piece is the first one of this attempt.
+  bool resumed_ = false;      ///< The file on disk was received in more than one piece.
   bool too_large_ = false;
   bool misplaced_ = false;
-  std::string trouble_;  ///< of the last attempt, in words
+  std::string trouble_;  ///< Reason for the failure of the last attempt.
 };
 
 }  // namespace

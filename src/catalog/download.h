@@ -10,28 +10,28 @@
 
 namespace palpate {
 
-/// One file to fetch, and how to know that it is the right one.
+/// File to download, and how to verify it.
 struct Download {
   std::string url;
-  std::filesystem::path target;                      ///< its folder exists
-  std::optional<std::uint64_t> bytes;                ///< exact size, where known
-  std::string sha256, git_blob;                      ///< at least one of the two, lower-case hex
-  std::uint64_t max_bytes = std::uint64_t{1} << 30;  ///< more than this is refused
+  std::filesystem::path target;                      ///< Its folder must exist.
+  std::optional<std::uint64_t> bytes;                ///< Exact size if it is known.
+  std::string sha256, git_blob;                      ///< At least one of the two; lower-case hexadecimal.
+  std::uint64_t max_bytes = std::uint64_t{1} << 30;  ///< Maximum size; a larger file is rejected.
   bool allow_http = false;
   double stall_timeout_s = 20;
-  double first_pause_s = 1;  ///< before the second attempt; doubles after each
+  double first_pause_s = 1;  ///< Pause before the second attempt; doubles after each attempt.
   int attempts = 4;
 };
 
-/// Error kBadInput naming both when the file's size or hash is not what is expected.
+/// Verifies a file. Errors: kBadInput with the expected and the actual value if size or hash differ.
 Result<void> check_content(const std::filesystem::path& file, const std::optional<std::uint64_t>& bytes,
                            const std::string& sha256, const std::string& git_blob);
 
-/// Downloads to target.part, resuming what an earlier call left there, checks the content and renames.
-/// The hash alone says whether two halves belong together: a resumed file that is wrong is fetched once
-/// more from its beginning, a file that is wrong although it came in one piece is deleted and an error.
-/// A second process that fetches the same file is refused.
-/// Errors: kUnavailable, kOutput, kInterrupted.
+/// Downloads to target.part, resuming a partial file of an earlier call, verifies the content and renames.
+/// Only the hash reveals whether the parts of a resumed file belong together: if it is wrong, the file is
+/// downloaded once more from the beginning; a file that is wrong although it was downloaded in one piece is
+/// deleted, with an error. A second process that downloads the same file is rejected. Errors: kUnavailable,
+/// kOutput, kInterrupted.
 Result<void> download(const Download& download, const Progress& progress);
 
 }  // namespace palpate

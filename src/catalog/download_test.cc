@@ -25,7 +25,7 @@ using test::write_text;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-// a server over a folder with one file of random bytes, and what a download of it needs
+// server of a folder with one file of random bytes, and the parameters of its download
 class DownloadTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -61,7 +61,7 @@ class DownloadTest : public testing::Test {
     EXPECT_THAT(done.error().message(), HasSubstr(words));
     EXPECT_FALSE(std::filesystem::exists(target_));
   }
-  // the Range header of every request so far, "-" for none
+  // Range header of every request, "-" for none
   std::vector<std::string> ranges() const {
     std::string text;
     transfer(
@@ -125,7 +125,7 @@ TEST_F(DownloadTest, AttemptsAreBoundedAndWhatArrivedIsKept) {
   expect_unavailable(download(patient, {}), "what has arrived is kept");
   EXPECT_EQ(bytes_of_file(part_), content_.substr(0, 300));
   EXPECT_EQ(ranges().size(), 3u);
-  // a later call goes on from there
+  // a later call resumes
   ASSERT_TRUE(get("ok"));
   expect_whole();
   EXPECT_EQ(ranges().back(), "bytes=300-");
@@ -156,7 +156,7 @@ TEST_F(DownloadTest, ServerThatIgnoresRangesBeginsAnew) {
 
 TEST_F(DownloadTest, WrongRangeIsNotTaken) {
   write_text(part_, content_.substr(0, 5000));
-  // "shifted" answers a request without a range as it should
+  // "shifted" answers a request without a range correctly
   const auto done = get("shifted");
   ASSERT_TRUE(done) << done.error().message();
   expect_whole();
@@ -303,7 +303,7 @@ TEST_F(DownloadTest, FolderThatIsNotThere) {
 }
 
 TEST_F(DownloadTest, DiskThatTakesNoMore) {
-  // a limit on the size of files fails a write as a full disk does
+  // a file size limit makes a write fail as a full disk does
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
   const rlimit small{100000, before.rlim_max};
@@ -332,7 +332,7 @@ TEST_F(DownloadTest, SecondProcessIsRefused) {
 
 TEST(Download, NobodyListens) {
   const TemporaryFolder folder;
-  // bound but not listening: a connection is refused at once
+  // bound but not listening: the connection is refused immediately
   Download request;
   request.url = "http://127.0.0.1:1/file.bin";
   request.target = folder / "file.bin";

@@ -36,8 +36,8 @@ Result<void> check_options(const FetchOptions& options) {
 
 constexpr std::string_view kWorkFolder = ".palpate-XXXXXX";
 
-// A folder for what is not whole yet, inside the target so that renaming stays on one disk. Locked while its
-// process lives (flock), so that the next one knows what a killed process left.
+// Folder for incomplete files, inside the target folder so that renaming stays on one file system. Locked
+// during the lifetime of its process (flock), so that a later process recognises what a killed one has left.
 class WorkFolder {
  public:
   static Result<WorkFolder> create(const fs::path& parent) {
@@ -61,7 +61,7 @@ class WorkFolder {
  private:
   explicit WorkFolder(fs::path path) : path_(std::move(path)), lock_(locked(path_)), unfinished_(path_) {}
 
-  // -1: another process has it, it is no folder, or the disk knows no locks
+  // -1: locked by another process, not a folder, or a file system without locks
   static int locked(const fs::path& folder) {
     const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
     if (descriptor < 0 || ::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return descriptor;
@@ -69,7 +69,7 @@ class WorkFolder {
     return -1;
   }
   static void sweep(const fs::path& parent) {
-    // one that is younger may not be locked yet
+    // a younger folder may not be locked yet
     constexpr std::time_t kLeast_s = 60;
     constexpr std::size_t kPrefix = kWorkFolder.find('X');
     std::error_code failed;
@@ -93,7 +93,7 @@ class WorkFolder {
   UnfinishedFolder unfinished_;
 };
 
-// whether the phantom in `folder` has voxels of these edges; its name says all else
+// true if the phantom in `folder` has this voxel size; its name determines everything else
 bool has_phantom(const CatalogEntry& entry, const fs::path& folder, const Eigen::Vector3d& spacing_mm) {
   const auto labels = read_header(folder / file_for(entry, DataRole::kLabels).name);
   const auto scan = read_header(folder / file_for(entry, DataRole::kScan).name);
@@ -114,7 +114,7 @@ Result<void> generate(const CatalogEntry& entry, const fs::path& folder, std::op
   const auto phantom = make_phantom(*parameters, progress);
   if (!phantom) return phantom.error();
 
-  // both are written before either appears
+  // both files are written before either appears
   const std::string labels = file_for(entry, DataRole::kLabels).name;
   const std::string scan = file_for(entry, DataRole::kScan).name;
   if (const auto written = write_labels(work->path() / labels, phantom->labels); !written) return written;
@@ -137,7 +137,7 @@ Result<LocalData> fetch(const std::string& name, const FetchOptions& options, co
   const CatalogEntry& entry = *found;
   if (const auto checked = check_options(options); !checked) return checked.error();
 
-  // what others installed or put there is only pointed to; our own copy may still lack its extras
+  // data installed by others are only referenced; the user's own copy may still lack optional files
   if (entry.source == DataSource::kPackage) return locate(name);
   if (options.voxel_mm && (entry.source != DataSource::kGenerated || name.find(':') != std::string::npos))
     return Error{ErrorKind::kUsage, "only of a phantom without parameters", "--voxel",
@@ -154,7 +154,7 @@ Result<LocalData> fetch(const std::string& name, const FetchOptions& options, co
                         ? generate(entry, folder, options.voxel_mm, progress)
                         : fetch_files(entry, folder, options, progress, warn);
   if (!done) {
-    // goes only when it is empty: a part to be resumed keeps it
+    // removes the folder only if it is empty: a partial file is kept for resuming
     if (new_folder) fs::remove(folder, failed);
     return done.error();
   }

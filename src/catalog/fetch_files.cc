@@ -27,7 +27,7 @@ Result<void> fetch_file(const CatalogEntry& entry, const CatalogFile& file, cons
   return download(request, progress);
 }
 
-// a scan on another grid than the labels is not their image
+// removes a scan whose grid differs from the labels'
 void drop_foreign_scan(const CatalogEntry& entry, const fs::path& folder, const Warn& warn) {
   const fs::path scan = folder / file_for(entry, DataRole::kScan).name;
   std::error_code ignored;

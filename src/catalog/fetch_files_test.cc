@@ -18,7 +18,7 @@ using test::write_text;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-// a small data set on a server of this machine: labels, their names and, as an extra, an image
+// small data set on a local server: labels, their names and an optional image
 class FetchFilesTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -118,7 +118,7 @@ TEST_F(FetchFilesTest, OnlyWhatIsMissingOrDamagedIsFetched) {
   ASSERT_TRUE(get("ok"));
   EXPECT_EQ(bytes_of_file(into_ / "names.tsv"), "value\tname\n1\tbone\n");
   EXPECT_EQ(fs::last_write_time(into_ / "labels.nrrd"), labels_written);
-  // and a server that has nothing is not even asked
+  // a server without the files is not contacted
   ASSERT_TRUE(get("missing"));
   EXPECT_TRUE(warnings_.empty());
 }

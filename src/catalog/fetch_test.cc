@@ -21,7 +21,7 @@ using test::TemporaryFolder;
 using test::write_text;
 using testing::HasSubstr;
 
-// a home of its own, and no data anywhere
+// a home folder of its own, without any data
 class FetchTest : public testing::Test {
  protected:
   std::vector<std::string> warnings_;
@@ -30,7 +30,7 @@ class FetchTest : public testing::Test {
   ScopedEnvironment xdg_{"XDG_DATA_HOME", user_.path().c_str()};
 };
 
-// the atlas from a mirror on this machine; its files come from the folder PALPATE_DATA names
+// the atlas from a local mirror; its files come from the folder in PALPATE_DATA
 class FetchAtlasTest : public FetchTest {
  protected:
   void SetUp() override {
@@ -49,7 +49,7 @@ class FetchAtlasTest : public FetchTest {
 
   TemporaryFolder served_;
   test::TestServer server_{served_.path()};
-  ScopedEnvironment list_{"PALPATE_DATA", std::getenv("PALPATE_DATA")};  // put back at the end
+  ScopedEnvironment list_{"PALPATE_DATA", std::getenv("PALPATE_DATA")};  // restored at the end
   fs::path folder_ = user_ / "palpate/knee-atlas";
 };
 
@@ -62,7 +62,7 @@ TEST_F(FetchAtlasTest, WithoutItsImage) {
   ASSERT_EQ(warnings_.size(), 1u);
   EXPECT_THAT(warnings_[0], testing::AllOf(HasSubstr("I.nrrd"), HasSubstr("404")));
 
-  // from now on it is here, without any server
+  // present from now on, without a server
   const auto again = locate("knee-atlas");
   ASSERT_TRUE(again) << again.error().message();
   EXPECT_EQ(again->labels, data->labels);
@@ -133,7 +133,7 @@ TEST_F(FetchTest, PhantomIsGeneratedAndFound) {
   EXPECT_NEAR(scan->geometry.min_spacing_mm(), 2.5, 1e-9);
   EXPECT_EQ(locate("knee-phantom")->labels, data->labels);
 
-  // again: nothing to do; with other voxels: both files anew, and nothing else is left
+  // repeated: nothing to do; with another voxel size: both files are replaced, and nothing else is left
   const auto written = fs::last_write_time(data->labels);
   ASSERT_TRUE(fetch("knee-phantom", options));
   EXPECT_EQ(fs::last_write_time(data->labels), written);
@@ -156,18 +156,18 @@ TEST_F(FetchTest, PhantomsWithParametersHaveFilesOfTheirOwn) {
   ASSERT_TRUE(right) << right.error().message();
   EXPECT_EQ(right->labels, into / "knee-phantom_side=right,spacing=3.seg.nrrd");
   EXPECT_EQ(right->scan, into / "knee-phantom_side=right,spacing=3.nrrd");
-  // however it is written, it is this one, which is not made again
+  // any spelling of the parameters refers to this phantom, which is not generated again
   const auto written = fs::last_write_time(right->labels);
   const auto again = fetch("knee-phantom:side=right,spacing=3.0", options);
   ASSERT_TRUE(again) << again.error().message();
   EXPECT_EQ(again->labels, right->labels);
   EXPECT_EQ(fs::last_write_time(right->labels), written);
-  // in the user's folder it is found, and is not the knee without parameters
+  // it is found in the user's folder, and is distinct from the knee without parameters
   EXPECT_EQ(locate("knee-phantom:side=right,spacing=3").error().kind, ErrorKind::kUnavailable);
   ASSERT_TRUE(fetch("knee-phantom:side=right,spacing=3", {}));
   EXPECT_EQ(locate("knee-phantom:spacing=3,side=right")->labels.filename(), right->labels.filename());
   EXPECT_FALSE(locate("knee-phantom").ok());
-  // a name that is too long for a file
+  // a name that is too long for a file name
   const auto many = fetch(
       "knee-phantom:spacing=3,missing=anterior_cruciate_ligament+femoral_cartilage+fibular_collateral_"
       "ligament+"
@@ -233,7 +233,7 @@ TEST_F(FetchTest, PackageIsPointedTo) {
   const auto here = fetch("head", {});
   ASSERT_TRUE(here) << here.error().message();
   EXPECT_EQ(here->labels, data / "head/aal.nii.gz");
-  // where it is neither in a folder nor installed
+  // neither in a data folder nor installed
   if (fs::exists("/usr/share/mricron/templates/aal.nii.gz")) return;
   fs::remove(data / "head/aal.nii.gz");
   EXPECT_THAT(fetch("head", {}).error().remedy, HasSubstr("mricron-data"));

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// the next word of a line, and the line without it
+// removes the next word from a line and returns it
 std::string_view take_word(std::string_view& line) {
   constexpr std::string_view kSpace = " \t\r";
   line.remove_prefix(std::min(line.find_first_not_of(kSpace), line.size()));

@@ -8,11 +8,11 @@
 
 namespace palpate {
 
-/// MRIcron's list of names, "number name ..." a line, as a table with the columns value and name.
-/// `source` names the text in errors, which carry the line.
+/// Converts MRIcron's list of names, "number name ..." per line, to a table with the columns value and name.
+/// `source` names the text in errors, which include the line number.
 Result<std::string> mricron_names_to_tsv(std::string_view text, const std::string& source);
 
-/// Keeps that table of `list` at `table`, made anew when it is missing or another one.
+/// Writes that table of `list` to `table`, unless it is up to date.
 Result<void> keep_mricron_names(const std::filesystem::path& list, const std::filesystem::path& table);
 
 }  // namespace palpate

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// where Debian's mricron-data puts its volumes
+// volumes of Debian's mricron-data
 constexpr const char* kPackageFolder = "/usr/share/mricron/templates";
 
 std::string environment(const char* name) {
@@ -38,7 +38,7 @@ Error absent(const CatalogEntry& entry) {
 
 std::filesystem::path user_data_folder() {
   const fs::path base = environment("XDG_DATA_HOME");
-  // the XDG specification ignores relative ones
+  // the XDG specification ignores relative paths
   return (base.is_absolute() ? base : home_folder() / ".local" / "share") / "palpate";
 }
 
@@ -80,7 +80,7 @@ Result<std::optional<LocalData>> local_data_in(const CatalogEntry& entry,
     }
   }
   if (entry.source == DataSource::kPackage) {
-    // its names come in a form of their own
+    // its names have a format of their own
     const fs::path table = user_data_folder() / entry.name / "names.tsv";
     if (const auto kept = keep_mricron_names(*data.names, table); !kept) return kept.error();
     data.names = table;
@@ -91,7 +91,7 @@ Result<std::optional<LocalData>> local_data_in(const CatalogEntry& entry,
 Result<LocalData> locate(const std::string& name) {
   const auto entry = entry_with_parameters(name);
   if (!entry) return entry.error();
-  // a damaged copy is reported only when no good one is found after it
+  // a damaged copy is reported only if no valid one is found in a later folder
   std::optional<Error> damaged;
   for (const auto& folder : data_folders()) {
     for (const auto& candidate : {folder / entry->folder_hint, folder / entry->name, folder}) {

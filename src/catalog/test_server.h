@@ -16,7 +16,7 @@ extern char** environ;
 
 namespace palpate::test {
 
-/// An environment variable for the life of the object.
+/// Sets an environment variable during the lifetime of the object.
 class ScopedEnvironment {
  public:
   ScopedEnvironment(const char* name, const char* value) : name_(name) {
@@ -32,7 +32,7 @@ class ScopedEnvironment {
   std::optional<std::string> old_;
 };
 
-/// test_server.py on a free loopback port; it ends when its standard input closes.
+/// Runs test_server.py on a free loopback port; it ends when its standard input closes.
 class TestServer {
  public:
   explicit TestServer(const std::filesystem::path& folder) {
@@ -52,7 +52,7 @@ class TestServer {
     ::close(from[1]);
     input_ = to[1];
 
-    // its first line is its port
+    // the server prints its port on the first line
     char c = 0;
     while (process_ != 0 && ::read(from[0], &c, 1) == 1 && c != '\n') port_ += c;
     ::close(from[0]);

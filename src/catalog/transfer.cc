@@ -12,7 +12,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// what the callbacks share during one transfer
+// state shared by the callbacks during one transfer
 struct Exchange {
   const TransferBody& body;
   const TransferPoll& poll;
@@ -54,7 +54,7 @@ void read_content_range(std::string_view value, TransferReply& reply) {
 std::size_t on_header(const char* data, std::size_t, std::size_t size, void* user) {
   auto& exchange = *static_cast<Exchange*>(user);
   const std::string_view line = trimmed({data, size});
-  // every answer of a chain of redirects begins anew: "HTTP/1.1 206 Partial Content", "HTTP/2 200"
+  // each response in a chain of redirects resets the reply: "HTTP/1.1 206 Partial Content", "HTTP/2 200"
   if (line.starts_with("HTTP/")) {
     exchange.reply = {};
     const auto status = line.find(' ');
@@ -74,7 +74,7 @@ std::size_t on_header(const char* data, std::size_t, std::size_t size, void* use
 std::size_t on_body(const char* data, std::size_t, std::size_t size, void* user) {
   auto& exchange = *static_cast<Exchange*>(user);
   const int status = exchange.reply.status;
-  // the text of an error page is of no use
+  // the text of an error page is ignored
   if (status != 200 && status != 206) return size;
   if (exchange.body(exchange.reply, {data, size})) return size;
   exchange.stopped = true;
@@ -137,7 +137,7 @@ TransferResult transfer(const TransferRequest& request, const TransferBody& body
   set(curl, CURLOPT_NOSIGNAL, 1L);
   set(curl, CURLOPT_USERAGENT, "palpate");
   set(curl, CURLOPT_ERRORBUFFER, why);
-  // not CURLOPT_RESUME_FROM: with it curl itself gives up on a server that ignores ranges
+  // not CURLOPT_RESUME_FROM: with it curl fails if a server ignores ranges
   if (request.first_byte > 0) set(curl, CURLOPT_RANGE, range.c_str());
   set(curl, CURLOPT_HEADERFUNCTION, &on_header);
   set(curl, CURLOPT_HEADERDATA, &exchange);
