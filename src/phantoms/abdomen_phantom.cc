@@ -2,16 +2,16 @@
 #include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
 
-// A wall of skin, fat and muscle, and below it what a hand looks for: the lower edge of a liver, and the rib
-// above it. The patient lies supine: the skin is y = 0 and faces -y, +z is superior.
+// Abdominal wall of skin, fat and muscle, over the structures to be palpated: the lower edge of a liver, and
+// a rib above it. The patient lies supine: the skin is at y = 0 and faces -y, +z is superior.
 namespace palpate {
 namespace {
 
 using P = Point<Patient>;
 using V = Vector<Patient>;
 
-constexpr double kHalf_mm = 40;  // of the piece, along x and z
-// below the muscle: room for the liver, then what bears it
+constexpr double kHalf_mm = 40;  // half extent along x and z
+// space for the liver below the muscle, and the support below it
 constexpr double kInside_mm = 25, kBack_mm = 4;
 constexpr double kRib_mm = 5;  // radius
 
@@ -35,14 +35,14 @@ PhantomPlan plan_of(const AbdomenParameters& abdomen) {
   PhantomChance chance(abdomen.settings.seed);
   const double fat = abdomen.skin_mm, muscle = fat + abdomen.fat_mm, inside = muscle + abdomen.muscle_mm;
   const double back = inside + kInside_mm;
-  // the edge runs across and a little askew, the rib more so
+  // the edge runs across with a slight tilt, the rib with a larger one
   const double edge_z = -8 + chance.offset(8), askew = chance.offset(0.15);
   const double rib_z = 24 + chance.offset(5), slope = 0.25 + chance.offset(0.1);
 
   plan.parts.push_back({"back", 8, {150, 160, 170}, kPlastic, slab(back, back + kBack_mm)});
   plan.parts.push_back({"viscera", 7, {214, 160, 140}, kGland, slab(inside, back)});
 
-  // a wedge that is thin at its lower edge, which bears on the wall
+  // a wedge with a thin lower edge, which is in contact with the wall
   const double edge_y = inside + 7;
   const V down = V(askew, 0.25, -1).normalized();
   const Shape below_wall = slab(inside, back);
@@ -62,7 +62,7 @@ PhantomPlan plan_of(const AbdomenParameters& abdomen) {
   if (abdomen.fat_mm > 0) plan.parts.push_back({"fat", 2, {240, 220, 130}, kFat, slab(fat, muscle)});
   plan.parts.push_back({"skin", 1, {225, 180, 150}, kSkin, slab(0, fat)});
   if (abdomen.rib) {
-    // right beneath the muscle
+    // directly below the muscle
     const P middle(0, inside + kRib_mm, rib_z);
     const V along = V(1, 0, -slope).normalized();
     const Shape rib = Shape::capsule(middle - 2 * kHalf_mm * along, middle + 2 * kHalf_mm * along, kRib_mm);

@@ -4,8 +4,8 @@
 #include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
 
-// The arch of a lower jaw, anterior -y, and a gland that lies on its front to the left of the middle. Fat and
-// skin are shells round both, cut to the outside of the mouth; every structure touches the next.
+// Arch of a lower jaw, anterior -y, and a gland on its front, to the left of the middle. Fat and skin are
+// shells around both, cut to the outside of the mouth; adjacent structures are in contact.
 namespace palpate {
 namespace {
 
@@ -15,7 +15,7 @@ using V = Vector<Patient>;
 constexpr Rgb kJawColour{197, 189, 177}, kGlandColour{212, 160, 90}, kFatColour{240, 220, 130},
     kSkinColour{225, 180, 150};
 
-// Half an ellipse of capsules in three heights, the rami behind it and a chin.
+// half an ellipse of capsules at three heights, with the rami behind it and a chin
 Shape jaw(double width, double depth) {
   constexpr int kLinks = 10;
   const auto arch = [&](int n, double z) {
@@ -40,7 +40,7 @@ Shape jaw(double width, double depth) {
   return Shape::blend(bone, 5);
 }
 
-// from outside, where the gland lies
+// intersection of a ray from outside with the bone, by sphere tracing
 P on_surface(const Shape& bone, const P& eye, const V& towards) {
   const V step = towards.normalized();
   double way = 0, free = 1;
@@ -55,7 +55,7 @@ P on_surface(const Shape& bone, const P& eye, const V& towards) {
 }  // namespace
 
 PhantomField field_of(const GlandParameters& gland) {
-  // what lies on the jaw keeps its millimetres under the scale
+  // dimensions of the soft layers in mm are independent of the scale
   const double cover = (gland.gland_mm + gland.fat_mm + gland.skin_mm) / gland.size;
   const double least_x = -64 - cover, most_x = 64 + cover, least_y = -48 - cover;
   return {{most_x - least_x, 72 - least_y, 104},
@@ -74,7 +74,7 @@ PhantomPlan plan_of(const GlandParameters& gland) {
                high = 0.76 * chance.factor(0.1);
 
   const Shape bone = jaw(width, depth);
-  // its middle stands off the bone by less than half of its thickness, so that it touches
+  // the centre is less than half the gland's thickness away from the bone, so that they are in contact
   const V inward = V(-0.6, 0.8, 0).normalized();
   const P surface = on_surface(bone, P(28 * width, -17 * depth, chance.offset(3)) - 90 * inward, inward);
   const Eigen::Matrix3d axes =
@@ -84,7 +84,7 @@ PhantomPlan plan_of(const GlandParameters& gland) {
   const Shape body = Shape::subtract(whole, bone);
 
   const Shape both = Shape::unite({bone, body});
-  // the inside of the mouth, its border in the middle of the bone
+  // interior of the mouth; its border runs through the middle of the bone
   const Shape mouth = Shape::ellipsoid(P(0, 40 * depth, 0), {44 * width, 74 * depth, 400});
   const auto layer = [&](double from, double to) {
     return Shape::subtract(Shape::subtract(Shape::offset(both, to), Shape::offset(both, from)), mouth);

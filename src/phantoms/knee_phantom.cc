@@ -7,7 +7,7 @@ namespace {
 
 constexpr LabelId kLesionLabel = 200;
 constexpr Rgb kLesionColour{214, 80, 70};
-// deeper than any cartilage is thick, along its normal
+// larger than the thickness of any cartilage along its normal
 constexpr double kThroughCartilage_mm = 6;
 
 PhantomPart& part_named(std::vector<PhantomPart>& parts, const std::string& name) {
@@ -16,7 +16,7 @@ PhantomPart& part_named(std::vector<PhantomPart>& parts, const std::string& name
   return *found;
 }
 
-// what is not there is filled with fluid
+// a missing structure is replaced by fluid
 void leave_out(PhantomPart& part) {
   part.label = 0;
   part.material = PhantomMaterial::kFluid;
@@ -26,13 +26,13 @@ void add_defect(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
   PhantomPart& cartilage = part_named(parts, knee.defect_in);
   const KneeSite site = knee_site(knee.defect_in, cartilage.shape);
   const Vector<Patient> through = kThroughCartilage_mm * site.normal;
-  // as a pencil of the patient's radius in the anatomy's millimetres
+  // a cylinder with the patient's radius converted to the anatomy's millimetres
   const Shape hole =
       Shape::cylinder(site.point - through, site.point + through, knee.defect_mm / scale.mean());
   const Shape whole = cartilage.shape;
   cartilage.shape = Shape::subtract(whole, hole);
   const Shape gone = Shape::intersect(whole, hole);
-  // before the bone, as the cartilage was
+  // painted before the bone, as the cartilage was
   const auto place = parts.begin() + (&cartilage - parts.data());
   parts.insert(place, {"cartilage_defect", 0, {}, PhantomMaterial::kFluid, gone});
 }
@@ -40,7 +40,7 @@ void add_defect(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
 void add_lesion(std::vector<PhantomPart>& parts, const KneeParameters& knee, const Eigen::Vector3d& scale) {
   const Shape structure = part_named(parts, knee.lesion_in).shape;
   const KneeSite site = knee_site(knee.lesion_in, structure, knee.lesion_at);
-  // a ball to the patient, whatever the anatomy's scale
+  // a sphere in patient coordinates, whatever the anatomy's scale
   const Eigen::Vector3d depth = (knee.lesion_depth_mm * site.normal.eigen()).cwiseQuotient(scale);
   const Point<Patient> centre = site.point - Vector<Patient>(depth);
   const Eigen::Vector3d radii = Eigen::Vector3d::Constant(knee.lesion_mm).cwiseQuotient(scale);

@@ -6,27 +6,27 @@
 
 #include "phantoms/phantom_chance.h"
 
-// A left knee in extension from ellipsoids, capsules, cylinders and tori. +x lateral, -y anterior, +z
-// superior, mm. Cartilage is the shell between a bone and the same bone grown by the cartilage's
-// thickness, cut to the articular surface; what faces it is cut back by the free gap between them. So
-// the gaps hold everywhere, whatever the shapes below are changed to.
+// A left knee in extension, composed of ellipsoids, capsules, cylinders and tori. +x lateral, -y anterior, +z
+// superior, mm. Cartilage is the shell between a bone and the same bone grown by the cartilage's thickness,
+// cut to the articular surface; the opposite surface is cut back by the free gap between them. The gaps
+// therefore hold everywhere, whatever the shapes below.
 namespace palpate {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMeniscusGap_mm = 0.6;  ///< free, between a meniscus and its neighbours
-constexpr double kBoneGap_mm = 1.0;      ///< free, between tibia and fibula
+constexpr double kMeniscusGap_mm = 0.6;  ///< Free gap between a meniscus and its neighbours.
+constexpr double kBoneGap_mm = 1.0;      ///< Free gap between tibia and fibula.
 
 using P = Point<Patient>;
 using V = Vector<Patient>;
 
-// A rotation about the superior axis; positive turns the posterior end to the right, medially.
+// Rotation about the superior axis; a positive angle turns the posterior end to the right, medially.
 Eigen::Matrix3d turned(double degrees) {
   return Eigen::AngleAxisd(degrees * std::numbers::pi / 180, Vector3d::UnitZ()).toRotationMatrix();
 }
 
-// Capsules of one radius along a polyline.
+// capsules of one radius along a polyline
 Shape chain(const std::vector<P>& points, double radius) {
   std::vector<Shape> links;
   for (std::size_t i = 1; i < points.size(); ++i) {
@@ -35,7 +35,7 @@ Shape chain(const std::vector<P>& points, double radius) {
   return Shape::unite(std::move(links));
 }
 
-// A flat band: chains side by side, `count` of them `step` apart.
+// flat band of `count` parallel chains, `step` apart
 Shape band(const std::vector<P>& points, double radius, const V& step, int count) {
   std::vector<Shape> strands;
   for (int n = 0; n < count; ++n) {
@@ -56,22 +56,22 @@ Shape without(const Shape& from, const Shape& neighbour, double gap) {
   return Shape::subtract(from, Shape::offset(neighbour, gap));
 }
 
-// The pulley in which the patella runs: the inner side of a torus about a transverse axis. It leaves the bone
-// by itself towards the condyles' contact with the tibia. `clearance` moves its surface outwards, so that the
-// patella's facets are the same pulley, farther out.
+// Trochlear groove in which the patella runs: the inner side of a torus about a transverse axis, which leaves
+// the bone towards the condyles' contact with the tibia. `clearance` moves its surface outwards, so that the
+// patella's facets are the same surface, farther out.
 Shape pulley(double clearance) {
   const double groove = 27, across = 34;
   return Shape::torus(P(1, -1, 27), V(1, 0, 0), groove + across, across - clearance);
 }
 
-// The fossa between the condyles, open to the back and below.
+// fossa between the condyles, open posteriorly and inferiorly
 Shape intercondylar_notch() {
   return Shape::blend(
       {Shape::capsule(P(0, 3, 3), P(0, 60, 3), 10.5), Shape::capsule(P(0, 9, 15), P(0, 60, 45), 9)}, 5);
 }
 
 Shape femur(const KneeShape& knee) {
-  // in width and depth: how low they stand is the joint line
+  // varies in width and depth only: the height of the condyles determines the joint line
   const double m = knee.medial_condyle, l = knee.lateral_condyle;
   const Shape condyles =
       Shape::blend({Shape::ellipsoid(P(-22, -3, 24.5), {m * 14.5, m * 30, 22}, turned(8)),
@@ -89,14 +89,14 @@ Shape femur(const KneeShape& knee) {
   return Shape::subtract(Shape::blend({distal, shaft}, 4), intercondylar_notch());
 }
 
-// A shell on a bone that thins out towards the border of its region, where it ends about 1 mm thick.
+// shell on a bone that tapers towards the border of its region, where it is about 1 mm thick
 Shape cartilage_layer(const Shape& bone, double thickness, const Shape& region) {
   const Shape tapered = Shape::intersect(Shape::offset(bone, thickness), region, 5);
   return Shape::subtract(Shape::intersect(tapered, Shape::offset(region, -1.5)), bone);
 }
 
 Shape femoral_cartilage(const KneeShape& knee, const Shape& bone) {
-  // a belt round the condyles and up the trochlea: not above it, not on the epicondyles, not in the notch
+  // belt around the condyles and the trochlea, excluding the shaft, the epicondyles and the notch
   const Shape belt = Shape::box(P(0, 0, 16), {37, 60, 30});
   const Shape sides = Shape::unite(
       {Shape::capsule(P(-70, 4, 38), P(70, 4, 38), 21), Shape::half_space(P(0, 0, 43), V(0, 0.2, -1))});
@@ -104,7 +104,7 @@ Shape femoral_cartilage(const KneeShape& knee, const Shape& bone) {
   return cartilage_layer(bone, knee.femoral_cartilage_mm, region);
 }
 
-// A disc of the tibial plateau with a rounded rim.
+// disc of the tibial plateau with a rounded rim
 Shape plateau_disc(double x, double y, double radius, double top) {
   return Shape::offset(Shape::cylinder(P(x, y, -9), P(x, y, top - 4), radius - 4), 4);
 }
@@ -150,7 +150,7 @@ Shape patella_body(const KneeShape& knee) {
                       5);
 }
 
-// where the patella's cartilage begins and where its bone does, seen from the femur
+// distance of the patella's cartilage, and of its bone, from the femur
 double patellar_surface_mm(const KneeShape& knee) {
   return knee.femoral_cartilage_mm + knee.joint_gap_mm;
 }
@@ -169,7 +169,7 @@ Shape patellar_cartilage(const KneeShape& knee, const Shape& femoral) {
   return without(articular, femoral, knee.joint_gap_mm);
 }
 
-// Muscles, vessels and what else fills a leg: only to be seen in the scan.
+// muscles, vessels and other soft tissue of a leg: visible in the scan only
 std::vector<PhantomPart> surroundings() {
   using enum PhantomMaterial;
   const Shape skin = Shape::ellipsoid(P(0, 6, 0), {54, 63, 400});
@@ -217,7 +217,7 @@ std::vector<PhantomPart> knee_phantom_parts(const KneeShape& knee) {
   const Shape lateral_tibial = tibial_cartilage(knee, tibia_bone, femoral, P(21.5, 2, -2.5), {17, 21.5, 9});
   const Shape patellar = patellar_cartilage(knee, femoral);
 
-  // menisci: wedges that fill what the cartilages leave free at the rim
+  // menisci: wedges that fill the space between the cartilages at the rim
   const Shape joint_surfaces = Shape::unite({femur_bone, tibia_bone, femoral, medial_tibial, lateral_tibial});
   const auto meniscus = [&](const P& centre, const Vector3d& outer, const Vector3d& inner,
                             const Shape& opening) {
@@ -233,7 +233,7 @@ std::vector<PhantomPart> knee_phantom_parts(const KneeShape& knee) {
   const Shape lateral_meniscus = meniscus(P(21, 1, 2), {18.5, 22, 8}, {inner(18.5, 9), inner(22, 11.5), 40},
                                           Shape::capsule(P(12, 2, 0), P(-30, 2, 0), 9));
 
-  // ligaments, each clear of the bones that it passes and cut by those that it ends in
+  // ligaments: clear of the bones that they pass, and cut by those at which they end
   const Shape bones = Shape::unite({femur_bone, tibia_bone, fibula_bone, patella_bone});
   const Shape articular =
       Shape::unite({femoral, medial_tibial, lateral_tibial, patellar, medial_meniscus, lateral_meniscus});
@@ -256,7 +256,7 @@ std::vector<PhantomPart> knee_phantom_parts(const KneeShape& knee) {
                      P(2, -27, -40)},
                     knee.ligament * 2, V(3.4, 0, 0), 7));
 
-  // fluid where two surfaces of the joint face each other
+  // fluid between opposite surfaces of the joint
   const Shape opposite =
       Shape::unite({medial_tibial, lateral_tibial, patellar, medial_meniscus, lateral_meniscus});
   const Shape fluid =
@@ -305,43 +305,43 @@ KneeShape knee_shape(std::uint64_t seed) {
 
 namespace {
 
-/// From where to look for a place, and whither.
+/// Ray that defines a site.
 struct SiteView {
   const char* structure;
   P eye, target;
 };
 
-// in the order of a structure's places
+// in the order of the sites of each structure
 const std::vector<SiteView>& site_views() {
   static const std::vector<SiteView> kViews = {
-      {"femur", {90, -6, 44}, {10, -6, 44}},                         // its lateral metaphysis
-      {"tibia", {-30, -90, -30}, {-18, 1, -30}},                     // its anteromedial face
-      {"fibula", {90, 19, -34}, {36, 19, -34}},                      // below its head
-      {"patella", {1, -90, 36}, {1, -41, 36}},                       // its front
-      {"femoral_cartilage", {-22, -60, -6}, {-22, -3, 24.5}},        // medial, before the meniscus
+      {"femur", {90, -6, 44}, {10, -6, 44}},                         // lateral metaphysis
+      {"tibia", {-30, -90, -30}, {-18, 1, -30}},                     // anteromedial face
+      {"fibula", {90, 19, -34}, {36, 19, -34}},                      // below the head
+      {"patella", {1, -90, 36}, {1, -41, 36}},                       // front
+      {"femoral_cartilage", {-22, -60, -6}, {-22, -3, 24.5}},        // medial, in front of the meniscus
       {"lateral_tibial_cartilage", {21.5, 2, 50}, {21.5, 2, -2.5}},  // middle of the plateau
       {"medial_tibial_cartilage", {-21, 2, 50}, {-21, 2, -2.5}},     //
-      {"patellar_cartilage", {1, 0, 36}, {1, -41, 36}},              // its ridge
-      {"lateral_meniscus", {90, 1, 2}, {21, 1, 2}},                  // its rim
+      {"patellar_cartilage", {1, 0, 36}, {1, -41, 36}},              // ridge
+      {"lateral_meniscus", {90, 1, 2}, {21, 1, 2}},                  // rim
       {"medial_meniscus", {-90, 2, 2}, {-20.5, 2, 2}},               //
       {"anterior_cruciate_ligament", {1, -40, 5}, {1, -2, 5}},       //
       {"posterior_cruciate_ligament", {-2, 60, 0}, {-2, 21, 0}},     //
       {"fibular_collateral_ligament", {90, 10, 12}, {43, 10, 12}},   //
       {"tibial_collateral_ligament", {-90, 2, 16}, {-42.5, 2, 16}},  //
       {"patellar_ligament", {1.5, -90, -3}, {1.5, -41, -3}},         //
-      // three more of each cartilage
-      {"femoral_cartilage", {22, -60, -6}, {22, -3, 24.5}},            // lateral, before the meniscus
+      // three more sites of each cartilage
+      {"femoral_cartilage", {22, -60, -6}, {22, -3, 24.5}},            // lateral, in front of the meniscus
       {"femoral_cartilage", {-22, -60, 12}, {-22, -3, 24.5}},          // medial, higher
       {"femoral_cartilage", {22, -60, 12}, {22, -3, 24.5}},            // lateral, higher
-      {"lateral_tibial_cartilage", {21.5, -5, 50}, {21.5, -5, -2.5}},  // before the middle
-      {"lateral_tibial_cartilage", {21.5, 9, 50}, {21.5, 9, -2.5}},    // behind it
+      {"lateral_tibial_cartilage", {21.5, -5, 50}, {21.5, -5, -2.5}},  // in front of the middle
+      {"lateral_tibial_cartilage", {21.5, 9, 50}, {21.5, 9, -2.5}},    // behind the middle
       {"lateral_tibial_cartilage", {15.5, 2, 50}, {15.5, 2, -2.5}},    // towards the spine
-      {"medial_tibial_cartilage", {-21, -6, 50}, {-21, -6, -2.5}},     // before the middle
-      {"medial_tibial_cartilage", {-21, 10, 50}, {-21, 10, -2.5}},     // behind it
+      {"medial_tibial_cartilage", {-21, -6, 50}, {-21, -6, -2.5}},     // in front of the middle
+      {"medial_tibial_cartilage", {-21, 10, 50}, {-21, 10, -2.5}},     // behind the middle
       {"medial_tibial_cartilage", {-15.5, 2, 50}, {-15.5, 2, -2.5}},   // towards the spine
-      {"patellar_cartilage", {-9, 0, 36}, {-9, -41, 36}},              // its medial facet
-      {"patellar_cartilage", {11, 0, 36}, {11, -41, 36}},              // its lateral facet
-      {"patellar_cartilage", {1, 0, 29}, {1, -41, 29}},                // downwards on its ridge
+      {"patellar_cartilage", {-9, 0, 36}, {-9, -41, 36}},              // medial facet
+      {"patellar_cartilage", {11, 0, 36}, {11, -41, 36}},              // lateral facet
+      {"patellar_cartilage", {1, 0, 29}, {1, -41, 29}},                // lower part of the ridge
   };
   return kViews;
 }
@@ -357,7 +357,7 @@ KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t
   const auto view = std::ranges::find_if(
       site_views(), [&](const SiteView& v) { return v.structure == structure && place-- == 0; });
   PALPATE_CHECK(view != site_views().end());
-  // no step is longer than the way that is free
+  // sphere tracing: no step exceeds the free distance
   const V step = (view->target - view->eye).normalized();
   double way = 0, free = 1;
   while (free > 1e-6 && way < 200) {

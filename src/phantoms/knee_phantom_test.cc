@@ -49,7 +49,7 @@ GridGeometry millimetre_grid() {
   return grid;
 }
 
-// The least distance from the surface of `from` to that of `to`, over surface points about 1 mm apart.
+// Smallest distance between two surfaces, over surface points of `from` about 1 mm apart.
 double gap_mm(const Shape& from, const Shape& to) {
   const GridGeometry grid = millimetre_grid();
   std::mutex joining;
@@ -108,7 +108,7 @@ void expect_structures_of_the_atlas() {
 
 void expect_left_knee() {
   const auto centroid = [](const char* name) { return statistics_06().at(name).centroid; };
-  // +x is the patient's left: the lateral side of a left knee
+  // +x is the patient's left: lateral in a left knee
   EXPECT_GT(centroid("fibula").x(), centroid("tibia").x() + 25);
   EXPECT_GT(centroid("lateral_meniscus").x(), centroid("medial_meniscus").x() + 30);
   EXPECT_GT(centroid("lateral_tibial_cartilage").x(), centroid("medial_tibial_cartilage").x() + 30);
@@ -169,13 +169,13 @@ TEST(KneePhantom, JointGapsAreThoseOfAKnee) {
   expect_within(gap("femur", "tibia"), 3.5, 5.2);
   expect_within(gap("patella", "femur"), 3.5, 5.6);
   expect_within(gap("fibula", "tibia"), 0.9, 1.5);
-  // free, between cartilages
+  // free gaps between cartilages
   expect_within(gap("medial_tibial_cartilage", "femoral_cartilage"), 0.6, 0.9);
   expect_within(gap("lateral_tibial_cartilage", "femoral_cartilage"), 0.6, 0.9);
   expect_within(gap("patellar_cartilage", "femoral_cartilage"), 0.6, 0.9);
   expect_within(gap("medial_meniscus", "femoral_cartilage"), 0.5, 0.8);
   expect_within(gap("lateral_meniscus", "lateral_tibial_cartilage"), 0.5, 0.8);
-  // cartilage lies on its bone
+  // cartilage is in contact with its bone
   for (const auto& [cartilage, bone] : {std::pair{"femoral_cartilage", "femur"},
                                         {"medial_tibial_cartilage", "tibia"},
                                         {"lateral_tibial_cartilage", "tibia"},
@@ -234,7 +234,7 @@ void expect_bones_cut_above_and_below() {
   }
 }
 
-// Free space that a tip can reach from the border without crossing a structure, 6-connected.
+// Free space that a tip can reach from the border without crossing a structure; 6-connected.
 std::vector<bool> reachable(const Volume<LabelId>& labels) {
   const GridGeometry& grid = labels.geometry();
   std::vector<bool> reached(grid.voxel_count(), false);
@@ -328,7 +328,7 @@ TEST(KneePhantom, CoversTheSameSpaceAtAnyVoxelSize) {
 void expect_scan_as_labels_say() {
   const auto& labels = phantom_06().labels.layers.front().voxels();
   const auto& scan = phantom_06().scan.voxels();
-  std::map<LabelId, std::pair<double, double>> sums;  // of intensities and of voxels
+  std::map<LabelId, std::pair<double, double>> sums;  // sums of intensities and number of voxels
   for (std::size_t v = 0; v < scan.size(); ++v) {
     ASSERT_TRUE(std::isfinite(scan[v]) && scan[v] >= 0);
     sums[labels[v]].first += scan[v];
@@ -343,7 +343,7 @@ void expect_scan_as_labels_say() {
   for (const int dark : {31, 32, 33, 34, 35, 81, 82}) EXPECT_LT(mean(dark), 250) << dark;
 }
 
-// one test, because the phantom is made once for each
+// one test, because the phantom is generated once per test
 TEST(KneePhantom, AtItsDefaultVoxelSizeIsAWholeLeftKnee) {
   expect_structures_of_the_atlas();
   expect_left_knee();
@@ -377,7 +377,7 @@ TEST(KneePhantom, RefusesVoxelSizesOutOfRange) {
 
 TEST(KneePhantom, StopsWhenAsked) {
   std::atomic<bool> stop = false;
-  // in the middle of the work
+  // midway
   const Progress progress([&](std::string_view, double fraction) { stop = stop || fraction > 0.3; }, &stop);
   const auto phantom = make_knee_phantom(1, 1, progress);
   ASSERT_FALSE(phantom.ok());

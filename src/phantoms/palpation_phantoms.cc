@@ -9,8 +9,8 @@
 #include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
 
-// A block and a dome of soft tissue on a rigid plate, with nodules. The patient lies supine: what is touched
-// faces -y, and the plate's face is y = 0 of the dome, y = thickness of the block.
+// Block and dome of soft tissue on a rigid plate, with nodules. The patient lies supine: the palpated surface
+// faces -y, and the plate's surface is at y = 0 for the dome, at y = thickness for the block.
 namespace palpate {
 namespace {
 
@@ -21,20 +21,21 @@ constexpr LabelId kTissueLabel = 1, kPlateLabel = 2, kNoduleLabel = 3;
 constexpr Rgb kTissueColour{222, 184, 150}, kPlateColour{150, 160, 170}, kNoduleColour{214, 80, 70};
 
 constexpr double kPlate_mm = 5;
-// soft tissue that stays between a nodule and the plate, and between it and a side
+// minimum thickness of soft tissue between a nodule and the plate, and between a nodule and a side
 constexpr double kBelow_mm = 2, kBeside_mm = 4;
-// between the middles of two nodules, at least so many of their diameters
+// minimum distance between the centres of two nodules, in diameters
 constexpr double kApart = 1.5;
 
-// Nodules in a disc around the middle, seen from above, cast at random; seed 0 has the first in the middle.
-// @param reach_mm   of the disc
-// @param nodule_at  for a place in the disc, x and z; empty: none fits there
+// Places nodules at random in a disc around the middle, seen from above; with seed 0 the first one is in the
+// middle.
+// @param reach_mm   radius of the disc
+// @param nodule_at  nodule at a position x, z in the disc; nullopt if none fits there
 std::optional<std::vector<PhantomNodule>> nodules_in_disc(
     const NoduleParameters& asked, std::uint64_t seed, double reach_mm,
     const std::function<std::optional<PhantomNodule>(double, double)>& nodule_at) {
   constexpr int kCasts = 1000;
   if (asked.nodules > 0 && reach_mm < 0) return std::nullopt;
-  // seed 0 has no chance of its own
+  // PhantomChance does not vary with seed 0
   PhantomChance chance(seed == 0 ? std::numeric_limits<std::uint64_t>::max() : seed);
   std::vector<PhantomNodule> nodules;
   for (std::uint64_t n = 0; n < asked.nodules; ++n) {
@@ -57,7 +58,7 @@ std::optional<std::vector<PhantomNodule>> nodules_in_disc(
 
 void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const NoduleParameters& asked,
                const std::optional<std::vector<PhantomNodule>>& nodules) {
-  // check_phantom() has refused what does not fit
+  // check_phantom() has rejected parameters that do not fit
   PALPATE_CHECK(nodules.has_value());
   plan.parts.push_back({"plate", kPlateLabel, kPlateColour, PhantomMaterial::kPlastic, plate});
   plan.parts.push_back({"soft_tissue", kTissueLabel, kTissueColour, PhantomMaterial::kGland, tissue});
@@ -70,7 +71,7 @@ void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const
                         Shape::unite(std::move(balls))});
 }
 
-// half of it is the dome
+// ellipsoid of which the dome is one half
 Shape whole_dome(const DomeParameters& dome) {
   return Shape::ellipsoid(P(0, 0, 0), {dome.radius_mm, dome.height_mm, dome.radius_mm});
 }
@@ -100,7 +101,8 @@ std::optional<std::vector<PhantomNodule>> nodules_of(const DomeParameters& dome)
                            const V outward = V(x / wide, surface.y() / high, z / wide).normalized();
                            const P centre = surface - deep * outward;
                            if (centre.y() + radius + kBelow_mm > 0) return std::nullopt;
-                           // deeper than the surface's curve allows another place of it is nearer
+                           // deeper than the radius of curvature, another point of the surface would be
+                           // nearer
                            constexpr double kRounding_mm = 1e-6;
                            if (whole.distance_mm(centre) > kRounding_mm - deep) return std::nullopt;
                            return PhantomNodule{centre, radius, surface};

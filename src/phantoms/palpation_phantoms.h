@@ -6,10 +6,11 @@
 
 namespace palpate {
 
-/// Free space above what is palpated, for a tip to come from, and around it.
+/// Free space above the phantom, from which a tip approaches, and around it.
 inline constexpr double kFreeAbove_mm = 15, kFreeAround_mm = 5;
 
-/// Where a block's or a dome's nodules lie. Empty: they do not fit in, or not beside each other.
+/// Positions of the nodules of a block or dome; nullopt if they do not fit into the tissue or next to each
+/// other.
 std::optional<std::vector<PhantomNodule>> nodules_of(const BlockParameters& block);
 std::optional<std::vector<PhantomNodule>> nodules_of(const DomeParameters& dome);
 

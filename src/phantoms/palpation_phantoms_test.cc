@@ -18,7 +18,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-// what make_phantom takes, as read from a name
+// parameters parsed from a name
 PhantomParameters parameters_of(const std::string& name) {
   const auto parameters = parse_phantom(name);
   EXPECT_TRUE(parameters.ok()) << (parameters.ok() ? "" : parameters.error().message());
@@ -47,7 +47,7 @@ std::string label_at(const Phantom& phantom, const Point<Patient>& p) {
   return label == 0 ? "" : phantom.labels.find(label)->name;
 }
 
-// how far each structure goes on along y from a place on, in the order in which they come
+// thickness of each structure along y from a point on, in order
 std::vector<std::pair<std::string, double>> layers_below(const Phantom& phantom, const Point<Patient>& from) {
   constexpr double kFar_mm = 120;
   const double step_mm = phantom.scan.geometry().spacing_mm.y();
@@ -104,7 +104,7 @@ TEST(PalpationPhantoms, ABlocksNodulesLieAsDeepAsAsked) {
   }
 }
 
-// under a curved surface the way to it is along its normal
+// below a curved surface, depth is along the normal
 TEST(PalpationPhantoms, ADomesNodulesLieAsDeepAsAsked) {
   for (const char* name :
        {"palpation-dome", "palpation-dome:nodules=4", "palpation-dome:nodules=7,diameter=6,seed=5",
@@ -166,7 +166,7 @@ TEST(PalpationPhantoms, SeedsGiveOtherPlacesWithoutOverlap) {
 }
 
 TEST(PalpationPhantoms, WithoutNodulesAllIsSoft) {
-  // the second has whole blocks of voxels deep in a nodule
+  // the second has whole blocks of voxels within a nodule
   for (const std::string base :
        {"palpation-block:spacing=1.5", "palpation-block:spacing=0.5,width=44,thickness=25",
         "palpation-dome:spacing=1.5"}) {
@@ -178,7 +178,7 @@ TEST(PalpationPhantoms, WithoutNodulesAllIsSoft) {
     const auto &a = with.labels.layers.front().voxels(), &b = without.labels.layers.front().voxels();
     ASSERT_EQ(a.size(), b.size());
     for (std::size_t v = 0; v < a.size(); ++v) ASSERT_EQ(b[v], a[v] == nodule ? soft : a[v]);
-    // who only looks at the scan sees the same in both
+    // the scan alone does not distinguish the two
     EXPECT_EQ(with.scan.voxels(), without.scan.voxels());
     EXPECT_NE(palpated(base + ",visible=yes").scan.voxels(), without.scan.voxels());
   }
@@ -213,7 +213,7 @@ TEST(PalpationPhantoms, WhatDoesNotFitIsRefusedWithTheWayOut) {
   EXPECT_THAT(message("abdominal-wall:skin=1"), HasSubstr("`skin` of 1 mm is less than the diagonal"));
   EXPECT_THAT(message("abdominal-wall:fat=1,spacing=0.6"), HasSubstr("`fat` of 1 mm"));
   EXPECT_THAT(message("abdominal-wall:nodules=1"), HasSubstr("no key `nodules`"));
-  // also to whoever fills the structure in
+  // also for parameters that do not come from a name
   BlockParameters block;
   block.nodules.depth_mm = 35;
   EXPECT_FALSE(make_phantom(block).ok());
@@ -233,7 +233,7 @@ TEST(PalpationPhantoms, TheAbdominalWallHasItsLayersOverRibAndLiver) {
       EXPECT_GT(static_cast<double>(s.largest_component_voxels), 0.99 * static_cast<double>(s.voxels))
           << structure;
 
-    // whatever lies below, the wall is as thick everywhere
+    // the wall has the same thickness everywhere, whatever is below
     std::set<std::string> below;
     for (double x = -35.5; x < 36; x += 7)
       for (double z = -38.5; z < 39; z += 1) {
@@ -249,7 +249,7 @@ TEST(PalpationPhantoms, TheAbdominalWallHasItsLayersOverRibAndLiver) {
         EXPECT_NEAR(inside_mm, 25, 1e-9);
       }
     EXPECT_THAT(below, ::testing::UnorderedElementsAre("rib", "liver", "liver_edge", "viscera"));
-    // superior the liver and in it the rib, inferior the edge and beyond it what is soft
+    // superior: the liver, and in it the rib; inferior: the edge, and beyond it soft tissue
     EXPECT_GT(found.at("rib").centroid.z(), found.at("liver_edge").centroid.z() + 20);
     EXPECT_GT(found.at("liver").centroid.z(), found.at("liver_edge").centroid.z() + 5);
     EXPECT_LT(found.at("viscera").centroid.z(), found.at("liver").centroid.z());

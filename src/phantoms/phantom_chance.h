@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-/// Natural variation by a seed, evenly between limits, so that a few phantoms show the whole width. Seed 0
-/// has none.
+/// Natural variation determined by a seed, uniform between limits, so that a few phantoms cover the whole
+/// range. Seed 0: no variation.
 class PhantomChance {
  public:
   explicit PhantomChance(std::uint64_t seed) : varied_(seed != 0) {
@@ -16,7 +16,7 @@ class PhantomChance {
     hash_word(state, seed);
     random_.seed(hash_finish(state));
   }
-  /// `mean`, or a number from `least` to `most`.
+  /// Random number from `least` to `most`; `mean` for seed 0.
   double within(double least, double most, double mean) {
     const double share = static_cast<double>(random_() >> 11) * 0x1.0p-53;
     return varied_ ? least + (most - least) * share : mean;

@@ -37,7 +37,7 @@ constexpr std::array kStructures{"anterior_cruciate_ligament"sv,
                                  "tibial_collateral_ligament"sv};
 constexpr std::uint64_t kMostSeed = 1'000'000'000;
 
-// an enumeration or a flag is a word while it is visited
+// visits an enumeration or a flag as a word
 template <class T>
 void choice(PhantomKeyVisitor& v, const PhantomKey& key, std::span<const std::string_view> words, T& value,
             T first, T second) {
@@ -136,7 +136,7 @@ void visit(GlandParameters& p, PhantomKeyVisitor& v) {
   visit_spacing(p.settings, v);
 }
 
-// of both that have nodules, in between: `dome` and `block` have keys of their own around these
+// keys common to block and dome, between which each has keys of its own
 void visit_depth_and_diameter(NoduleParameters& p, PhantomKeyVisitor& v) {
   v.number({"depth", "mm",
             "Of soft tissue over each nodule, along the surface's normal; at least the diagonal of a voxel."},

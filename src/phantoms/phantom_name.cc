@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-// the shortest text that reads as the same number
+// shortest text that parses to the same number
 std::string text_of(double value) {
   char text[32];
   const auto end = std::to_chars(text, text + sizeof text, value).ptr;
@@ -30,7 +30,7 @@ std::string edges_text(const Eigen::Vector3d& edges) {
   return text_of(edges[0]) + "x" + text_of(edges[1]) + "x" + text_of(edges[2]);
 }
 
-// What each key may be, in words: "side left or right, spacing 0.2 ... 3 mm".
+// Descriptions of the values of each key: "side left or right, spacing 0.2 ... 3 mm".
 class Describer final : public PhantomKeyVisitor {
  public:
   void number(const PhantomKey& key, double least, double most, double&) override {
@@ -84,7 +84,7 @@ Error out_of_range(const PhantomParameters& parameters, std::string_view key) {
           base_name(parameters), ""};
 }
 
-// Finds the first key whose value is out of range.
+// Finds the first key with a value out of range.
 class RangeCheck final : public PhantomKeyVisitor {
  public:
   void number(const PhantomKey& key, double least, double most, double& value) override {
@@ -113,7 +113,7 @@ class RangeCheck final : public PhantomKeyVisitor {
   }
 };
 
-// Reads the text of one key.
+// Parses the text of one key.
 class Setter final : public PhantomKeyVisitor {
  public:
   Setter(std::string_view key, std::string_view text) : key_(key), text_(text) {}
@@ -162,14 +162,14 @@ class Setter final : public PhantomKeyVisitor {
   template <class T>
   static bool read(std::string_view text, T& value) {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    value += T{};  // no -0, which would be another name
+    value += T{};  // avoids -0, which would yield another name
     return error == std::errc() && end == text.data() + text.size();
   }
 
   std::string_view key_, text_;
 };
 
-// The text of every key.
+// Writes the text of every key.
 class Writer final : public PhantomKeyVisitor {
  public:
   void number(const PhantomKey& key, double, double, double& value) override { add(key, text_of(value)); }
@@ -200,7 +200,7 @@ std::vector<Describer::Line> written(PhantomParameters parameters) {
   return writer.lines;
 }
 
-// One row of the documentation for each key.
+// Writes one row of the documentation for each key.
 class Documenter final : public PhantomKeyVisitor {
  public:
   void number(const PhantomKey& key, double least, double most, double& value) override {

@@ -2,7 +2,7 @@
 
 #include "palpate/phantoms/phantoms.h"
 
-// any text is the name of a phantom, which has one name that reads as itself, or one error
+// Any text is either the name of a phantom, whose canonical name parses to itself, or an error.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto parameters = palpate::parse_phantom({reinterpret_cast<const char*>(data), size});
   if (!parameters) {

@@ -103,10 +103,10 @@ TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {
   const auto refused = parse_phantom("skull-phantom:spacing=0.2");
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().what, HasSubstr("889 million voxels; a phantom has at most 200 million"));
-  // what is advised is accepted
+  // the suggested value is accepted
   const std::string advice = refused.error().remedy.substr(0, refused.error().remedy.find(' '));
   EXPECT_TRUE(parse_phantom("skull-phantom:" + advice).ok()) << advice;
-  // also to whoever fills the structure in
+  // also for parameters that do not come from a name
   SkullParameters skull;
   skull.settings.spacing_mm.setConstant(0.2);
   EXPECT_EQ(make_phantom(skull).error().what, refused.error().what);
@@ -116,7 +116,7 @@ TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {
   EXPECT_THAT(make_phantom(skull).error().what, HasSubstr("`spacing` is"));
 }
 
-// Sets every key to something else, within its range.
+// Sets every key to another value within its range.
 class Shuffler final : public PhantomKeyVisitor {
  public:
   explicit Shuffler(std::mt19937_64& random) : random_(random) {}

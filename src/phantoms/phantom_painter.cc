@@ -13,20 +13,20 @@
 namespace palpate {
 namespace {
 
-// A part that may change something in a block; without a node it covers the block evenly.
+// Part that may affect a block; without a node it covers the whole block uniformly.
 struct Candidate {
   std::size_t part;
   Shape::Node::Ptr node;
 };
 using Candidates = std::vector<Candidate>;
 
-// what a surface mixes over: the voxel's edge, or between its shortest and its longest
+// width over which a surface is blended: the voxel's edge, or the mean of its shortest and longest edge
 double mixing_width_mm(const GridGeometry& grid) {
   return 0.5 * (grid.spacing_mm.minCoeff() + grid.spacing_mm.maxCoeff());
 }
 
-// Paints the parts one over the other, blockwise. Shapes are asked in the anatomy's millimetres; a distance
-// there times the least scale is nowhere more than the distance here.
+// Paints the parts in order, block by block. Shapes are evaluated in the anatomy's millimetres; a distance
+// there times the smallest scale is a lower bound of the distance in patient millimetres.
 class Painter {
  public:
   Painter(const PhantomPlan& plan, const std::optional<BorderJitter>& jitter, Volume<LabelId>& labels,
@@ -47,7 +47,7 @@ class Painter {
     return all;
   }
 
-  // never finished before the leaves: every voxel has its own shading
+  // blocks are never finished before the leaves, because the shading varies from voxel to voxel
   std::optional<Candidates> narrow(const Candidates& candidates, const Ball& ball) const {
     const double radius = ball.radius + (jitter_ ? jitter_->most_mm() : 0);
     const Ball anatomical{ball.centre.cwiseQuotient(scale_), radius / least_scale_};
@@ -62,7 +62,7 @@ class Painter {
       const double reach = radius + 0.5 * voxel_mm_;
       if (distance > reach) continue;
       const bool even = distance + material_depth_mm(parts_[candidate.part].material) < -reach;
-      // the scan shows what an unseen part lies in
+      // below an invisible part the scan shows the surrounding material
       if (even && parts_[candidate.part].material != PhantomMaterial::kUnseen) here.clear();
       here.push_back({candidate.part, even ? nullptr : within.node});
     }
@@ -91,7 +91,7 @@ class Painter {
     return candidate.node == nullptr ? -1e3 : candidate.node->distance(anatomical) * least_scale_;
   }
 
-  // the label where the hand that drew it took the voxel to be
+  // label at the position where the simulated operator drew the voxel
   LabelId drawn_label(const Candidates& candidates, const Eigen::Vector3d& p,
                       const std::array<int, 3>& voxel) const {
     const Eigen::Vector3d from_origin = p - labels_.geometry().origin.eigen();
@@ -117,14 +117,14 @@ class Painter {
   Transform<Patient, Voxel> X_PatientVoxel_;
 };
 
-// Where surfaces meet at an acute edge, sampling can leave single voxels that touch their structure at a
-// corner only. A segmentation by hand has none: pieces of a few voxels become background.
+// Removes components of a few voxels: where surfaces meet at an acute edge, sampling can leave single voxels
+// connected to their structure only at a corner, which a segmentation by hand does not contain.
 void drop_specks(Volume<LabelId>& labels) {
   constexpr std::size_t kSpeckVoxels = 10;
   const GridGeometry& grid = labels.geometry();
   std::vector<bool> seen(grid.voxel_count(), false);
   std::vector<std::array<int, 3>> open;
-  std::vector<std::size_t> piece;  // its first voxels
+  std::vector<std::size_t> piece;  // first voxels of the component
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
       for (int i = 0; i < grid.dims[0]; ++i) {
@@ -171,7 +171,7 @@ void mirror_x(Volume<T>& volume) {
     for (int j = 0; j < dims[1]; ++j) std::reverse(&volume.at(0, j, k), &volume.at(0, j, k) + dims[0]);
 }
 
-// the anatomy's variation and the scanner's chance are apart, and the mean shape keeps the scan it always had
+// combines both seeds; the mean shape uses scan_seed alone, so that its scan never changes
 std::uint64_t seed_of_scan(const PhantomSettings& settings) {
   if (settings.seed == 0) return settings.scan_seed;
   std::uint64_t state = kHashSeed;

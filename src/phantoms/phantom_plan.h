@@ -8,53 +8,53 @@
 
 namespace palpate {
 
-/// What a part of a phantom is made of, as a scanner sees it.
+/// Material of a part, which determines its appearance in the scan.
 enum class PhantomMaterial : std::uint8_t {
   kFat,
   kMuscle,
   kFluid,
-  kBone,  ///< bright marrow in a dark cortical rim (MR), or the other way round (CT)
+  kBone,  ///< Bright marrow in a dark cortical rim (MR), or the reverse (CT).
   kCartilage,
   kMeniscus,
   kLigament,
   kVessel,
   kLesion,
-  kUnseen,  ///< the scan shows what it lies in
+  kUnseen,  ///< Invisible: the scan shows the material around it.
   kGland,
   kSkin,
   kBrain,
   kPlastic,
 };
 
-/// One structure of a phantom.
+/// Structure of a phantom.
 struct PhantomPart {
   std::string name;
-  LabelId label = 0;  ///< 0: seen in the scan, not segmented
+  LabelId label = 0;  ///< 0: visible in the scan but not segmented.
   Rgb colour;
   PhantomMaterial material;
   Shape shape;
 };
 
 enum class PhantomImaging : std::uint8_t {
-  kProtonDensity,  ///< MR without fat suppression, arbitrary units, a coil's shading, Rician noise
-  kCt,             ///< HU, Gaussian noise
+  kProtonDensity,  ///< MR without fat suppression, arbitrary units, with coil shading and Rician noise.
+  kCt,             ///< HU, Gaussian noise.
 };
 
-/// Where a phantom's volume lies. Parts are made in the anatomy's own millimetres, which `scale` maps to the
-/// patient's, axis by axis.
+/// Extent of a phantom's volume. Parts are defined in the anatomy's own millimetres, which `scale` maps to
+/// the patient's, axis by axis.
 struct PhantomField {
-  Eigen::Vector3d extent_mm, middle_mm;  ///< the anatomy's
+  Eigen::Vector3d extent_mm, middle_mm;  ///< In the anatomy's millimetres.
   Eigen::Vector3d scale{1, 1, 1};
 
   GridGeometry grid(const Eigen::Vector3d& spacing_mm) const;
 };
 
-/// All of a phantom but its voxels.
+/// Complete description of a phantom, without voxels.
 struct PhantomPlan {
   PhantomField field;
   PhantomImaging imaging = PhantomImaging::kProtonDensity;
-  bool mirrored = false;           ///< in x, when it is done
-  std::vector<PhantomPart> parts;  ///< where two share a point the later one is there
+  bool mirrored = false;           ///< The finished volume is mirrored in x.
+  std::vector<PhantomPart> parts;  ///< At a point in several parts the last one applies.
 };
 
 PhantomField field_of(const KneeParameters& knee);
@@ -73,10 +73,10 @@ PhantomPlan plan_of(const BlockParameters& block);
 PhantomPlan plan_of(const DomeParameters& dome);
 PhantomPlan plan_of(const AbdomenParameters& abdomen);
 
-/// The segments of a plan's labels, ascending.
+/// Segments of a plan's labels, in ascending order.
 std::vector<Segment> segments_of(const PhantomPlan& plan);
-/// Voxels of a plan: parts painted one over the other, then the faults of a segmentation and the scan's
-/// noise. Errors: kInterrupted.
+/// Generates the voxels of a plan: paints the parts in order, then adds segmentation errors and scan noise.
+/// Errors: kInterrupted.
 Result<Phantom> paint_phantom(const PhantomPlan& plan, const PhantomSettings& settings,
                               const Progress& progress);
 

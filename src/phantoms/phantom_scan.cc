@@ -15,10 +15,10 @@ constexpr double kRicianSigma = 14;
 constexpr double kCtSigma_HU = 20;
 
 struct Intensity {
-  double deep, rim;  ///< of a bone the marrow and the cortex; elsewhere the same
+  double deep, rim;  ///< Marrow and cortex of a bone; equal for other materials.
 };
 
-// Proton density weighted, no fat suppression; arbitrary units as scanners store them.
+// proton density weighted, without fat suppression; arbitrary units as stored by scanners
 Intensity proton_density(PhantomMaterial material) {
   using enum PhantomMaterial;
   const auto even = [](double value) { return Intensity{value, value}; };
@@ -55,7 +55,7 @@ Intensity proton_density(PhantomMaterial material) {
   return {};
 }
 
-// Usual values of clinical CT, HU.
+// typical values of clinical CT; HU
 Intensity hounsfield(PhantomMaterial material) {
   using enum PhantomMaterial;
   const auto even = [](double value) { return Intensity{value, value}; };
@@ -97,7 +97,7 @@ double mix(double below, double above, double share) {
   return below + share * (above - below);
 }
 
-// (0, 1]: its logarithm is finite
+// (0, 1], so that the logarithm is finite
 double uniform(std::mt19937_64& random) {
   return (static_cast<double>(random() >> 11) + 1) * 0x1.0p-53;
 }
@@ -109,7 +109,7 @@ std::mt19937_64 random_of_slice(std::uint64_t seed, int slice) {
   return std::mt19937_64(hash_finish(state));
 }
 
-// two independent Gaussian numbers by Box and Muller's method
+// two independent Gaussian numbers by the Box-Muller method
 Eigen::Vector2d gaussian_pair(std::mt19937_64& random, double sigma) {
   const double radius = sigma * std::sqrt(-2 * std::log(uniform(random)));
   const double angle = 2 * std::numbers::pi * uniform(random);
@@ -138,7 +138,7 @@ double paint(PhantomMaterial material, PhantomImaging imaging, double below, dou
 
 double shading(PhantomImaging imaging, const Eigen::Vector3d& p_mm) {
   if (imaging == PhantomImaging::kCt) return 1;
-  // brighter towards the coil in front, falling off along the leg
+  // brighter towards the anterior coil, decreasing along the leg
   return 1 - 0.0012 * p_mm.y() - 2.2e-5 * p_mm.z() * p_mm.z() + 4e-4 * p_mm.x();
 }
 

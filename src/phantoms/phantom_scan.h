@@ -6,27 +6,28 @@
 
 namespace palpate {
 
-/// What a scan shows where nothing is.
+/// Intensity of air.
 double background(PhantomImaging imaging);
 
-/// How deep below a part's surface its intensity still changes (the cortical rim of a bone), mm.
+/// Depth below a part's surface within which its intensity varies (the cortical rim of a bone); mm.
 double material_depth_mm(PhantomMaterial material);
 
-/// What a voxel shows once a part covers it: `below` is what it showed before, `distance_mm` the signed
-/// distance of its centre from the part's surface. A surface within half a voxel of the centre covers it
-/// partially.
+/// Intensity of a voxel after a part is painted. A surface within half a voxel of the centre yields partial
+/// volume.
+/// @param below        intensity before
+/// @param distance_mm  signed distance of the voxel's centre from the part's surface
 double paint(PhantomMaterial material, PhantomImaging imaging, double below, double distance_mm,
              double voxel_mm);
 
-/// Of MR a receive coil's smooth shading, about 1; of CT 1.
+/// Factor of the coil's smooth shading in MR, about 1; 1 for CT.
 double shading(PhantomImaging imaging, const Eigen::Vector3d& p_mm);
 
-/// Makes a slice the magnitude of a complex signal with Gaussian noise of `sigma` in both channels (Rician).
-/// The same numbers for the same seed and slice, in any order of slices.
+/// Replaces a slice by the magnitude of a complex signal with Gaussian noise of `sigma` in both channels
+/// (Rician noise). Deterministic for each seed and slice, in any order of slices.
 void add_rician_noise(float* voxels, std::size_t count, double sigma, std::uint64_t seed, int slice);
-/// Adds Gaussian noise of `sigma`, likewise.
+/// Adds Gaussian noise of `sigma`, deterministic for each seed and slice.
 void add_gaussian_noise(float* voxels, std::size_t count, double sigma, std::uint64_t seed, int slice);
-/// The one of these that the imaging has, as strong as it has it.
+/// Adds noise of the kind and strength of the imaging method.
 void add_noise(PhantomImaging imaging, float* voxels, std::size_t count, std::uint64_t seed, int slice);
 
 }  // namespace palpate

@@ -26,7 +26,7 @@ std::string quoted(const char* key) {
   return text += '`';
 }
 
-// what is thinner than this lets something through where voxels meet at a corner
+// a thinner layer would be open where voxels meet at a corner
 Result<void> check_thickness(const PhantomParameters& parameters, const char* key, double thickness_mm) {
   const double diagonal_mm = settings_of(parameters).spacing_mm.norm();
   if (thickness_mm >= diagonal_mm) return {};
@@ -103,7 +103,7 @@ Result<void> check_together(const PhantomParameters& all, const GlandParameters&
   return {};
 }
 
-// what nodules need of the voxels, and of the tissue that they lie in
+// requirements of nodules on the voxels and on the tissue around them
 Result<void> check_nodules(const PhantomParameters& all, const NoduleParameters& asked, bool fit,
                            const std::string& tissue, const char* more) {
   if (asked.nodules == 0) return {};
@@ -155,7 +155,7 @@ Result<void> check_voxels(const PhantomParameters& parameters, const PhantomFiel
   std::snprintf(what, sizeof what,
                 "this spacing makes %.0f million voxels; a phantom has at most %.0f million", 1e-6 * voxels,
                 1e-6 * kMostVoxels);
-  // rounded up, so that what is advised is accepted
+  // rounded up, so that the suggested spacing is accepted
   char remedy[64];
   std::snprintf(remedy, sizeof remedy, "spacing=%.2f would do",
                 std::ceil(100 * std::cbrt(volume_mm3 / kMostVoxels)) / 100);

@@ -61,7 +61,7 @@ TEST(Phantoms, TheDocumentationListsEveryKey) {
 
 // ---- the knee -----------------------------------------------------------------------------------
 
-// recordings of the knee are replayed: it never changes by accident
+// recordings of the knee are replayed, so it must not change
 TEST(Phantoms, TheMeanKneeIsPinned) {
   const Phantom knee = make_knee_phantom(1.5).value();
   std::uint64_t hash = kHashSeed;
@@ -93,7 +93,7 @@ TEST(Phantoms, ARightKneeIsTheMirrorImageOfTheLeft) {
 }
 
 TEST(Phantoms, VolumesAreThoseOfTheAnatomyWithAnySpacing) {
-  // bones within 1.5 %, what is two voxels thick within 20 %, thick slices too
+  // bones within 1.5 %, structures two voxels thick within 20 %, also with thick slices
   const auto fine = statistics(made("knee-phantom:spacing=1"));
   for (const char* spacing : {"1.5", "2x1x1"}) {
     const Phantom coarse = made("knee-phantom:spacing=" + std::string(spacing));
@@ -114,7 +114,8 @@ TEST(Phantoms, TheSpacingIsTheOneAskedFor) {
 }
 
 TEST(Phantoms, ScaleCubesTheVolume) {
-  // voxels scaled alike: the same phantom but for rounding; others: to the voxels' accuracy
+  // with voxels scaled equally: the same phantom except for rounding; otherwise: within the accuracy of the
+  // voxels
   const Phantom mean = made("knee-phantom:spacing=1.5");
   const Phantom child = made("knee-phantom:spacing=0.9,size=0.6");
   EXPECT_EQ(labels_of(mean).geometry().dims, labels_of(child).geometry().dims);
@@ -146,7 +147,7 @@ TEST(Phantoms, TheSameSeedRepeatsAndSeedsDiffer) {
   }
 }
 
-// what holds of the mean knee holds of every knee
+// properties of the mean knee hold for every knee
 TEST(Phantoms, KneesOfAllSeedsAreKnees) {
   std::mt19937 random(test::test_seed());
   double least_mL = 1e9, most_mL = 0;
@@ -163,7 +164,7 @@ TEST(Phantoms, KneesOfAllSeedsAreKnees) {
     const auto mL = [&](const char* structure) { return found.at(structure).volume_mm3 / 1000; };
     const double cartilage = mL("femoral_cartilage") + mL("medial_tibial_cartilage") +
                              mL("lateral_tibial_cartilage") + mL("patellar_cartilage");
-    // of 27 healthy men (docs/reference/phantom.md), and what a small or a thin-layered knee has less
+    // range of 27 healthy men (docs/reference/phantom.md), extended downwards for a small knee or thin layers
     EXPECT_GE(cartilage, 13);
     EXPECT_LE(cartilage, 31.4);
     least_mL = std::min(least_mL, mL("femur"));
@@ -181,7 +182,7 @@ TEST(Phantoms, StructuresOfAllSeedsShareNoPoint) {
   grid.spacing_mm.setConstant(3);
   for (int n = 0; n < 4; ++n) {
     const std::uint64_t seed = 1 + random() % 100000;
-    // another lattice each time
+    // another lattice position each time
     const auto shift = [&] { return static_cast<double>(random() % 30) / 10; };
     grid.origin = Point<Patient>(-54 + shift(), -58 + shift(), -58 + shift());
     std::vector<int> inside(grid.voxel_count(), 0);
@@ -215,7 +216,7 @@ TEST(Phantoms, ALesionTakesItsLabelFromItsStructure) {
     const double taken_mm3 = static_cast<double>(taken) * 3.375;
     EXPECT_LE(taken_mm3, 1.06 * ball_mm3);
     EXPECT_GE(taken_mm3, 0.9 * ball_mm3);
-    // with its centre on the surface about half of it is left, and it can be touched
+    // with its centre on the surface about half of it remains, and it is accessible
     const double half = volume_mm3(made(asked), "lesion");
     EXPECT_GT(half, 0.25 * ball_mm3);
     EXPECT_LT(half, 0.6 * ball_mm3);
@@ -306,7 +307,7 @@ TEST(Phantoms, ADefectGoesThroughTheCartilageAndNoFarther) {
   }
 }
 
-// ---- the noise of a segmentation ----------------------------------------------------------------
+// ---- segmentation noise --------------------------------------------------------------------------
 
 TEST(Phantoms, NoiseMovesBordersAndKeepsStructures) {
   const Phantom clean = made("knee-phantom:spacing=1.2"), noisy = made("knee-phantom:spacing=1.2,noise=0.5");
@@ -316,7 +317,7 @@ TEST(Phantoms, NoiseMovesBordersAndKeepsStructures) {
   for (const auto& [name, s] : after) {
     const bool bone = name == "femur" || name == "tibia" || name == "fibula" || name == "patella";
     EXPECT_NEAR(s.volume_mm3 / before.at(name).volume_mm3, 1, bone ? 0.02 : 0.15) << name;
-    // hand segmentations have crumbs; the structure stays in one piece otherwise
+    // hand segmentations contain fragments; otherwise the structure stays connected
     EXPECT_GT(static_cast<double>(s.largest_component_voxels), 0.97 * static_cast<double>(s.voxels)) << name;
   }
 }
@@ -329,7 +330,7 @@ TEST(Phantoms, IslandsAndHolesAreCounted) {
     return count;
   };
   EXPECT_EQ(pieces(odd), pieces(clean) + 25);
-  // holes are pieces of the background: counted as a structure of its own
+  // holes are components of the background, counted as a structure of its own
   const auto background_pieces = [](const Phantom& phantom) {
     LabelMap inverted = phantom.labels;
     for (LabelId& label : inverted.layers.front().voxels()) label = label == 0 ? 1 : 0;
@@ -339,9 +340,9 @@ TEST(Phantoms, IslandsAndHolesAreCounted) {
   EXPECT_EQ(background_pieces(odd), background_pieces(clean) + 25);
 }
 
-// ---- the other three ----------------------------------------------------------------------------
+// ---- the other three phantoms --------------------------------------------------------------------
 
-// Everything that `open` voxels are connected with, from `start`; 26-connected: also across corners.
+// All `open` voxels connected with `start`; 26-connected, so also across corners.
 std::vector<bool> reached(const Volume<LabelId>& labels, const std::array<int, 3>& start) {
   const GridGeometry& grid = labels.geometry();
   std::vector<bool> seen(grid.voxel_count(), false);
@@ -367,7 +368,7 @@ std::array<int, 3> middle_of(const GridGeometry& grid) {
 }
 
 TEST(Phantoms, TheShellIsClosedEvenAcrossCorners) {
-  // as thin as its voxels allow
+  // as thin as the voxels allow
   for (const char* name :
        {"shell-phantom:spacing=1,thickness=1.74", "shell-phantom:spacing=0.8x0.8x2,thickness=2.3",
         "shell-phantom:spacing=1,thickness=1.74,seed=5", "shell-phantom:spacing=1.1,radius=14"}) {
@@ -390,7 +391,7 @@ TEST(Phantoms, TheShellIsAsThickAsAsked) {
     const double exact = 4 * std::numbers::pi / 3 * (radius * radius * radius - inner * inner * inner);
     EXPECT_NEAR(volume_mm3(shell, "shell") / exact, 1, 0.02) << thickness;
   }
-  // of every shell, along any ray from the middle: outwards the wall is never thinner
+  // for every shell, along any ray from the middle outwards, the wall is never thinner than specified
   ShellParameters varied;
   varied.settings.seed = 7;
   const PhantomPlan plan = plan_of(varied);
@@ -407,7 +408,7 @@ TEST(Phantoms, TheShellIsAsThickAsAsked) {
   }
 }
 
-// The least thickness of the wall along x at the temple, and along z at the top, mm.
+// Smallest thickness of the wall along x at the temple, and along z at the top; mm.
 TEST(Phantoms, TheSkullIsThinAtTheTemples) {
   for (const char* name : {"skull-phantom", "skull-phantom:temporal=3,thickness=8,size=0.8,seed=6"}) {
     SCOPED_TRACE(name);
@@ -442,14 +443,14 @@ TEST(Phantoms, TheSkullHoldsABrainAndOpensThroughItsOrbitsOnly) {
   ASSERT_EQ(found.size(), 2u);
   EXPECT_EQ(found.at("skull").components, 1);
   EXPECT_EQ(found.at("brain").components, 1);
-  // of adults 1.0 to 1.7 litres
+  // adults have 1.0 to 1.7 litres
   EXPECT_GT(found.at("brain").volume_mm3, 0.9e6);
   EXPECT_LT(found.at("brain").volume_mm3, 1.7e6);
   for (const std::size_t axis : {0u, 1u, 2u}) {
     EXPECT_GT(found.at("brain").box_min[axis], found.at("skull").box_min[axis]);
     EXPECT_LT(found.at("brain").box_max[axis], found.at("skull").box_max[axis]);
   }
-  // bone against brain never: there is fluid between
+  // bone and brain are never in contact: there is fluid between them
   const GridGeometry& grid = labels_of(skull).geometry();
   const auto outside = reached(labels_of(skull), {0, 0, 0});
   const auto m = middle_of(grid);
@@ -467,7 +468,7 @@ TEST(Phantoms, TheSkullHoldsABrainAndOpensThroughItsOrbitsOnly) {
   EXPECT_EQ(made("skull-phantom:spacing=2,temporal=4,brain=no").labels.segments.size(), 1u);
 }
 
-// how many faces of voxels two structures share
+// number of voxel faces shared by two structures
 std::size_t shared_faces(const Phantom& phantom, const char* one, const char* other) {
   const Volume<LabelId>& labels = labels_of(phantom);
   const Segment *a = phantom.labels.find(one), *b = phantom.labels.find(other);
@@ -494,7 +495,7 @@ TEST(Phantoms, TheGlandTouchesTheJawAndTheLayersTouchEachOther) {
     ASSERT_EQ(statistics(bare).size(), 2u);
     for (const auto& [name, s] : statistics(bare)) EXPECT_EQ(s.components, 1) << name;
     EXPECT_GT(shared_faces(bare, "gland", "mandible"), 60u);
-    // in front: none of it behind the bone that it lies on
+    // in front: no part of it is behind its bone
     EXPECT_LT(statistics(bare).at("gland").centroid.y(), statistics(bare).at("mandible").centroid.y());
 
     const Phantom covered = made("gland-phantom:spacing=1,fat=4,skin=2" + std::string(variant));
@@ -507,7 +508,7 @@ TEST(Phantoms, TheGlandTouchesTheJawAndTheLayersTouchEachOther) {
   }
   const Phantom skin = made("gland-phantom:spacing=1,skin=3");
   EXPECT_GT(shared_faces(skin, "gland", "skin"), 200u);
-  // about as long as asked
+  // approximately the requested length
   const auto box = statistics(made("gland-phantom:spacing=1")).at("gland");
   double longest = 0;
   for (const std::size_t axis : {0u, 1u, 2u})
@@ -516,7 +517,7 @@ TEST(Phantoms, TheGlandTouchesTheJawAndTheLayersTouchEachOther) {
   EXPECT_LE(longest, 26);
 }
 
-// ---- all together -------------------------------------------------------------------------------
+// ---- all phantoms ---------------------------------------------------------------------------------
 
 TEST(Phantoms, AnyCombinationIsAValidLabelMapWithSurfaces) {
   std::mt19937 random(test::test_seed());

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 constexpr double kCorrelation_mm = 5;
-// no component is farther from its mean
+// limit of each component, in standard deviations
 constexpr double kMostSigmas = 3;
 constexpr double kLargestDisc_mm = 1.5;
 
@@ -20,7 +20,7 @@ std::uint64_t mixed(std::initializer_list<std::uint64_t> words) {
   return hash_finish(state);
 }
 
-// A sum of uniform numbers: nearly Gaussian, of variance 1, and the same on every machine.
+// Sum of uniform numbers: approximately Gaussian with variance 1, and identical on every machine.
 double nearly_gaussian(std::uint64_t bits) {
   double sum = 0;
   for (int i = 0; i < 4; ++i) {
@@ -34,7 +34,7 @@ std::uint64_t word_of(int value) {
   return static_cast<std::uint64_t>(static_cast<std::int64_t>(value));
 }
 
-// Random numbers that are the same with every standard library.
+// Random numbers that do not depend on the standard library.
 class Dice {
  public:
   explicit Dice(std::uint64_t seed) : random_(seed) {}
@@ -45,7 +45,7 @@ class Dice {
   std::mt19937_64 random_;
 };
 
-// The voxels of a disc in one slice.
+// voxels of a disc in one slice
 struct Disc {
   std::vector<std::array<int, 3>> voxels;
 };
@@ -55,7 +55,7 @@ class DiscPlacer {
   DiscPlacer(Volume<LabelId>& labels, std::uint64_t seed)
       : labels_(labels), grid_(labels.geometry()), axis_(slice_axis(grid_)), dice_(mixed({seed, 0x15})) {}
 
-  // islands stand where everything around is background, holes where all is one structure
+  // islands need a neighbourhood of background, holes one of a single structure
   bool place_hole() {
     return try_often([&](const std::array<int, 3>& centre) {
       const LabelId here = value(centre);
@@ -97,7 +97,7 @@ class DiscPlacer {
     return disc;
   }
 
-  // the first structure met on a walk within the slice, at most this far
+  // first structure along a random direction within the slice, at most kFar_mm away
   LabelId nearby_structure(const std::array<int, 3>& centre) {
     constexpr double kFar_mm = 8;
     const int a = axis_ == 0 ? 1 : 0, b = axis_ == 2 ? 1 : 2;
@@ -145,7 +145,7 @@ double BorderJitter::most_mm() const {
   return std::sqrt(2.0) * kMostSigmas * sigma_mm_;
 }
 
-// Numbers on a lattice, interpolated so that the variance is 1 everywhere.
+// lattice noise, interpolated and normalised to variance 1 everywhere
 double BorderJitter::component(int which, double u_mm, double v_mm, int slice) const {
   const double u = u_mm / kCorrelation_mm, v = v_mm / kCorrelation_mm;
   const double fu = u - std::floor(u), fv = v - std::floor(v);
@@ -179,7 +179,7 @@ Eigen::Vector3d BorderJitter::displacement_mm(const Eigen::Vector3d& p_mm, int s
 void add_islands_and_holes(Volume<LabelId>& labels, std::uint64_t count, std::uint64_t seed) {
   DiscPlacer placer(labels, seed);
   for (std::uint64_t n = 0; n < count; ++n) {
-    // what found no room once will hardly find it again
+    // once no space was found, further attempts are unlikely to succeed
     if (!placer.place_hole()) break;
   }
   for (std::uint64_t n = 0; n < count; ++n)

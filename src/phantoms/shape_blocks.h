@@ -10,10 +10,10 @@
 #include "palpate/volume/slices.h"
 #include "phantoms/shape_node.h"
 
-/// How shapes become voxels without asking every voxel: the grid is cut into blocks; what a block needs
-/// to know is narrowed to what matters inside the ball around it; most blocks are then decided at
-/// once, the others are halved along each axis and asked again, down to a few voxels. Blocks of the top
-/// level run in parallel and write their own voxels only, so the result does not depend on threads.
+/// Hierarchical voxelisation of shapes. The grid is divided into blocks; for each block the shape is reduced
+/// to the operands that matter within its bounding sphere. Most blocks are then decided as a whole, the
+/// others are halved along each axis and evaluated again, down to a few voxels. Top-level blocks run in
+/// parallel and write only their own voxels, so the result is independent of the number of threads.
 namespace palpate {
 
 /// Voxels begin ... end-1 of a grid along each axis.
@@ -31,7 +31,7 @@ struct VoxelBlock {
   }
 };
 
-/// Half of the longest diagonal of a box of voxels, mm.
+/// Half of the longest diagonal of a box of voxels; mm.
 inline double half_diagonal_mm(const GridGeometry& grid, const Eigen::Vector3d& voxels) {
   const Eigen::Matrix3d edges = grid.X_PatientVoxel().linear() * voxels.asDiagonal();
   double longest = 0;
@@ -41,7 +41,7 @@ inline double half_diagonal_mm(const GridGeometry& grid, const Eigen::Vector3d& 
   return 0.5 * longest;
 }
 
-/// The ball around a block's voxels, their full extent included.
+/// Bounding sphere of a block's voxels, including their full extent.
 inline Ball ball_around(const GridGeometry& grid, const VoxelBlock& block) {
   const Eigen::Vector3d begin(block.begin[0], block.begin[1], block.begin[2]);
   const Eigen::Vector3d end(block.end[0], block.end[1], block.end[2]);
@@ -49,11 +49,11 @@ inline Ball ball_around(const GridGeometry& grid, const VoxelBlock& block) {
   return {(grid.X_PatientVoxel() * Point<Voxel>(middle)).eigen(), half_diagonal_mm(grid, end - begin)};
 }
 
-inline constexpr int kTopBlock = 32;  ///< voxels along an edge: the unit of parallel work
-inline constexpr int kLeafBlock = 2;  ///< not halved any further
+inline constexpr int kTopBlock = 32;  ///< Edge length of the blocks processed in parallel; voxels.
+inline constexpr int kLeafBlock = 2;  ///< Edge length of the smallest blocks; voxels.
 
-/// Visits one block and its parts. `narrow(state, block, ball)` gives what remains to be asked there, or
-/// nothing when the block is finished; `leaf(state, block)` does the voxels of a smallest block.
+/// Visits a block and its sub-blocks. `narrow(state, block, ball)` returns the state reduced to the block, or
+/// nullopt if the block is finished; `leaf(state, block)` processes the voxels of a smallest block.
 template <class State, class Narrow, class Leaf>
 void descend(const GridGeometry& grid, const VoxelBlock& block, const State& state, const Narrow& narrow,
              const Leaf& leaf) {
@@ -94,7 +94,7 @@ inline std::vector<VoxelBlock> top_blocks(const GridGeometry& grid) {
   return blocks;
 }
 
-/// Visits a whole grid; false when interrupted.
+/// Visits a whole grid; false if interrupted.
 template <class State, class Narrow, class Leaf>
 bool visit_grid(const GridGeometry& grid, const State& state, std::string_view stage,
                 const Progress& progress, const Narrow& narrow, const Leaf& leaf) {

@@ -9,8 +9,8 @@ namespace {
 using Eigen::Vector3d;
 using Node = Shape::Node;
 
-// Two distances that differ by more than this at the centre of a ball keep their order throughout it:
-// each changes by at most the radius, with room for rounding.
+// Two distances that differ by more than this at the centre of a ball keep their order throughout it: each
+// changes by at most the radius. Includes a tolerance for rounding.
 double decisive_difference(const Ball& ball) {
   return 2 * ball.radius + 1e-6;
 }
@@ -122,7 +122,7 @@ struct Offset final : Node {
   double margin;
 };
 
-// The rounded form is the blend of what is outside, seen from inside.
+// Intersection; the rounded form is the complement of the blend of both complements.
 Node::Ptr common_part(const Node::Ptr& a, const Node::Ptr& b, double rounding) {
   PALPATE_CHECK(std::isfinite(rounding) && rounding >= 0);
   if (rounding == 0) return std::make_shared<Intersection>(a, b);
@@ -142,7 +142,7 @@ double Shape::distance_mm(const Point<Patient>& p) const {
 
 Vector<Patient> Shape::normal(const Point<Patient>& p) const {
   const Vector3d gradient = node_->gradient(p.eigen());
-  // where a blend's gradients cancel there is no direction to prefer
+  // where a blend's gradients cancel, no direction is preferred
   const double length = gradient.norm();
   return Vector<Patient>(length > 0 ? Vector3d(gradient / length) : Vector3d::UnitZ());
 }

@@ -14,7 +14,7 @@ constexpr std::uint64_t kCombineSeed = 20240613;
 const Shape kLeft = Shape::sphere(P(-3, 0, 0), 5);
 const Shape kRight = Shape::sphere(P(3, 0, 0), 5);
 
-// Everything combined with everything, deep enough that narrowing has something to leave out.
+// Combinations of all shapes, deep enough that narrowing can drop operands.
 std::vector<KnownShape> compounds() {
   const std::vector<KnownShape> known = known_shapes();
   const Shape all = Shape::unite({known[0].shape, known[3].shape, known[5].shape});

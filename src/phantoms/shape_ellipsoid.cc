@@ -16,10 +16,10 @@ namespace {
 using Eigen::Vector3d;
 
 struct Octant {
-  Vector3d y;  // the query, all components >= 0
+  Vector3d y;  // the query point, all components >= 0
   Vector3d radii;
-  double smallest;  // radius
-  Vector3d gap;     // e_i^2 - smallest^2, as a product so that nearly equal radii keep their digits
+  double smallest;  // the smallest radius
+  Vector3d gap;     // e_i^2 - smallest^2, computed as a product so that nearly equal radii do not cancel
 };
 
 double sum_of_squares(const Octant& o, double s, double* slope) {
@@ -36,7 +36,7 @@ double sum_of_squares(const Octant& o, double s, double* slope) {
 }
 
 double root(const Octant& o) {
-  // start where one term alone is 1
+  // start where a single term is 1
   double s = 0;
   for (int i = 0; i < 3; ++i) s = std::max(s, o.radii[i] * o.y[i] - o.gap[i]);
   for (int step = 0; step < 60; ++step) {
@@ -50,7 +50,8 @@ double root(const Octant& o) {
   return s;
 }
 
-// The query lies on a plane of symmetry, so near the centre that its nearest points leave the plane.
+// True if the query lies on a plane of symmetry, so close to the centre that its nearest points are off the
+// plane.
 bool leaves_plane(const Octant& o) {
   double inside = 0;
   for (int i = 0; i < 3; ++i) {
@@ -83,7 +84,7 @@ Vector3d nearest_off_plane(const Octant& o) {
 }  // namespace
 
 NearestOnEllipsoid nearest_on_ellipsoid(const Vector3d& p, const Vector3d& radii) {
-  // below the smallest normal squares a component counts as none
+  // components whose squares would underflow are treated as zero
   const Vector3d y = p.cwiseAbs().unaryExpr([](double v) { return v < 1e-150 ? 0.0 : v; });
   Octant o{y, radii, radii.minCoeff(), Vector3d::Zero()};
   for (int i = 0; i < 3; ++i) o.gap[i] = (radii[i] - o.smallest) * (radii[i] + o.smallest);

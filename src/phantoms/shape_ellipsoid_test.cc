@@ -17,7 +17,7 @@ double level(const Vector3d& x, const Vector3d& radii) {
   return x.cwiseQuotient(radii).squaredNorm();
 }
 
-// What makes x the nearest point: it lies on the surface, and p lies on the normal there.
+// Conditions for the nearest point x: it lies on the surface, and p lies on its normal.
 void expect_nearest(const Vector3d& p, const Vector3d& radii) {
   const NearestOnEllipsoid nearest = nearest_on_ellipsoid(p, radii);
   ASSERT_TRUE(nearest.point.allFinite());
@@ -62,7 +62,7 @@ TEST(NearestOnEllipsoid, OfTheCentreIsTheEndOfTheShortestAxis) {
 
 TEST(NearestOnEllipsoid, OnPlanesOfSymmetryWithinAndBeyondTheCentresOfCurvature) {
   const Vector3d radii(10, 6, 3);
-  // x axis: inside (a^2 - c^2) / a = 9.1 the nearest point leaves the axis
+  // x axis: within (a^2 - c^2) / a = 9.1 of the centre the nearest point is off the axis
   for (const double x : {0.5, 4.0, 9.0, 9.1, 9.2, 9.9, 10.0, 15.0}) expect_nearest({x, 0, 0}, radii);
   EXPECT_DOUBLE_EQ(nearest_on_ellipsoid({9.5, 0, 0}, radii).distance, -0.5);
   EXPECT_GT(nearest_on_ellipsoid({9, 0, 0}, radii).distance, -1);

@@ -10,7 +10,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// v as a unit vector, or `otherwise` where it has no direction
+// unit vector along v, or `otherwise` for the zero vector
 Vector3d direction_or(const Vector3d& v, const Vector3d& otherwise) {
   const double length = v.norm();
   return length > 0 ? Vector3d(v / length) : otherwise;
@@ -75,7 +75,7 @@ struct Box final : Shape::Node {
   Vector3d gradient(const Vector3d& p) const override {
     const Vector3d q = axes.transpose() * (p - centre);
     const Vector3d beyond = q.cwiseAbs() - half;
-    // inside, the nearest face; outside, away from the nearest point of the box
+    // inside: the nearest face; outside: away from the nearest point of the box
     Eigen::Index face = 0;
     const bool inside = beyond.maxCoeff(&face) <= 0;
     const Vector3d n = inside ? Vector3d::Unit(face) : Vector3d(beyond.cwiseMax(0.0).normalized());
@@ -87,7 +87,7 @@ struct Box final : Shape::Node {
   Matrix3d axes;
 };
 
-// A finite cylinder is a rectangle turned about its axis.
+// A finite cylinder is the solid of revolution of a rectangle.
 struct Cylinder final : Shape::Node {
   Cylinder(const Vector3d& a, const Vector3d& b, double r)
       : centre(0.5 * (a + b)), axis((b - a).normalized()), half_length(0.5 * (b - a).norm()), radius(r) {}

@@ -9,7 +9,7 @@ using namespace testing;
 
 constexpr std::uint64_t kSeed = 20240611;
 
-// The least distance to one patch: the best of a grid, then ever smaller grids around it.
+// Smallest distance to a patch, by successively refined grid search.
 double least_distance(const Patch& patch, const Vector3d& p) {
   double best = 1e300, best_u = 0, best_v = 0;
   const auto search = [&](double u0, double v0, double reach, int steps) {
@@ -76,7 +76,7 @@ TEST(Shape, NormalIsTheGradientAndHasLengthOne) {
     for (int n = 0; n < 400; ++n) {
       const Vector3d p = random_point(random);
       const Vector3d gradient = central_gradient(known.shape, p);
-      // on a medial set the difference straddles a kink and is shorter than 1
+      // on the medial axis the difference straddles a kink and is shorter than 1
       if (gradient.norm() < 0.999) {
         ++kinks;
         continue;

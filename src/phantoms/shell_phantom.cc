@@ -4,7 +4,7 @@
 namespace palpate {
 namespace {
 
-// free space around it, for a tip to come from
+// free space around the shell, from which a tip approaches
 constexpr double kAround_mm = 15;
 
 }  // namespace
@@ -14,8 +14,8 @@ PhantomField field_of(const ShellParameters& shell) {
   return {{across, across, across}, {0, 0, 0}, {1, 1, 1}};
 }
 
-// An ellipsoid and the same grown inward: the wall has its thickness everywhere, because the distance from an
-// ellipsoid is exact.
+// An ellipsoid minus the same ellipsoid shrunk by the thickness: the wall thickness is uniform, because the
+// distance to an ellipsoid is exact.
 PhantomPlan plan_of(const ShellParameters& shell) {
   PhantomPlan plan;
   plan.field = field_of(shell);
@@ -23,7 +23,7 @@ PhantomPlan plan_of(const ShellParameters& shell) {
   PhantomChance chance(shell.settings.seed);
   Eigen::Vector3d radii = Eigen::Vector3d::Constant(shell.radius_mm);
   for (int axis = 0; axis < 3; ++axis) radii[axis] *= chance.factor(0.08);
-  // off the lattice of the voxels
+  // random position relative to the voxel lattice
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis) centre[axis] = chance.offset(2);
   const Shape outer = Shape::ellipsoid(Point<Patient>(centre), radii);

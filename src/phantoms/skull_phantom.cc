@@ -1,9 +1,9 @@
 #include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
 
-// A cranium, anterior -y: an ellipsoid with a flat base. Walls are what lies between a surface and the same
-// surface grown inward, nowhere thinner than that: where surfaces are rounded into each other their distance
-// is less than the true one.
+// Cranium, anterior -y: an ellipsoid with a flat base. A wall lies between a surface and the same surface
+// offset inwards, and is nowhere thinner than the offset: where surfaces are blended, their distance
+// underestimates the true one.
 namespace palpate {
 namespace {
 
@@ -11,8 +11,8 @@ using P = Point<Patient>;
 using V = Vector<Patient>;
 
 constexpr double kScalp_mm = 6;
-constexpr double kFluid_mm = 1.5;  ///< between brain and wall
-constexpr double kCanal_mm = 2.5;  ///< radius
+constexpr double kFluid_mm = 1.5;  ///< Gap between brain and wall.
+constexpr double kCanal_mm = 2.5;  ///< Radius.
 constexpr Rgb kBoneColour{230, 220, 195}, kBrainColour{225, 170, 165};
 
 Shape both_sides(const auto& make) {
@@ -24,7 +24,7 @@ Shape cranium(const Eigen::Vector3d& radii) {
                           20);
 }
 
-// a cone with a round end, its axis towards the middle
+// ellipsoids whose long axes converge towards the middle
 Shape orbits(double front_y) {
   return both_sides([&](double side) {
     const Eigen::Matrix3d axes = Eigen::AngleAxisd(side * 0.3, Eigen::Vector3d::UnitZ()).toRotationMatrix();
@@ -49,7 +49,7 @@ PhantomPlan plan_of(const SkullParameters& skull) {
   PhantomPlan plan;
   plan.field = field_of(skull);
   plan.imaging = PhantomImaging::kCt;
-  // walls keep their millimetres under the scale
+  // wall thicknesses in mm are independent of the scale
   const double thick = skull.thickness_mm / skull.size, thin = skull.temporal_mm / skull.size;
   PhantomChance chance(skull.settings.seed);
   const Eigen::Vector3d radii(72 * chance.factor(0.06), 92 * chance.factor(0.06), 74 * chance.factor(0.06));

@@ -10,14 +10,15 @@
 
 #include "palpate/phantoms/primitives.h"
 
-/// Every primitive, turned and moved, together with its surface in parameters: what distances are
-/// measured against by brute force.
+/// Every primitive, rotated and translated, with a parametrisation of its surface, for comparison of
+/// distances by brute force.
 namespace palpate::testing {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// A piece of surface, patient mm: all of it for u, v in [0, 1]; beyond, it goes round or stays at its edge.
+/// Parametrised surface patch, patient mm: complete for u, v in [0, 1]; beyond, parameters are periodic or
+/// clamped.
 using Patch = std::function<Vector3d(double u, double v)>;
 
 struct KnownShape {
@@ -45,7 +46,7 @@ inline Vector3d on_circle(double u) {
   return {std::cos(2 * std::numbers::pi * u), std::sin(2 * std::numbers::pi * u), 0};
 }
 
-/// Local coordinates to patient coordinates, the same for all known shapes.
+/// Transforms local to patient coordinates, the same for all known shapes.
 inline Vector3d placed(const Vector3d& local) {
   return turned() * local + Vector3d(1.3, -2.1, 0.7);
 }
@@ -120,7 +121,7 @@ inline std::vector<KnownShape> known_shapes() {
   return shapes;
 }
 
-/// Uniform in a cube around the known shapes.
+/// Uniformly distributed in a cube around the known shapes.
 inline Vector3d random_point(std::mt19937_64& random, double half_extent = 18) {
   std::uniform_real_distribution<double> within(-half_extent, half_extent);
   const double x = within(random), y = within(random), z = within(random);

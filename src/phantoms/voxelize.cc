@@ -23,7 +23,7 @@ Error too_large() {
   return {ErrorKind::kBadInput, "not enough memory for a grid of this size", "", "use larger voxels"};
 }
 
-// The shape as it is in a block, unless that block is all inside or all outside; then `fill` writes it.
+// Reduces the shape to a block; a block that is completely inside or outside is written at once.
 template <class T>
 auto narrow_or_fill(Volume<T>& volume, T inside) {
   return [&volume, inside](const Shape::Node::Ptr& node, const VoxelBlock& block,
@@ -35,7 +35,7 @@ auto narrow_or_fill(Volume<T>& volume, T inside) {
   };
 }
 
-// Displacements of n^3 evenly spread points from a voxel's centre, mm.
+// offsets of n^3 evenly spaced points from a voxel's centre; mm
 std::vector<Eigen::Vector3d> subsample_offsets(const GridGeometry& grid, int n) {
   const Eigen::Matrix3d linear = grid.X_PatientVoxel().linear();
   const auto place = [n](int s) { return (s + 0.5) / n - 0.5; };

@@ -12,7 +12,7 @@ namespace {
 using namespace testing;
 using ::testing::HasSubstr;
 
-// around the known shapes, `voxel` mm
+// grid around the known shapes with cubic voxels of `voxel` mm
 GridGeometry cube(double voxel) {
   GridGeometry grid;
   const int n = static_cast<int>(std::lround(36 / voxel));
@@ -48,7 +48,7 @@ TEST(Voxelize, CoverageGivesTheVolumeOfEveryShape) {
 }
 
 TEST(Voxelize, VolumeConvergesWithTheVoxelSize) {
-  // mean error over several placements, so that luck of one does not decide
+  // mean error over several placements, to average out chance
   const auto error = [](double voxel) {
     double sum = 0;
     for (int n = 0; n < 8; ++n) {
