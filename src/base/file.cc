@@ -40,7 +40,7 @@ std::filesystem::path folder_of(const std::filesystem::path& file) {
 
 // target of a chain of symbolic links, whether or not it exists; other paths are returned unchanged
 std::filesystem::path end_of_links(std::filesystem::path file) {
-  constexpr int kMostLinks = 40;  // as in the kernel
+  constexpr int kMostLinks = 40;  // the kernel's limit
   std::error_code failed;
   for (int links = 0; links < kMostLinks; ++links) {
     if (!std::filesystem::is_symlink(std::filesystem::symlink_status(file, failed))) break;

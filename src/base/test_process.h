@@ -13,7 +13,7 @@ namespace palpate::test {
 /// Kills a child process at an arbitrary point except within a write, which Linux would cut at a page
 /// boundary (docs/reference/recording.md, limits). Returns once it has ended.
 inline void kill_between_writes(pid_t child) {
-  // it stops only after completing its system call
+  // the child stops only after completing its system call
   int status = 0;
   ::kill(child, SIGSTOP);
   ::waitpid(child, &status, WUNTRACED);

@@ -162,7 +162,7 @@ TEST_F(FetchTest, PhantomsWithParametersHaveFilesOfTheirOwn) {
   ASSERT_TRUE(again) << again.error().message();
   EXPECT_EQ(again->labels, right->labels);
   EXPECT_EQ(fs::last_write_time(right->labels), written);
-  // it is found in the user's folder, and is distinct from the knee without parameters
+  // found in the user's folder, and is distinct from the knee without parameters
   EXPECT_EQ(locate("knee-phantom:side=right,spacing=3").error().kind, ErrorKind::kUnavailable);
   ASSERT_TRUE(fetch("knee-phantom:side=right,spacing=3", {}));
   EXPECT_EQ(locate("knee-phantom:spacing=3,side=right")->labels.filename(), right->labels.filename());

@@ -31,7 +31,7 @@ class JsonBuilder {
   bool end_object() {
     Json::Object& members = std::get<Json::Object>(open_.back().value_);
     std::ranges::stable_sort(members, {}, &Json::Member::name);
-    // of equal names keep the last one
+    // keeps the last one of members with equal names
     Json::Object kept;
     for (std::size_t n = 0; n < members.size(); ++n)
       if (n + 1 == members.size() || members[n].name != members[n + 1].name)

@@ -311,7 +311,7 @@ struct SiteView {
   P eye, target;
 };
 
-// in the order of the sites of each structure
+// rays, for each structure in the order of its sites
 const std::vector<SiteView>& site_views() {
   static const std::vector<SiteView> kViews = {
       {"femur", {90, -6, 44}, {10, -6, 44}},                         // lateral metaphysis

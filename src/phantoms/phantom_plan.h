@@ -43,7 +43,7 @@ enum class PhantomImaging : std::uint8_t {
 /// Extent of a phantom's volume. Parts are defined in the anatomy's own millimetres, which `scale` maps to
 /// the patient's, axis by axis.
 struct PhantomField {
-  Eigen::Vector3d extent_mm, middle_mm;  ///< In the anatomy's millimetres.
+  Eigen::Vector3d extent_mm, middle_mm;  ///< Extent and centre in the anatomy's millimetres.
   Eigen::Vector3d scale{1, 1, 1};
 
   GridGeometry grid(const Eigen::Vector3d& spacing_mm) const;

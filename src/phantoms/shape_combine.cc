@@ -142,7 +142,7 @@ double Shape::distance_mm(const Point<Patient>& p) const {
 
 Vector<Patient> Shape::normal(const Point<Patient>& p) const {
   const Vector3d gradient = node_->gradient(p.eigen());
-  // where a blend's gradients cancel, no direction is preferred
+  // the direction is arbitrary if a blend's gradients cancel
   const double length = gradient.norm();
   return Vector<Patient>(length > 0 ? Vector3d(gradient / length) : Vector3d::UnitZ());
 }

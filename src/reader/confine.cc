@@ -16,7 +16,7 @@
 namespace palpate::reader {
 namespace {
 
-constexpr rlim_t kMoreMemory = rlim_t{1} << 30;  // in addition to the parent's memory; bytes
+constexpr rlim_t kMoreMemory = rlim_t{1} << 30;  // allowance beyond the parent's memory; bytes
 constexpr rlim_t kDescriptors = 64;
 
 // All access rights of Landlock's first version: a right that is listed here and granted by no rule is

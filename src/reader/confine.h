@@ -19,8 +19,7 @@ bool can_hold_to_calls();
 ///   privileges;
 /// - opening by name any file not in `files` (Landlock), and opening for writing;
 /// - all system calls except those for reading open files, non-executable memory, clocks and exit (seccomp,
-/// on
-///   x86-64 and ARM64): others fail with EPERM.
+///   on x86-64 and ARM64): others fail with EPERM.
 /// Without Landlock or seccomp in the kernel, the other restrictions apply.
 /// @param keep   descriptors that stay open, including those of `files`
 /// @param files  descriptors of open files

@@ -155,7 +155,7 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
   EXPECT_TRUE(bytes.ends_with(pixels));
 }
 
-// as on a full disk
+// fails as a full disk does
 TEST(DicomExport, WhatCannotBeWrittenWholeIsNotThere) {
   const TemporaryFolder folder;
   rlimit before{};

@@ -28,8 +28,8 @@ struct DicomIdentifiers {
 
 /// Relation of a segmentation to a volume, the closest first.
 enum class Bond {
-  kImages,  ///< It references images of this volume.
-  kSeries,  ///< It references the volume's series.
+  kImages,  ///< References to images of this volume.
+  kSeries,  ///< Reference to the volume's series.
   kSpace,   ///< Both have the same frame of reference.
   kUnsaid,  ///< One of them does not state its frame of reference.
   kNone,    ///< Their frames of reference differ, so their relative position is unknown.

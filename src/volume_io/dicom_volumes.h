@@ -53,7 +53,7 @@ struct DicomVolume {
                                    ///< mm".
   std::string fault, remedy;       ///< Empty if the volume can be used.
   GridGeometry geometry;           ///< Valid if the volume can be used; sheared if the gantry was tilted.
-  std::vector<std::string> notes;  ///< How contradictions between its files were resolved, one sentence each.
+  std::vector<std::string> notes;  ///< Resolved contradictions between its files, one sentence each.
 };
 
 /// Groups frames into volumes: by series and, within it, by rows and columns, orientation, pixel spacing,

@@ -11,7 +11,7 @@ namespace palpate::volume_io {
 
 struct TableBeside {
   std::filesystem::path file;
-  bool has_own_name = false;                  ///< It has the label map's own name.
+  bool has_own_name = false;                  ///< True for the label map's own name.
   std::vector<std::filesystem::path> others;  ///< Other volumes in the folder to which the table may belong.
 };
 /// Table of names in the folder of a label map: one of the same name, otherwise the single .ctbl or .tsv in

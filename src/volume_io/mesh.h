@@ -27,7 +27,7 @@ enum class MeshFormat { kStl, kObj, kPly, kVtkLegacy, kVtkXml };
 
 struct MeshFile {
   std::vector<TriangleMesh> meshes;  ///< At least one, each with at least one triangle; all points finite.
-  std::optional<MeshSpace> space;    ///< As written by 3D Slicer: "SPACE=LPS" in a comment.
+  std::optional<MeshSpace> space;    ///< Stated by 3D Slicer as "SPACE=LPS" in a comment.
 };
 
 /// Maximum number of triangles and points of a file; there are three times as many points as triangles if no

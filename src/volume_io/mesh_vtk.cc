@@ -457,7 +457,7 @@ struct XmlArray {
   std::string section, name;  // "Points"; "connectivity"
   VtkType type;
   bool text = false;      // numbers as text
-  bool appended = false;  // in the appended data; otherwise in `body`
+  bool appended = false;  // values are in the appended data; otherwise in `body`
   std::string_view body;
   std::uint64_t offset = 0;
   std::size_t piece = 0;

@@ -9,7 +9,7 @@
 namespace palpate::volume_io {
 namespace {
 
-// as written by TotalSegmentator
+// extension written by TotalSegmentator
 const std::string kXml =
     R"(<?xml version="1.0" encoding="UTF-8"?> <CaretExtension>  <Date><![CDATA[2013-07-14T05:45:09]]></Date>   )"
     R"(<VolumeInformation Index="0">   <LabelTable>)"

@@ -41,7 +41,7 @@ Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
       return bad_input(where, "is no line of an NRRD header", "is the file whole?");
 
     if (line.substr(colon, 2) == ":=") {
-      // of the key/value pairs only Slicer's are kept; others may identify a patient
+      // only Slicer's key/value pairs are stored; others may identify a patient
       if (line.substr(0, 7) == "Segment")
         lines.segment_fields.emplace_back(std::string(trimmed(line.substr(0, colon))),
                                           unescaped(line.substr(colon + 2)));

@@ -61,7 +61,7 @@ struct DicomImage {
     std::optional<std::uint32_t> temporal_position;  ///< TemporalPositionIndex, UL; for a multi-frame image.
   };
   std::vector<Frame> frames{1};
-  bool multi_frame = false;  ///< As an enhanced image, with functional groups.
+  bool multi_frame = false;  ///< Enhanced image with functional groups.
   std::vector<DicomText> texts;
 };
 
@@ -86,7 +86,7 @@ struct DicomMasks {
   std::optional<int> most = {}, padding = {};
   std::vector<Segment> segments{1};
   std::vector<Frame> frames = {};
-  std::string frame_of_reference = {}, series = {};  ///< Of the images on which it was made.
+  std::string frame_of_reference = {}, series = {};  ///< Reference to the images on which it was made.
   std::vector<std::string> images = {};              ///< Their SOPInstanceUIDs.
   std::string character_set = {};
   std::vector<std::array<std::uint8_t, 3>> palette = {};  ///< For labels, from 0 on: PALETTE COLOR.
@@ -108,7 +108,7 @@ struct DicomContours {
     std::vector<Contour> contours = {};
   };
   std::vector<Structure> structures;
-  std::string frame_of_reference, series;  ///< Of the images on which it was drawn.
+  std::string frame_of_reference, series;  ///< Reference to the images on which it was drawn.
   std::string character_set = {};
   std::string patient;  ///< See DicomImage::patient.
 };

@@ -44,7 +44,7 @@ class FastWinding {
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // area-weighted centroid
     Eigen::Vector3d dipole = Eigen::Vector3d::Zero();  // sum of area times normal
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();  // sum of (centroid - middle) area normal^T
-    double radius = 0;                                 // of a sphere around `middle` that contains all
+    double radius = 0;                                 // radius of a sphere around `middle` that contains all
                                                        // triangles
     double area = 0;
     std::uint32_t first = 0, last = 0;  // range of triangles

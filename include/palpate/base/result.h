@@ -24,7 +24,7 @@ struct Error {
   std::string what;    ///< One sentence without a full stop, e.g. "the voxel data end after 52 of 113
                        ///< slices".
   std::string where;   ///< File, or file:line, or option; may be empty.
-  std::string remedy;  ///< What the user can do about it; may be empty.
+  std::string remedy;  ///< Remedy for the user; may be empty.
 
   /// Text "where: what\n  remedy", as every verb prints it.
   std::string message() const {

@@ -137,7 +137,7 @@ class Rotation {
 /// ten seconds of compile time wherever it is instantiated.
 inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
   const Eigen::Vector3d a = from.normalized(), b = onto.normalized();
-  const double twice_cosine = (a + b).norm();  // of half the rotation angle
+  const double twice_cosine = (a + b).norm();  // twice the cosine of half the rotation angle
   Eigen::Quaterniond turn;
   if (twice_cosine < 1e-12) {
     turn.w() = 0;

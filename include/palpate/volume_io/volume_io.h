@@ -143,7 +143,7 @@ struct VolumeList {
   struct Item {
     std::string what;         ///< Description: "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm".
     std::string fault;        ///< Why it cannot be used, naming the slice; empty if it can.
-    std::string remedy = {};  ///< How to correct that, as an imperative.
+    std::string remedy = {};  ///< Remedy, as an imperative.
   };
   std::vector<Item> volumes;       ///< Numbered from 1.
   std::vector<std::string> notes;  ///< Other contents, and files that were left out.
@@ -158,7 +158,7 @@ struct Study {
   std::filesystem::path scan;
   std::optional<int> volume;                    ///< Number of the scan's volume, if it is DICOM.
   std::optional<std::filesystem::path> labels;  ///< Unset: a scan without labels.
-  std::vector<std::string> notes;               ///< How the two are related, and what is unknown about that.
+  std::vector<std::string> notes;               ///< Relation of the two, and what is unknown about it.
   /// True if DICOM labels reference images, series or frame of reference of the scan, or if the labels are in
   /// a format that cannot reference a scan.
   bool is_said = true;
