@@ -63,7 +63,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
   });
   std::uint64_t last = 0, faults = 0;
   for (;;) {
-    // read before the take: everything posted before `done` is then certainly seen by it
+    // read before the take: everything posted before `done` is then certainly read by it
     const bool finished = done;
     Letter<16> letter;
     if (mailbox.take(letter)) {

@@ -113,7 +113,7 @@ void run_two_threads(std::size_t capacity, std::uint64_t items, bool retry) {
   std::uint64_t received = 0, next = 0, out_of_order = 0, torn = 0, too_large = 0;
   std::vector<Item> out(capacity / 2 + 3);
   for (bool last = false; !last;) {
-    // read before the pop: everything pushed before `done` is then certainly seen by it
+    // read before the pop: everything pushed before `done` is then certainly read by it
     last = done && ring.size() <= out.size();
     too_large += ring.size() > ring.capacity() ? 1 : 0;
     const std::size_t count = ring.pop(out);

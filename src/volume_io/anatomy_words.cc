@@ -126,7 +126,7 @@ constexpr std::array kWithCompany{
 constexpr std::array<std::string_view, 7> kWholeNames{"head",    "face",       "bridge",          "crown",
                                                       "implant", "body_trunc", "body_extremities"};
 
-// neutral words of file names, which identify nobody
+// neutral words of file names, which do not identify a person
 constexpr std::string_view kSayNothing =
     "label labels labelmap seg segs dseg segment segmentation segmentations mask masks roi binary volume vol "
     "image img data file output out result pred prediction final new copy test sub subject ses patient case "

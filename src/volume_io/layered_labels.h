@@ -122,7 +122,7 @@ bool read_labels_for(reader::ParentEnd& parent, const std::filesystem::path& nam
   return false;
 }
 
-/// Callback that tells the parent that the reader is alive.
+/// Callback that notifies the parent that the reader is alive.
 inline auto sign_of_life(reader::ParentEnd& parent) {
   return [&parent] {
     const std::uint32_t begun = 0;

@@ -463,7 +463,7 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
   return ScanFile{file.header, Volume<float>(file.header.geometry, std::move(values.voxels))};
 }
 
-// tells a user who expects the file name as structure name why it is not used, and how to set it
+// informs a user who expects the file name as structure name why it is not used, and how to set it
 std::string left_out_of_name(const std::string& name) {
   const std::string taken =
       name.empty() ? "its structure has no name, because its file's has no word that is known to be anatomy"

@@ -147,7 +147,7 @@ class Bricks : public BrickLayout {
   Volume<T> dense() const;
 
   /// Number of bricks along i, j, k. Brick (a, b, c) covers kCells cells from kCells * a - kBorder on along
-  /// i, and likewise along j and k; its index is a + counts[0] * (b + counts[1] * c).
+  /// i, and analogously along j and k; its index is a + counts[0] * (b + counts[1] * c).
   const std::array<int, 3>& counts() const { return counts_; }
   /// The kStored voxels of a brick.
   const T* brick(std::size_t number) const { return table_[number]; }
