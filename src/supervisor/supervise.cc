@@ -26,11 +26,11 @@ namespace palpate {
 namespace {
 
 constexpr timespec kLook{0, 1'000'000};
-// what one look adds at most to the time for which nothing was seen: where the whole machine stood still, the
+// upper bound of what one poll adds to the time without observations: if the whole machine stalled, the
 // session is not to blame
 constexpr std::int64_t kMostPerLook_ns = 5'000'000;
 constexpr std::int64_t kFrozen_ns = 500'000'000;
-// above the loop's watchdog, which is above the servo
+// above the loop's watchdog, whose priority is above the servo's
 constexpr int kPriority = 95;
 
 const char* name_of(SupervisorEvent::Kind kind) {
@@ -45,8 +45,8 @@ const char* name_of(SupervisorEvent::Kind kind) {
   return "";
 }
 
-/// Writes the events down, on an ordinary thread of its own: a disk that lets everybody wait must not hold
-/// who watches.
+/// Writes the events to the record file on an ordinary thread, so that a slow disk cannot block the watching
+/// thread.
 class RecordWriter {
  public:
   RecordWriter(const SharedBlock& block, int file, int session)
@@ -54,9 +54,9 @@ class RecordWriter {
   RecordWriter(const RecordWriter&) = delete;
   RecordWriter& operator=(const RecordWriter&) = delete;
 
-  /// Before this thread becomes real-time, for the other is to stay ordinary.
+  /// Call before this thread becomes real-time, so that the new thread stays ordinary.
   void begin() {
-    // all memory of the process will be locked
+    // the stack counts towards the process's locked memory
     constexpr std::size_t kStack_bytes = 256 << 10;
     sigset_t all, before;
     ::sigfillset(&all);
@@ -76,8 +76,8 @@ class RecordWriter {
     ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
   }
 
-  /// Nothing happens any more. An errno for the first event that is not in the file; 0: all are. Afterwards
-  /// the process has to end, for one that waits for its disk is left to itself.
+  /// Call after the last event. Returns the errno of the first event missing in the file; 0: complete. The
+  /// process has to exit afterwards, because a thread blocked by its disk is abandoned.
   int end() {
     if (!begun_) return written_ == block_.event_count.load() ? 0 : failure_.load();
     ending_.store(true);
@@ -95,7 +95,7 @@ class RecordWriter {
     for (bool last = false; !last;) {
       last = ending_.load();
       const std::uint32_t count = block_.event_count.load(std::memory_order_acquire);
-      // of more the oldest are gone
+      // older events have been overwritten
       if (count - written_ > SharedBlock::kMostEvents) {
         fail(EOVERFLOW);
         written_ = count - SharedBlock::kMostEvents;
@@ -106,7 +106,7 @@ class RecordWriter {
     }
   }
 
-  // whole or not at all: another session's lines may follow
+  // all or nothing, since another session's lines may follow
   void write_down(const SupervisorEvent& event) {
     const std::time_t now = std::time(nullptr);
     std::tm utc{};
@@ -155,7 +155,7 @@ class Supervision {
     const std::int64_t now_ns = monotonic_ns();
     if (block_.ended.load(std::memory_order_acquire)) return false;
     if (gone) {
-      // where a halt file is full, its end tells of it: nobody is left who could write
+      // if a halt file is full, closing it signals the halt: no writer is left
       tell(Heartbeat::kHaltForGood);
       note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
@@ -166,7 +166,7 @@ class Supervision {
   }
 
  private:
-  // where it is not told yet
+  // writes a halt to every file that has not received it
   void tell(std::uint64_t halt) {
     for (int n = 0; n < halt_files_; ++n) {
       std::uint64_t& told = told_[static_cast<std::size_t>(n)];
@@ -184,10 +184,10 @@ class Supervision {
     const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
     const std::uint64_t halts = heartbeat.halts.load();
     const bool halted = halts != heartbeat.halts_that_ended.load();
-    // again where a file was full, or another supervisor died before it told
+    // repeated if a file was full, or another supervisor died before writing
     if (halted) tell(halts);
     if (!stalled || halted) return;
-    // counted first: of a halt that a device has heard of the loop knows, and can end it
+    // counted before it is written: the loop knows of every halt that a device has received, and can end it
     heartbeat.halts.store(halts + 1);
     tell(halts + 1);
     note(SupervisorEvent::Kind::kStall, now_ns, monotonic_ns());
@@ -209,7 +209,7 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
-  std::array<std::uint64_t, kMostHaltFiles> told_{};  // the last halt that each file has heard of
+  std::array<std::uint64_t, kMostHaltFiles> told_{};  // last halt written to each file
   std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
 };
 
@@ -224,7 +224,7 @@ SharedBlock* shared_block() {
   return block->magic == SharedBlock::kMagic ? block : nullptr;
 }
 
-// the numbers that Supervisor::start() appends: halt files, whether to kill, whether to record, whether to be
+// numbers appended by Supervisor::start(): halt files, whether to kill, whether to record, whether to be
 // real-time, the session's process
 std::optional<std::array<int, 5>> numbers_in(const std::vector<std::string>& arguments) {
   std::array<int, 5> numbers{};
@@ -248,13 +248,13 @@ int supervise(const std::vector<std::string>& arguments) {
     return 2;
   }
   const auto [halt_files, kill_frozen, record, realtime, session] = *numbers;
-  // a full or a broken halt file must not hold or end what others wait for
+  // a full or broken halt file must neither block nor terminate this process
   ::signal(SIGPIPE, SIG_IGN);
   for (int n = 0; n < halt_files; ++n)
     ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);
   RecordWriter writer(*block, kFirstHaltFile + halt_files, session);
   if (record != 0) writer.begin();
-  // blocks the signals that ask a program to end, too: this one ends when the session has
+  // also blocks termination signals: this process exits when the session has ended
   const RealtimeGrant grant = make_this_thread_realtime({.fifo = realtime != 0,
                                                          .priority = kPriority,
                                                          .lock_memory = realtime != 0,
@@ -267,16 +267,16 @@ int supervise(const std::vector<std::string>& arguments) {
   Supervision supervision(*block, halt_files, kill_frozen != 0);
   while (supervision.look()) {
   }
-  // a device that could not be told hears of it now, and not when a slow disk has taken the log
+  // closing the halt files signals devices that could not be written to, before waiting for a slow disk
   if (!block->ended.load())
     for (int n = 0; n < halt_files; ++n) ::close(kFirstHaltFile + n);
   if (const int failure = record != 0 ? writer.end() : 0; failure != 0)
     std::fprintf(stderr, "palpate: warning: the supervisor's log of process %d lacks events: %s\n", session,
                  std::strerror(failure));
   if (block->ended.load()) return 0;
-  // who holds a simulated device in its own process has nothing to hear
+  // a simulated device inside the session's process needs no report
   if (halt_files == 0 && kill_frozen == 0) return 0;
-  // a process that dies often stands still before the kernel tells of it
+  // a dying process is often frozen before the kernel reports its death
   const auto events = block->all();
   const auto first = std::ranges::find(events, events.back().last_beat_ns, &SupervisorEvent::last_beat_ns);
   std::fprintf(stderr, "palpate: the session's process died; %s %.1f ms after the last tick\n",

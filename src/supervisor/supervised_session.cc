@@ -1,9 +1,9 @@
 // supervised_session MEMORY_FILE HALT_FILE RECORD_FILE KILL_FROZEN RECORDING
 // supervised_session supervise ...
 //
-// A servo loop on the real clock, a supervisor beside it, and a device that another process holds. It writes
-// a byte when it gives its full force, and then does what it reads from its standard input, a letter each.
-// It records, where RECORDING is not empty. For supervisor_test.cc.
+// A servo loop on the real clock with a supervisor, and a device held by another process. Writes a byte when
+// the force is fully on, and then executes commands of one letter each from its standard input. Records
+// unless RECORDING is empty. For supervisor_test.cc.
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -40,7 +40,7 @@ void in_another_thread(void (*work)()) {
   for (;;) ::pause();
 }
 
-// from now on nothing is added to its file; returns when the recorder has met that, or never does
+// prevents its file from growing; returns when the recorder has failed because of it, or after a time limit
 void fill_disk(const Recorder& recorder, const std::filesystem::path& file) {
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit full{};
@@ -51,7 +51,7 @@ void fill_disk(const Recorder& recorder, const std::filesystem::path& file) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
-// false: that was the end in good order
+// false: regular end
 bool obey(char order, testing::TestDeviceDriver& driver) {
   switch (order) {
     case 'v':
@@ -68,7 +68,7 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
       driver.freeze();
       break;
     case 'c':
-      // nobody is answered any more
+      // output is no longer read
       std::signal(SIGPIPE, SIG_IGN);
       ::close(STDOUT_FILENO);
       ::close(STDERR_FILENO);
@@ -103,7 +103,7 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
   return true;
 }
 
-// @param halt_file  -1: the supervisor is told of none, as though the device lived in this process
+// @param halt_file  -1: the supervisor gets none, as if the device were inside this process
 int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
         const std::filesystem::path& recording) {
   void* room =
@@ -121,7 +121,7 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
   Model model = testing::ball_model({1, 1, 1});
   LoopSettings settings;
   settings.heartbeat = &(*supervisor)->heartbeat();
-  // a recorder that a busy machine keeps waiting loses nothing
+  // large enough for a recorder delayed by a busy machine
   settings.ring_s = 30;
   auto loop = ServoLoop::start(std::make_shared<const Model>(std::move(model)), driver, {},
                                {WorkspaceSettings{}}, settings);
@@ -133,7 +133,7 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
     PALPATE_CHECK(order == 'c' || ::write(STDOUT_FILENO, ".", 1) == 1);
     if (::read(STDIN_FILENO, &order, 1) != 1 || !obey(order, driver)) break;
     if (order == 'f') fill_disk(*recorder, recording);
-    // whatever was done to it, it comes back
+    // the force returns after any disturbance
     if (order == 'g') wait_for_full_force(**loop);
   }
   (*loop)->stop();

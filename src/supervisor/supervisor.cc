@@ -21,10 +21,10 @@
 namespace palpate {
 namespace {
 
-// a program starts in less; one that is held up by a busy machine may take it
+// generous start-up time for a busy machine
 constexpr int kPatience_ms = 30'000;
 
-/// A file that is closed with this object; -1: none.
+/// Owning file descriptor; -1: none.
 class File {
  public:
   explicit File(int number) : number_(number) {}
@@ -80,7 +80,7 @@ class SupervisorProcess final : public Supervisor {
   ChildProcess process_;
 };
 
-// it looks once a millisecond; one that stands still, or is another program, is not waited for
+// a running supervisor polls once a millisecond and exits; a frozen one or another program is not waited for
 void SupervisorProcess::end() {
   pollfd ended{process_.file(), POLLIN, 0};
   const int patience_ms = block_.watching.load() ? 1000 : 0;
@@ -93,8 +93,7 @@ Result<void> SupervisorProcess::begin() {
   const File session(static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0)));
   if (session.number() < 0) return refused("its view of this process");
 
-  // copies above all numbers that the new process has them under, so that none is overwritten before it is
-  // copied
+  // duplicate above all target numbers, so that no descriptor is overwritten before it is duplicated
   std::vector<File> files;
   const int above = kFirstHaltFile + static_cast<int>(kMostHaltFiles) + 1;
   const auto copy = [&](int file) {
@@ -116,7 +115,7 @@ Result<void> SupervisorProcess::begin() {
   for (std::size_t n = 0; n < files.size(); ++n)
     ::posix_spawn_file_actions_adddup2(&actions, files[n].number(), kBlockFile + static_cast<int>(n));
   ::posix_spawn_file_actions_addclosefrom_np(&actions, kBlockFile + static_cast<int>(files.size()));
-  // a session of its own: no key and no closed terminal reaches it
+  // a new POSIX session: isolated from the terminal's signals
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK);
   sigset_t none;
   ::sigemptyset(&none);
@@ -139,7 +138,7 @@ Result<void> SupervisorProcess::begin() {
     errno = failed;
     return refused(words.front());
   }
-  // room for one more
+  // free these descriptors for the following one
   files.clear();
   process_ = ChildProcess(process);
   if (process_.file() < 0) return refused("its end");
@@ -164,8 +163,8 @@ Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& 
                       file.number(), 0);
   if (room == MAP_FAILED) return refused("memory to share");
   auto* block = new (room) SharedBlock;
-  // a device that has heard of an earlier supervisor's halts obeys none whose number is not above theirs, and
-  // there are fewer of them than nanoseconds
+  // a device that received halts of an earlier supervisor only obeys larger numbers; numbering by nanoseconds
+  // guarantees that
   block->heartbeat.halts = block->heartbeat.halts_that_ended = static_cast<std::uint64_t>(monotonic_ns());
   auto supervisor = std::make_unique<SupervisorProcess>(*block, std::move(file), settings);
   if (auto begun = supervisor->begin(); !begun) return begun.error();

@@ -43,15 +43,15 @@ double ms(std::int64_t ns) {
   return static_cast<double>(ns) * 1e-6;
 }
 
-// 0: it was before
+// 0 if it was earlier
 double ms_from(std::int64_t then_ns, std::int64_t later_ns) {
   return ms(std::max<std::int64_t>(0, later_ns - then_ns));
 }
 
-/// A session that presses with a supervisor beside it, in a process of its own, and its device, in another.
+/// A supervised session that presses, in a process of its own, and its device in another.
 class Pressing {
  public:
-  /// @param recording  empty: it records nothing
+  /// @param recording  empty: no recording
   explicit Pressing(bool device_elsewhere = true, bool kill_frozen = false,
                     const std::filesystem::path& recording = {}) {
     memory_file_ = ::memfd_create("test device", 0);
@@ -70,7 +70,7 @@ class Pressing {
     device_process_ = ::fork();
     if (device_process_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-      // who reads the others waits for the end of all who could write
+      // close the other ends, so that a reader is not kept waiting by writers that do not exist
       for (const int file : {halt[1], orders[0], orders[1], said[0], said[1], record[0], record[1]})
         ::close(file);
       testing::be_test_device(*device_, halt[0]);
@@ -79,11 +79,11 @@ class Pressing {
     if (session_ == 0) {
       ::dup2(orders[0], STDIN_FILENO);
       ::dup2(said[1], STDOUT_FILENO);
-      // a test that runs in the background ignores some
+      // a test running in the background ignores some signals
       for (int signal = 1; signal < SIGRTMIN; ++signal) ::signal(signal, SIG_DFL);
       const rlimit none{0, 0};
       ::setrlimit(RLIMIT_CORE, &none);
-      // who looks for leaks at the end holds all threads, and lets them go on before the process ends
+      // leak detection at exit stops all threads and resumes them before the process ends
       const char* options = std::getenv("ASAN_OPTIONS");
       ::setenv("ASAN_OPTIONS", (std::string(options != nullptr ? options : "") + ":detect_leaks=0").c_str(),
                1);
@@ -110,7 +110,7 @@ class Pressing {
   Pressing(const Pressing&) = delete;
   Pressing& operator=(const Pressing&) = delete;
 
-  /// It gives its full force; false: it died.
+  /// Waits until the force is fully on; false: the process died.
   bool presses() const {
     char byte = 0;
     return ::read(said_, &byte, 1) == 1;
@@ -118,10 +118,11 @@ class Pressing {
   void order(char letter) const { PALPATE_CHECK(::write(orders_, &letter, 1) == 1); }
   void signal(int signal) const { ::kill(session_, signal); }
 
-  /// Since when the device is at rest after `then_ns`, which may be since before; 0: it acts for ten seconds.
+  /// Time since which the device has been at rest after `then_ns`, possibly earlier; 0: it acts for ten
+  /// seconds.
   std::int64_t rest_after(std::int64_t then_ns) const {
     std::int64_t since_ns = 0;
-    // the end of a pause is no rest: it has to last
+    // a short pause does not count as rest
     const bool rests = testing::soon([&] {
       since_ns = device_->at_rest_since();
       return since_ns != 0 && monotonic_ns() > std::max(since_ns, then_ns) + 20'000'000;
@@ -132,7 +133,7 @@ class Pressing {
     return testing::soon([&] { return device_->acting_N > 0; });
   }
 
-  /// Its record takes nothing until record() is asked for.
+  /// Blocks the record file until record() is called.
   void fill_record() const {
     ::fcntl(record_in_, F_SETFL, O_NONBLOCK);
     while (::write(record_in_, "\n", 1) == 1) {
@@ -140,7 +141,7 @@ class Pressing {
     ::fcntl(record_in_, F_SETFL, 0);
   }
 
-  /// The supervisor's own record, when it has ended: the events in order.
+  /// Events in the supervisor's record, in order; waits for its end.
   std::vector<std::string> record() const {
     ::close(std::exchange(record_in_, -1));
     std::string text;
@@ -153,26 +154,26 @@ class Pressing {
       if (!line.empty()) lines.push_back(line);
     return lines;
   }
-  /// How many halts lie in the halt file, unread.
+  /// Number of unread halts in the halt file.
   int unread_halts() const {
     int bytes = 0;
     PALPATE_CHECK(::ioctl(halts_, FIONREAD, &bytes) == 0);
     return bytes / 8;
   }
-  /// Stops the session until it has been halted for that; false: it never is.
+  /// Stops the session until a halt resulted; false: none did.
   bool stops_and_is_halted() const {
     for (int tries = 0; tries < 20; ++tries) {
       const int before = unread_halts();
       signal(SIGSTOP);
       for (int n = 0; n < 1000 && unread_halts() == before; ++n) std::this_thread::sleep_for(1ms);
       if (unread_halts() > before) return true;
-      // it had been halted just before, as one that waits long for its turn is
+      // it had been halted just before, as happens to a process waiting long for a CPU
       signal(SIGCONT);
       std::this_thread::sleep_for(100ms);
     }
     return false;
   }
-  /// Nothing more goes into the halt file until the device has read it. What lies there halts nothing.
+  /// Fills the halt file with numbers that halt nothing, until the device reads them.
   void fill_halt_file() const {
     const int file = ::open(("/proc/self/fd/" + std::to_string(halts_)).c_str(), O_WRONLY | O_NONBLOCK);
     constexpr std::uint64_t kNone = 0;
@@ -187,7 +188,7 @@ class Pressing {
 
  private:
   int memory_file_ = -1, orders_ = -1, said_ = -1, record_ = -1, halts_ = -1;
-  mutable int record_in_ = -1;  // until record() waits for the end of all who could write
+  mutable int record_in_ = -1;  // kept open until record() waits for the end of all writers
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
 };
@@ -197,11 +198,10 @@ std::int64_t number_in(const std::string& line, const std::string& field) {
   return at == std::string::npos ? -1 : std::stoll(line.substr(at + field.size() + 4));
 }
 
-/// How late bare threads get their processor while this lives, one bound to each that there is: a promise
-/// about time is made beside it.
+/// Measures the scheduling latency of idle threads, one bound to each CPU, as a reference for time limits.
 class BareThreads {
  public:
-  /// @param priority  of SCHED_FIFO, where the system allows it
+  /// @param priority  SCHED_FIFO priority, if permitted
   explicit BareThreads(int priority) {
     cpu_set_t set;
     PALPATE_CHECK(::sched_getaffinity(0, sizeof set, &set) == 0);
@@ -226,7 +226,7 @@ class BareThreads {
   BareThreads(const BareThreads&) = delete;
   BareThreads& operator=(const BareThreads&) = delete;
 
-  /// The latest of them all until now, those that still wait for their processor included.
+  /// Maximum latency so far, including threads that are still waiting for a CPU.
   double latest_ms() {
     for (const auto& asked_ns : asked_ns_) count(monotonic_ns() - asked_ns);
     return ms(latest_ns_);
@@ -250,18 +250,19 @@ class BareThreads {
 
   std::atomic<bool> end_{false};
   std::atomic<std::int64_t> latest_ns_{0};
-  std::deque<std::atomic<std::int64_t>> asked_ns_;  // of each
+  std::deque<std::atomic<std::int64_t>> asked_ns_;  // per thread
   std::vector<std::thread> threads_;
 };
 
-// as supervise.cc asks for
+// as requested in supervise.cc
 constexpr int kSupervisorPriority = 95;
-// from the last tick to a device without force, and what a bare thread was late by (docs/results/deaths.md)
+// limit from the last tick to a device without force, plus the latency of an idle thread
+// (docs/results/deaths.md)
 constexpr double kPromise_ms = 10;
 
 struct End {
   const char* name;
-  int signal;  // 0: an order
+  int signal;  // 0: use `order`
   char order;
 };
 constexpr End kEnds[] = {{"SIGKILL", SIGKILL, 0},
@@ -297,7 +298,7 @@ constexpr End kEnds[] = {{"SIGKILL", SIGKILL, 0},
                          {"_exit", 0, '_'},
                          {"exit", 0, 'e'}};
 
-// one trial each in every run of the tests, twenty where PALPATE_TEST_DEATHS=all asks for the whole campaign
+// one trial each by default, twenty with PALPATE_TEST_DEATHS=all, the full campaign
 int trials() {
   const char* asked = std::getenv("PALPATE_TEST_DEATHS");
   return asked != nullptr && std::string(asked) == "all" ? 20 : 1;
@@ -312,12 +313,12 @@ void print(const char* what, std::vector<double> figures_ms) {
               at(0.5), at(0.99), at(1));
 }
 
-// any moment of the recorder's second between two flushes
+// a random time within the recorder's second between two flushes
 std::chrono::microseconds some_time(std::mt19937_64& random) {
   return std::chrono::microseconds(random() % 1'000'000);
 }
 
-/// Of a recording that is being written: a reader that comes in the middle of a flush comes again.
+/// Number of ticks in a recording being written; retries if the read coincides with a flush.
 std::uint64_t ticks_in(const std::filesystem::path& recording) {
   std::uint64_t ticks = 0;
   std::string complaint;
@@ -332,7 +333,8 @@ std::uint64_t ticks_in(const std::filesystem::path& recording) {
   return ticks;
 }
 
-/// It opens, and reads to its end without a gap. @param flushed  ticks that were safe before
+/// The recording opens and is complete up to its last flush, without gaps.
+/// @param flushed  ticks flushed earlier
 void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushed, bool whole = false) {
   const auto source = RecordingSource::open(recording);
   ASSERT_TRUE(source.ok()) << source.error().message();
@@ -375,10 +377,10 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
       ASSERT_NE(rest_ns, 0) << end.name << ": the device still pushes";
       after_ms.push_back(ms_from(then_ns, rest_ns));
       bare_ms.push_back(bare.latest_ms());
-      // the supervisor has seen it, and says when
+      // the supervisor has recorded it, with times
       const auto record = session.record();
       ASSERT_FALSE(record.empty()) << end.name;
-      // and the force did not come back before it was gone
+      // the force did not return before the process was gone
       EXPECT_EQ(session.rest_after(then_ns), rest_ns) << end.name;
       EXPECT_NE(record.back().find("\"death\""), std::string::npos) << end.name << ": " << record.back();
       EXPECT_GE(number_in(record.back(), "halted_ns"), number_in(record.back(), "seen_ns"));
@@ -391,14 +393,14 @@ TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
             end.name, since_tick_ms.back(), bare_ms.back());
         for (const std::string& line : record) std::printf("  %s\n", line.c_str());
       }
-      // it looks once a millisecond, as they do, and the device hears of it through one thread more
+      // polling period of a millisecond for both, plus one more thread until the device receives the halt
       late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms.back() + 1);
       ASSERT_NO_FATAL_FAILURE(expect_reopens(recording, flushed));
     }
   }
-  // else nothing was asked of the recordings
+  // otherwise the recordings were not tested
   EXPECT_GT(flushed_in_all, 0u);
-  // a busy machine may hold up the one and not the other now and then
+  // a busy machine may occasionally delay one and not the other
   EXPECT_LE(late, since_tick_ms.size() / 4);
   print("zero after the cause", after_ms);
   print("zero after the last tick", since_tick_ms);
@@ -429,7 +431,7 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
     EXPECT_EQ(session.device().acting_N, 0);
     session.signal(SIGCONT);
     EXPECT_TRUE(session.acts_again());
-    // back in full, and not at once
+    // the force ramps back to its full value
     session.order('g');
     ASSERT_TRUE(session.presses());
   }
@@ -438,27 +440,27 @@ TEST(Supervisor, AStandstillGetsZeroAndComesBackByTheRamp) {
   for (const std::string& line : record) EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
   EXPECT_GT(ticks_in(recording), 0u);
 
-  // a stop is the process's own thread to begin, until when the others tick on
+  // stopping a process takes effect thread by thread; the others continue to tick meanwhile
   std::vector<double> since_tick_ms, beyond_ms;
   std::size_t late = 0;
   for (std::size_t n = 0; n < bare_ms.size(); ++n) {
     const auto stall = std::ranges::find_if(
         record, [&](const std::string& line) { return number_in(line, "seen_ns") > stopped_ns[n]; });
-    // one that had waited long for its turn was halted already
+    // a process that had waited long for a CPU was halted already
     if (stall == record.end() || number_in(*stall, "seen_ns") > rested_ns[n]) continue;
     since_tick_ms.push_back(ms_from(number_in(*stall, "last_beat_ns"), rested_ns[n]));
     beyond_ms.push_back(since_tick_ms.back() - bare_ms[n]);
     late += since_tick_ms.back() > kPromise_ms + 2 * (bare_ms[n] + 1);
   }
   ASSERT_GE(2 * since_tick_ms.size(), bare_ms.size());
-  // as after a death
+  // same tolerance as for deaths
   EXPECT_LE(late, 1 + bare_ms.size() / 4);
   print("stopped: zero after the last tick", since_tick_ms);
   print("bare threads of the supervisor's priority late by", bare_ms);
   print("zero after the last tick, less that", beyond_ms);
 }
 
-// of a session that is stopped, and so is its device
+// session and device are both stopped
 void expect_halted_when_it_hears(const Pressing& session) {
   const std::int64_t then_ns = monotonic_ns();
   ::kill(session.device_process(), SIGCONT);
@@ -468,8 +470,7 @@ void expect_halted_when_it_hears(const Pressing& session) {
   session.order('q');
 }
 
-// Two standstills, of which the device hears late and of both at once: the end of the first ends not the
-// second.
+// Two stalls of which the device learns late and at once: the end of the first does not end the second.
 TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
   const Pressing session;
   ASSERT_TRUE(session.presses());
@@ -478,7 +479,7 @@ TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
     ASSERT_TRUE(session.stops_and_is_halted());
     if (is_newest) break;
     session.signal(SIGCONT);
-    // back in full: the loop has let go of it
+    // the force is fully on again, so the loop has ended the halt
     session.order('g');
     ASSERT_TRUE(session.presses());
   }
@@ -491,7 +492,7 @@ TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
   ::kill(session.device_process(), SIGSTOP);
   session.fill_halt_file();
   session.signal(SIGSTOP);
-  // more than the supervisor needs to notice
+  // longer than the supervisor needs for detection
   std::this_thread::sleep_for(50ms);
   expect_halted_when_it_hears(session);
 }
@@ -533,7 +534,7 @@ TEST(Supervisor, AClockThreadFrozenWhereItStandsGetsZeroAndComesBack) {
     ASSERT_TRUE(session.presses());
     EXPECT_TRUE(session.acts_again());
   }
-  // and dies of it in the end
+  // and dies in that state
   ASSERT_NO_FATAL_FAILURE(freeze());
   const std::uint64_t flushed = ticks_in(recording);
   session.signal(SIGKILL);
@@ -547,7 +548,7 @@ TEST(Supervisor, AClockThreadFrozenWhereItStandsGetsZeroAndComesBack) {
   print("frozen: zero after the cause", after_ms);
 }
 
-// What ends a recording or an output is nothing to the hand, and takes nothing from the supervisor.
+// A failing recording or output affects neither the force nor the supervisor.
 TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -563,7 +564,7 @@ TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
       std::this_thread::sleep_for(some_time(random));
       const std::uint64_t flushed = ticks_in(recording), commands = session.device().commands;
       session.order(order);
-      // a closed stdout is the end of what it says
+      // no output after stdout is closed
       ASSERT_EQ(session.presses(), order == 'f');
       if (order == 'f') std::this_thread::sleep_for(some_time(random) / 10);
       EXPECT_GT(session.device().acting_N, 0);
@@ -591,7 +592,7 @@ TEST(Supervisor, AnEndInGoodOrderIsNoEvent) {
   const Pressing session(true, false, recording);
   ASSERT_TRUE(session.presses());
   session.order('q');
-  // a machine that stands still for a moment is a stall
+  // a stall of the machine may be recorded as such
   for (const std::string& line : session.record())
     EXPECT_NE(line.find("\"stall\""), std::string::npos) << line;
   int status = 0;
@@ -606,7 +607,7 @@ TEST(Supervisor, EndsAProcessThatStandsStillWithItsDeviceInIt) {
   ASSERT_TRUE(session.presses());
   session.signal(SIGSTOP);
   int status = 0;
-  // stopped for a breath it lives on; for good it is ended
+  // a briefly stopped process continues; one stopped for good is killed
   ASSERT_EQ(::waitpid(session.session(), &status, 0), session.session());
   EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
   const auto record = session.record();
@@ -626,7 +627,7 @@ TEST(Supervisor, NeitherSimulatedNorElsewhereIsAProcessEnded) {
   session.order('q');
 }
 
-// of all children of a process the one that watches it
+// the child process of a session that is its supervisor
 pid_t supervisor_of(pid_t session) {
   const std::string path =
       "/proc/" + std::to_string(session) + "/task/" + std::to_string(session) + "/children";
@@ -679,7 +680,7 @@ TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
   EXPECT_TRUE((*supervisor)->watching());
 }
 
-// One may die between counting a halt and telling of it.
+// A supervisor may die between counting a halt and writing it.
 TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   int halt[2];
   ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
@@ -698,7 +699,7 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   const auto again = (*supervisor)->watch_again();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_EQ(told(), 7u);
-  // and of one that has ended no more
+  // a halt that has ended is not written again
   (*supervisor)->heartbeat().halts_that_ended = 7;
   (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
   EXPECT_EQ(told(), 8u);
@@ -706,7 +707,7 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   for (const int file : halt) ::close(file);
 }
 
-// A device that outlives sessions has heard of their supervisors' halts.
+// A device may outlive sessions and has received the halts of earlier supervisors.
 TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
   std::uint64_t last = 0;
   for (int session = 0; session < 3; ++session) {
@@ -728,7 +729,7 @@ TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
       << (*supervisor)->scheduler();
 }
 
-// A record that lets its writer wait holds nobody up, and has everything in the end.
+// A blocked record file delays nothing, and is complete in the end.
 TEST(Supervisor, ARecordThatTakesNothingForAWhileHoldsNothing) {
   const Pressing session;
   ASSERT_TRUE(session.presses());
@@ -750,7 +751,7 @@ TEST(Supervisor, ARecordThatTakesNothingForAWhileHoldsNothing) {
   EXPECT_NE(record.back().find("\"death\""), std::string::npos) << record.back();
 }
 
-// A disk that is full takes whole lines or none: those of another session may follow.
+// A full disk takes whole lines or none, since another session's lines may follow.
 TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   const test::TemporaryFolder folder;
   const auto file = folder / "record";
@@ -764,7 +765,7 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
     const auto supervisor = Supervisor::start(
         {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .record_file = record});
     if (!supervisor.ok()) ::_exit(1);
-    // some of a line fits
+    // space for part of a line
     rlimit full{};
     ::getrlimit(RLIMIT_FSIZE, &full);
     full.rlim_cur = 20;
@@ -776,7 +777,7 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   int status = 0;
   ASSERT_EQ(::waitpid(session, &status, 0), session);
   ASSERT_TRUE(WIFSIGNALED(status)) << "no supervisor";
-  // the supervisor's own copy of it is the last
+  // the supervisor holds the last descriptor of the pipe
   std::string said;
   for (char byte = 0; ::read(over[0], &byte, 1) == 1;) said += byte;
   ::close(over[0]);
@@ -788,13 +789,13 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
 TEST(Supervisor, IsEndedByNoNumberThatMayBeAnothers) {
   const testing::Shared<std::atomic<pid_t>> watching;
   testing::Child child([&] {
-    // nobody waits for it then, and its number is free as soon as it has ended
+    // children are reaped automatically, so the process ID is free as soon as the process has ended
     ::signal(SIGCHLD, SIG_IGN);
     auto supervisor =
         Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
     if (!supervisor.ok()) ::_exit(1);
     *watching = supervisor_of(::getpid());
-    // one that does not end by itself
+    // a supervisor that does not exit
     ::kill(*watching, SIGSTOP);
     if (test::die_of(SYS_kill)) supervisor->reset();
   });
@@ -825,7 +826,7 @@ TEST(Supervisor, AProgramThatIsNoneIsAnError) {
   }
 }
 
-/// A device that acts, and what it is told.
+/// A simulated device and the halts that it receives.
 class ToldDevice {
  public:
   ToldDevice() {
@@ -851,7 +852,7 @@ class ToldDevice {
   const TestDeviceMemory& memory() const { return *memory_; }
   testing::TestDeviceDriver& driver() { return *driver_; }
   testing::Child& process() { return *device_; }
-  /// It does so, and goes on with it; false: never.
+  /// Waits until the device acts, or rests, permanently; false: never.
   bool comes_to(bool act) const {
     int lasts = 0;
     return testing::soon([&] {
@@ -876,12 +877,12 @@ TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
   device.halt(2);
   device.process().go_on();
   EXPECT_TRUE(device.comes_to(false)) << "it pushes through a halt";
-  // which an end of the first that is told again ends as little
+  // nor does a repeated end of the first halt end it
   device.driver().resume(1);
   EXPECT_TRUE(device.comes_to(false));
   device.driver().resume(2);
   EXPECT_TRUE(device.comes_to(true));
-  // nor is an end undone by an older one that is told late
+  // an outdated end does not revoke a later one
   device.driver().resume(1);
   EXPECT_TRUE(device.comes_to(true));
 }
@@ -911,7 +912,7 @@ TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
   EXPECT_TRUE(device.comes_to(true));
 }
 
-// By whoever is left, or by who does not know how a halt is told.
+// When all writers are gone, or a writer does not follow the protocol.
 TEST(TestDevice, NothingEndsAHaltForGood) {
   for (const bool number : {true, false}) {
     ToldDevice device;
@@ -926,8 +927,7 @@ TEST(TestDevice, NothingEndsAHaltForGood) {
   }
 }
 
-// Before every other thread it would keep from its processor whoever else is on this machine, supervisors
-// among them.
+// A busy-waiting device at real-time priority would starve other processes on its CPU, supervisors included.
 TEST(TestDevice, WaitsWhenItIsAlone) {
   const testing::Shared<TestDeviceMemory> memory;
   memory->force_N = 1;

@@ -17,23 +17,23 @@
 #include "palpate/device/device.h"
 #include "palpate/servo/realtime.h"
 
-/// A device that another process holds, for tests: what stands behind a driver's port when the process with
-/// the driver dies. It has no watchdog of its own: what it was told last it goes on doing.
+/// Device held by another process, for tests: the part behind a driver's port that survives the process of
+/// the driver. It has no watchdog: it continues its last command.
 namespace palpate::testing {
 
-/// Where nothing may be thrown, which the compiler would notice.
+/// Indirect throw, for noexcept functions, where the compiler would warn.
 inline void throw_for_a_test() {
   throw std::runtime_error("thrown for a test");
 }
 
-/// What driver and device share, and what the test reads.
+/// Memory shared by driver and device, readable by the test.
 struct TestDeviceMemory {
-  // ---- by the driver
+  // ---- written by the driver
   std::atomic<double> force_N{0};
   std::atomic<std::uint64_t> commands{0};
   std::atomic<bool> halted{false};
   std::atomic<std::uint64_t> halts_that_ended{0};
-  // ---- by the device: every change of what acts from something to nothing and back
+  // ---- written by the device: every transition between acting and resting
   struct Change {
     std::atomic<std::int64_t> at_ns{0};
     std::atomic<bool> acts{false};
@@ -43,21 +43,21 @@ struct TestDeviceMemory {
   std::atomic<std::uint32_t> change_count{0};
   std::atomic<double> acting_N{0};
 
-  /// Since when nothing acts; 0: something does.
+  /// Time since which no force acts; 0: a force acts.
   std::int64_t at_rest_since() const {
     const std::uint32_t n = change_count.load();
     return n == 0 || changes[n - 1].acts ? 0 : changes[n - 1].at_ns.load();
   }
 };
 
-/// The driver: a tip that rests in the tissue, and a hand that never moves.
+/// Driver with a constant tip inside the tissue.
 class TestDeviceDriver final : public DeviceDriver {
  public:
   TestDeviceDriver(TestDeviceMemory& memory, int halt_file, const Point<Device>& tip)
       : memory_(memory), halt_file_(halt_file), tip_(tip) {
     info_.name = "test device";
     info_.peak_force_N = 3;
-    // more than any tissue here has, so that no careful bound makes it softer
+    // stiffer than any tissue here, so that no conservative bound reduces the stiffness
     info_.stiffness_N_per_mm = 10;
   }
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
@@ -66,7 +66,7 @@ class TestDeviceDriver final : public DeviceDriver {
     DeviceSample sample;
     sample.tip = tip_;
     DeviceCommand command;
-    // to be frozen by, which no other thread of the loop's may be
+    // unblocks the signal used for freezing, which the loop's other threads block
     sigset_t freezing;
     ::sigemptyset(&freezing);
     ::sigaddset(&freezing, kFreeze);
@@ -92,7 +92,7 @@ class TestDeviceDriver final : public DeviceDriver {
   }
   int halt_file() const noexcept override { return halt_file_; }
 
-  /// Stops the thread that ticks at whatever instruction it is, until `frozen` is false again.
+  /// Suspends the ticking thread at an arbitrary instruction until `frozen` is false.
   void freeze() {
     frozen = true;
     ::signal(kFreeze, [](int) {
@@ -104,13 +104,13 @@ class TestDeviceDriver final : public DeviceDriver {
     ::pthread_kill(ticking_, kFreeze);
   }
 
-  std::atomic<bool> hangs{false};           ///< no tick comes any more
-  std::atomic<bool> throws{false};          ///< in the next tick, on the servo's thread
-  std::atomic<bool> throws_in_halt{false};  ///< on the thread that halts it, the watchdog's
+  std::atomic<bool> hangs{false};           ///< Ticks cease
+  std::atomic<bool> throws{false};          ///< Throws in the next tick, on the servo's thread
+  std::atomic<bool> throws_in_halt{false};  ///< Throws on the thread that halts it, the watchdog's
   static inline std::atomic<bool> frozen{false};
 
  private:
-  // not one that a test ends processes by
+  // not a signal by which a test ends processes
   static inline const int kFreeze = SIGRTMIN + 1;
   TestDeviceMemory& memory_;
   const int halt_file_;
@@ -119,24 +119,24 @@ class TestDeviceDriver final : public DeviceDriver {
   std::atomic<pthread_t> ticking_{};
 };
 
-/// What a device makes of its halt file. It does not matter whether it hears of a halt or of an end first.
+/// Protocol of a device's halt file. The order in which halts and ends arrive does not matter.
 class HaltFile {
  public:
   explicit HaltFile(int file) : file_{file, POLLIN, 0} {}
 
-  /// Takes all that lies there; where there is nothing, waits so long for something.
+  /// Reads everything available; if there is nothing, waits up to `wait`.
   void read(timespec wait) {
-    // an end that has hung up is readable for ever: who asks again waits for nothing, and lets nobody run
+    // a closed pipe is always readable: do not wait again, and do not spin
     while (::ppoll(&file_, newest_ == Heartbeat::kHaltForGood ? 0 : 1, &wait, nullptr) > 0) {
       std::array<std::uint64_t, 64> halts{};
       const ssize_t got = ::read(file_.fd, halts.data(), sizeof halts);
-      // nobody is left who could write, or who writes is no supervisor
+      // no writer is left, or the writer does not follow the protocol
       const bool whole = got > 0 && static_cast<std::size_t>(got) % sizeof halts[0] == 0;
       newest_ = whole ? std::max(newest_, std::ranges::max(halts)) : Heartbeat::kHaltForGood;
       wait = {};
     }
   }
-  /// @param ended  of halts, the newest that has ended
+  /// @param ended  newest halt that has ended
   bool halts(std::uint64_t ended) const { return newest_ > ended; }
 
  private:
@@ -144,10 +144,10 @@ class HaltFile {
   std::uint64_t newest_ = 0;
 };
 
-/// The device's whole life, four times a millisecond, until it is killed.
-/// @param halted  the other end of the driver's halt file
+/// Main loop of the device, at 4 kHz, until it is killed.
+/// @param halted  read end of the driver's halt file
 [[noreturn]] inline void be_test_device(TestDeviceMemory& memory, int halted) {
-  // as a device's own electronics, which wait for nobody
+  // scheduled like a device's own electronics
   make_this_thread_realtime({.fifo = true,
                              .priority = 97,
                              .lock_memory = false,

@@ -11,10 +11,11 @@
 
 namespace palpate::testing {
 
-/// What the recorder of start_recorder() shall throw on its own thread.
+/// Makes the recorder of start_recorder() throw on its thread.
 inline std::atomic<bool> recorder_throws{false};
 
-/// Records a loop of one device at 1 kHz. @param file  empty: counts its ticks
+/// Records a loop of one device at 1 kHz.
+/// @param file  empty: only counts ticks
 inline std::unique_ptr<Recorder> start_recorder(ServoLoop& loop, const std::filesystem::path& file) {
   RecordingHeader header;
   header.clock = "real";

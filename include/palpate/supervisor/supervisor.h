@@ -8,71 +8,76 @@
 #include "palpate/base/heartbeat.h"
 #include "palpate/base/result.h"
 
-/// A process of its own that outlives the session's: whatever that dies of, and also where it stands still as
-/// a whole (SIGSTOP, a debugger), which no thread within it can notice.
+/// Watchdog process that outlives the session's process, whatever that dies of, and that also detects a
+/// process frozen as a whole (SIGSTOP, a debugger), which none of its own threads can notice.
 ///
-///    session's process                          supervisor                     device's process
-///      servo thread ── heartbeat, shared ──────► looks each millisecond
-///      watchdog     ◄── how often it halted ───   │
-///      its end      ── pidfd ──────────────────►  └─ number on its halt file ──► no force
+///   session's process                          supervisor                     device's process
+///     servo thread ── heartbeat, shared ──────► polls each millisecond
+///     watchdog     ◄── number of halts ────────   │
+///     its death    ── pidfd ──────────────────►  └─ number on its halt file ──► no force
 ///
-/// A device whose library lives in the session's process is not reached from here: when that process is gone
-/// its handle is closed, and what happens then is the maker's own watchdog's
-/// (docs/reference/device-port.md). So a process that holds such a device and stands still is ended.
+/// A device whose library runs inside the session's process cannot be reached from here: when that process is
+/// gone its handle is closed, and the vendor's own watchdog takes over (docs/reference/device-port.md). A
+/// frozen process that holds such a device is therefore killed.
 namespace palpate {
 
 struct SupervisorSettings {
-  /// Program and arguments that call supervise() with what is appended to them.
+  /// Program and arguments that call supervise() with the arguments appended to them.
   std::vector<std::string> command;
-  /// Get the halt's number when the devices shall give no force (DeviceDriver::halt_file()); at most 8.
+  /// Files that receive the number of a halt when the devices have to stop their force
+  /// (DeviceDriver::halt_file()); at most 8.
   std::vector<int> halt_files;
-  /// A device lives in this process: where neither a tick nor the watchdog has been seen for half a second,
-  /// the process is killed.
+  /// Whether this process holds a device itself: if neither a tick nor the watchdog has been observed for
+  /// half a second, the process is killed.
   bool kill_frozen = false;
-  /// Gets a line of JSON for each event, with the fields of SupervisorEvent, the session's process and the
-  /// wall clock: a record that outlives the session. Stays the caller's, and open. -1: none.
+  /// Descriptor that receives a line of JSON per event, with the fields of SupervisorEvent, the session's
+  /// process ID and the wall-clock time: a record that outlives the session. Owned by the caller; stays open.
+  /// -1: none.
   int record_file = -1;
-  bool realtime = true;  ///< ask for SCHED_FIFO and locked memory; refused, it watches without
+  /// Request SCHED_FIFO and locked memory; without permission it runs as an ordinary process
+  bool realtime = true;
 };
 
-/// What the supervisor has seen and done.
+/// Event observed by the supervisor.
 struct SupervisorEvent {
   enum class Kind : std::uint8_t {
-    kStall,   ///< no tick ended for kSupervisedStall_ns; looked for where there are halt files
-    kDeath,   ///< the process is gone without having ended its session
-    kKilled,  ///< it stood still, and was ended
+    kStall,   ///< No tick ended for kSupervisedStall_ns; detected only if there are halt files
+    kDeath,   ///< The process died without ending its session
+    kKilled,  ///< The process was frozen, and was killed
   };
   Kind kind = Kind::kStall;
-  std::int64_t last_beat_ns = 0;  ///< end of the last tick, CLOCK_MONOTONIC
-  std::int64_t seen_ns = 0;       ///< when it was noticed
-  std::int64_t halted_ns = 0;     ///< when every halt file that had room had it
+  std::int64_t last_beat_ns = 0;  ///< End of the last tick; CLOCK_MONOTONIC
+  std::int64_t seen_ns = 0;       ///< Time of detection; CLOCK_MONOTONIC
+  /// Time at which every halt file that had room had received the halt; CLOCK_MONOTONIC
+  std::int64_t halted_ns = 0;
 };
 
-/// With a look each millisecond a device hears of it within 10 ms of the last tick.
+/// Stall threshold. With a polling period of a millisecond a device receives the halt within 10 ms of the
+/// last tick.
 inline constexpr std::int64_t kSupervisedStall_ns = 9'000'000;
 
 class Supervisor {
  public:
-  /// Starts the process, and returns when it watches. Errors: kUnavailable, when there is no process or no
-  /// shared memory to be had, or the program does not call supervise().
+  /// Starts the process, and returns once it watches. Errors: kUnavailable if a process or shared memory
+  /// cannot be created, or the program does not call supervise().
   static Result<std::unique_ptr<Supervisor>> start(const SupervisorSettings& settings);
   virtual ~Supervisor() = default;
 
-  /// For LoopSettings::heartbeat; lives as long as this.
+  /// For LoopSettings::heartbeat; valid for the lifetime of this object.
   virtual Heartbeat& heartbeat() noexcept = 0;
-  /// False: the supervisor itself has died, and nobody watches. Any thread.
+  /// False: the supervisor process has died, so the session is unsupervised. Thread-safe.
   virtual bool watching() const noexcept = 0;
-  /// Starts another process in the place of one that has died. Errors: those of start().
+  /// Replaces a dead supervisor process. Errors: those of start().
   virtual Result<void> watch_again() = 0;
-  /// What its process got: "SCHED_FIFO 95", or what it is instead and why.
+  /// Scheduling of the supervisor's process: "SCHED_FIFO 95", or the fallback and its reason.
   virtual std::string scheduler() const = 0;
-  /// The last 64 at most, oldest first.
+  /// Up to 64 most recent events, oldest first.
   virtual std::vector<SupervisorEvent> events() const = 0;
 };
 
-/// The supervisor's whole life, in a process that Supervisor::start() made: until the session has ended or
-/// died. Returns the exit code.
-/// @param arguments  what start() appended to the command
+/// Main function of the supervisor's process, which Supervisor::start() creates; returns an exit code once
+/// the session has ended or died.
+/// @param arguments  arguments that start() appended to the command
 int supervise(const std::vector<std::string>& arguments);
 
 }  // namespace palpate
