@@ -9,11 +9,11 @@ namespace palpate {
 namespace {
 
 constexpr double kLowest_Hz = 20, kHighest_Hz = 500;
-// less power is rounding
+// rounding level: lower power counts as none
 constexpr double kLeastPower_mm2 = 1e-12;
 
-// the power of each frequency up to half the ticks, of one axis, without its mean; a Hann window keeps what
-// drifts out of the higher frequencies
+// power spectrum of one axis up to the Nyquist frequency, without the mean; the Hann window reduces leakage
+// of drift into higher frequencies
 std::vector<double> power_mm2(std::span<const Eigen::Vector3d> tip_mm, int axis) {
   const int n = static_cast<int>(tip_mm.size());
   const double turn = 2 * std::numbers::pi / n;
@@ -29,7 +29,7 @@ std::vector<double> power_mm2(std::span<const Eigen::Vector3d> tip_mm, int axis)
       const double hann = 0.5 * (1 - wheel[i].real());
       sum += hann * (tip_mm[i][axis] - mean) * wheel[static_cast<long>(k) * i % n];
     }
-    // both signs of the frequency; the window takes 5/8 of the power
+    // both signs of the frequency; the window removes 5/8 of the power
     const double sides = 2 * k == n ? 1 : 2;
     power[k] = sides * std::norm(sum) / (static_cast<double>(n) * n) * (8.0 / 3);
   }
@@ -50,7 +50,7 @@ Buzz buzz_of(std::span<const Eigen::Vector3d> tip_mm, std::span<const Eigen::Vec
              double rate_hz) {
   PALPATE_CHECK(tip_mm.size() >= 2 && force_N.size() + 1 == tip_mm.size() && rate_hz > 0);
   Buzz buzz;
-  // positions at the beginning of each tick make whole frequencies of a second
+  // positions at the beginning of each tick give integer frequencies over a second
   const auto ticks = tip_mm.first(force_N.size());
   std::vector<double> power(ticks.size() / 2 + 1, 0.0);
   for (int axis = 0; axis < 3; ++axis) {

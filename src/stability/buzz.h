@@ -6,7 +6,8 @@
 
 namespace palpate {
 
-/// Of the tip's positions, one each tick, and the forces that acted from each to the next, in one frame.
+/// Computes the residual motion from tip positions at each tick and from the forces between consecutive
+/// ticks, in a common frame.
 /// @param tip_mm   at least 2; one more than forces
 Buzz buzz_of(std::span<const Eigen::Vector3d> tip_mm, std::span<const Eigen::Vector3d> force_N,
              double rate_hz);

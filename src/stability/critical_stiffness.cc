@@ -11,11 +11,12 @@ namespace palpate {
 namespace {
 
 constexpr double kSlowest_hz = 100, kFastest_hz = 20000;
-// the hardest touch first, which mostly decides
+// the fastest impact first, since it usually decides
 constexpr double kImpacts_m_s[] = {0.5, 0.1, 0};
 constexpr double kStep = 1.05;
-constexpr int kCoarse = 4;  // steps at a time, as long as nothing fails
-// a search goes up from this part of what theory gives without friction, and down where that is too much
+constexpr int kCoarse = 4;  // steps at a time until the first failure
+// the search begins at this fraction of the theoretical stiffness without friction, and goes down if that
+// fails
 constexpr double kStartOfTheory = 0.25;
 constexpr double kSoftest_N_per_mm = 1e-3;
 
@@ -25,7 +26,7 @@ std::optional<Error> fault_of(const StabilityCase& held) {
   const auto bad = [](const std::string& what, const std::string& remedy) {
     return Error{ErrorKind::kBadInput, what, "", remedy};
   };
-  // written so that NaN is out of range
+  // written such that NaN is out of range
   if (!(held.rate_hz >= kSlowest_hz && held.rate_hz <= kFastest_hz))
     return bad("no wall is tried at this rate", "choose from 100 to 20000 Hz");
   if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMostDelay_s))
@@ -40,7 +41,7 @@ std::optional<Error> fault_of(const StabilityCase& held) {
   return std::nullopt;
 }
 
-// upwards by coarse steps until one touch fails, then from the last that held by fine ones
+// coarse steps upwards until an impact fails, then fine steps from the last stable value
 Result<double> stiffest_before(Fails fails, const StabilityCase& held, const Progress& progress) {
   if (const auto fault = fault_of(held)) return *fault;
   const auto any_fails = [&](double stiffness_N_per_mm) {
@@ -77,7 +78,7 @@ Result<double> settling_stiffness_N_per_mm(const StabilityCase& held, const Prog
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz) {
   PALPATE_CHECK(rate_hz > 0);
   const double sampling = 2 * device.damping_N_s_per_m * rate_hz;
-  // without steps nothing is quantised
+  // without encoder steps there is no quantisation
   const double quantisation = 2 * device.coulomb_N / device.encoder_step_m;
   return (device.encoder_step_m > 0 ? std::min(sampling, quantisation) : sampling) * 1e-3;
 }

@@ -9,12 +9,12 @@ namespace palpate {
 namespace {
 
 constexpr double kHold_N = 1;
-// the hand gets to speed smoothly, so that its spring does not swing, and keeps it before the surface
+// the hand accelerates smoothly, so that its spring does not oscillate, and moves uniformly before the impact
 constexpr double kSpeedUp_s = 0.6, kEven_s = 0.1;
-// how quickly a hand that rests on the surface presses
+// time in which a hand resting on the surface reaches its force
 constexpr double kPress_s = 0.05;
 
-// the way after t, over the speed that is got to: its speed rises by a raised cosine
+// displacement after t divided by the final speed; the speed rises as a raised cosine
 double sped_up_way_s(double t_s) {
   if (t_s >= kSpeedUp_s) return t_s - kSpeedUp_s / 2;
   const double pi = std::numbers::pi;

@@ -36,7 +36,8 @@ TEST(CriticalStiffness, FallsWithDelayAndGrowsWithTheRate) {
 }
 
 TEST(CriticalStiffness, IsThatOfAnotherSimulationOfTheSamePlant) {
-  // the stiffness in N/m at which a limit cycle first appeared there, in steps of 5 to 10 %
+  // stiffness in N/m at which a limit cycle first appeared in an independent simulation, in steps of 5 to 10
+  // %
   const struct {
     const char *device, *hand;
     double delay_s, stiffness_N_per_m;
@@ -52,7 +53,7 @@ TEST(CriticalStiffness, IsThatOfAnotherSimulationOfTheSamePlant) {
 }
 
 TEST(CriticalStiffness, TwiceTheLengthsGiveTwiceTheSwing) {
-  // lengths, speeds and encoder steps times two, masses, dampings and springs halved: the same forces
+  // scaling: lengths, speeds and encoder steps doubled; masses, dampings and springs halved; equal forces
   const StabilityCase held = premium(2e-3);
   StabilityCase doubled = held;
   doubled.device.encoder_step_m *= 2;
@@ -68,7 +69,7 @@ TEST(CriticalStiffness, TwiceTheLengthsGiveTwiceTheSwing) {
 }
 
 TEST(CriticalStiffness, WithoutFrictionALimitCycleAppearsAtTheTheoreticalStiffness) {
-  // steps so fine that quantisation adds little
+  // steps so fine that quantisation is negligible
   StabilityCase held = premium(2e-3);
   held.device.coulomb_N = 0;
   held.device.encoder_step_m = 5e-6;
@@ -87,19 +88,19 @@ TEST(CriticalStiffness, SeparatesQuietHoldsFromLimitCycles) {
   }
   EXPECT_TRUE(has_limit_cycle(held, 1.3 * stiffness, 0.5));
 
-  // a swing may die down for longer than a second
+  // a decaying oscillation may last longer than a second
   const auto settling = settling_stiffness_N_per_mm(held);
   ASSERT_TRUE(settling.ok());
   EXPECT_LT(*settling, stiffness);
 }
 
 TEST(CriticalStiffness, AHoldStaysOnTheWallAtOneNewton) {
-  // a hand that is all damping and spring comes to rest where both springs balance
+  // a hand of spring and damper comes to rest where both springs balance
   const StabilityCase held = premium(0);
   WallHold hold(held, 0.5, 0.1);
   for (int second = 0; second < 4; ++second) hold.next_swing_mm();
   EXPECT_LT(hold.next_swing_mm(), 1e-3);
-  // what friction may hold back, 0.04 N of 1 N
+  // friction may hold back 0.04 N of 1 N
   EXPECT_NEAR(hold.wall_force_N(), 1, 0.06);
 }
 
@@ -114,7 +115,7 @@ TEST(CriticalStiffness, RecommendsPartOfTheLeastOverGrips) {
   const PlantDevice device = *find_plant_device("premium-1.5");
   const auto recommended = recommended_stiffness_N_per_mm(device, 500, 2e-3);
   ASSERT_TRUE(recommended.ok());
-  // the light grip of a pen decides
+  // the light pen grip decides
   StabilityCase pen = premium(2e-3);
   EXPECT_LT(*recommended, 0.6 * critical(pen));
   pen.hand = plant_hands_with_skin()[0];
@@ -122,8 +123,8 @@ TEST(CriticalStiffness, RecommendsPartOfTheLeastOverGrips) {
   EXPECT_FALSE(swings({device, *find_plant_hand("firm-grip"), 500, 2e-3}, 2 * *recommended));
 }
 
-// how a bare mass goes on swinging under a force against its windowed velocity: the second half over the
-// first
+// growth of a bare mass's oscillation under a force opposing its windowed velocity: amplitude in the second
+// half divided by that in the first
 double growth_of_swing(double mass_kg, double damping_N_s_per_mm, double rate_hz, double delay_s) {
   const PlantDevice device{"bare", mass_kg, 0, 0, 0, 1e9, 1e9};
   SimulatedDevice plant(device, PlantHand{"none", 0, 0, 0}, delay_s);
@@ -136,7 +137,7 @@ double growth_of_swing(double mass_kg, double damping_N_s_per_mm, double rate_hz
     window.push(Vector<Patient>(at_mm - before_mm, 0, 0), 1 / rate_hz);
     before_mm = at_mm;
     const double speed_mm_s = window.velocity_mm_s().x();
-    // a push to begin with
+    // initial push
     const double force_N = n < ticks / 100 ? 1 : -damping_N_s_per_mm * speed_mm_s;
     plant.advance({Vector<Device>(force_N, 0, 0), {}}, 1 / rate_hz);
     double& largest = n < ticks ? early : late;

@@ -11,8 +11,8 @@
 namespace palpate {
 namespace {
 
-// A device behind skin has the least damping: its own and the skin's. Theory knows neither friction, which
-// holds more, nor encoder steps, which the margin covers (critical_stiffness_test).
+// A device behind skin has the least damping: its own and the skin's. Theory neglects friction, which
+// stabilises, and encoder steps, which the margin covers (critical_stiffness_test).
 double held_by_theory(const PlantDevice& device, double rate_hz, double delay_s) {
   double damping_N_s_per_m = find_plant_hand("light-grip")->damping_N_s_per_m;
   for (const PlantHand& hand : plant_hands_with_skin())
@@ -53,7 +53,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
   held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
   const double vouched = bound_of_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
   double by_hand = held_by_theory(device, rate_hz, delay_s);
-  // what the maker does not vouch for need not be held
+  // beyond the vendor's specification no stability is needed
   if (std::min(all_points, vouched) > by_hand) {
     progress.report("how stiff a wall the device holds", 0);
     const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);

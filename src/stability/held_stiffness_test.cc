@@ -85,7 +85,7 @@ TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
 }
 
 TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
-  // otherwise a scene could be softer without anybody being told
+  // otherwise a scene's stiffness could be reduced without a message
   for (const char* name : {"premium-1.5", "touch"})
     for (const double rate_hz : {250.0, 1000.0, 10000.0}) {
       const PlantDevice device = *find_plant_device(name);

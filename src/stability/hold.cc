@@ -14,7 +14,7 @@ constexpr double kUserLimit_N = 3;
 constexpr int kTicksBetweenLooks = 1000;
 
 std::optional<Error> fault_of(const Hold& hold) {
-  // written so that NaN is out of range
+  // written such that NaN is out of range
   if (!(hold.rate_hz >= kLowestHold_hz && hold.rate_hz <= kHighestHold_hz))
     return Error{ErrorKind::kBadInput, "no tip is held at this rate", "", "choose from 250 to 10000 Hz"};
   if (!(hold.delay_s >= 0 && hold.delay_s <= SimulatedDevice::kMostDelay_s))
@@ -22,7 +22,7 @@ std::optional<Error> fault_of(const Hold& hold) {
   return std::nullopt;
 }
 
-/// The hand, the device and the servo, tick by tick.
+/// Closed loop of hand, device and servo.
 class Loop {
  public:
   Loop(const Model& model, const Hold& hold)
@@ -40,7 +40,7 @@ class Loop {
     return mapping_.to_device(model_.X_WorldPatient * at);
   }
 
-  /// Returns what was sent.
+  /// Runs a tick and returns the commanded force.
   Vector<Device> tick_once(const Point<Patient>& wanted) {
     const DeviceState sensed = mapping_.to_world(plant_.read(), 0);
     tick(model_, parameters_, {&sensed, 1}, dt_s_, state_, {&sent_, 1}, record_);
@@ -51,7 +51,7 @@ class Loop {
   }
 
   const SimulatedDevice& plant() const { return plant_; }
-  std::uint32_t flags() const { return record_.device[0].flags; }  ///< of the last tick
+  std::uint32_t flags() const { return record_.device[0].flags; }  ///< Flags of the last tick
 
  private:
   static WorkspaceSettings workspace_of(const Hold& hold) {
@@ -70,7 +70,8 @@ class Loop {
   Wrench sent_;
 };
 
-// What acted in each of the last `count` ticks: a command acts after its delay, which may end within a tick.
+// Force acting in each of the last `count` ticks: a command acts after its delay, which may end within a
+// tick.
 std::vector<Eigen::Vector3d> acted(const std::vector<Eigen::Vector3d>& sent_N, std::size_t count,
                                    double delay_ticks) {
   const auto whole = static_cast<std::size_t>(delay_ticks);
@@ -95,7 +96,7 @@ Result<HeldTip> hold_tip(const Model& model, const Hold& hold, const Progress& p
   const auto X_PatientWorld = model.X_WorldPatient.inverse();
   const Point<Device> zero = loop.on_device(hold.at);
 
-  // relative to the place where the hand rests, in the device's axes
+  // relative to the rest position of the hand, in the device's axes
   std::vector<Eigen::Vector3d> tip_mm, sent_N;
   for (long n = 0; n < lead + rest; ++n) {
     if (n % kTicksBetweenLooks == 0 && progress.stopped()) return Progress::interrupted();

@@ -15,7 +15,7 @@ using force_arrows::number, force_arrows::pair, force_arrows::path, force_arrows
 
 constexpr double kWidth_px = 760, kLeft_px = 66, kPlot_px = 480, kTop_px = 76, kPanel_px = 92, kApart_px = 14;
 constexpr double kFigures_px = kLeft_px + kPlot_px + 16;
-// a quiet tip's steps are seen as steps
+// minimum range of the axis in encoder steps, so that a quiet tip's steps are visible
 constexpr double kLeastSteps = 4;
 
 constexpr const char* kStyle =
@@ -34,13 +34,13 @@ std::string format(const char* pattern, Values... values) {
   return buffer;
 }
 
-/// One tip's way along a line, mm off the middle of what it does in the last second.
+/// Displacement of a tip along a line, mm relative to the middle of its range in the last second.
 struct Trace {
   const HeldTip* held;
   std::vector<double> way_mm;
 };
 
-// in which the most restless tip moves most: the first principal axis of its places
+// first principal axis of the positions of the tip with the largest motion
 Vector<Patient> direction_of_most(std::span<const HeldTip> tips) {
   const HeldTip& most = *std::max_element(tips.begin(), tips.end(), [](const HeldTip& a, const HeldTip& b) {
     return a.buzz.peak_to_peak_um < b.buzz.peak_to_peak_um;
@@ -68,7 +68,7 @@ Trace trace_of(const HeldTip& held, const Vector<Patient>& along) {
   return trace;
 }
 
-// the least of 1, 2 and 5 times a power of ten that is no less
+// smallest of 1, 2 and 5 times a power of ten that is not less
 double round_up(double value) {
   const double power = std::pow(10, std::floor(std::log10(value)));
   for (const double factor : {1.0, 2.0, 5.0})
@@ -88,7 +88,7 @@ std::string length_text(double length_mm) {
                                  : format("%g mm", length_mm);
 }
 
-// lowest and highest of every half pixel, which is what a line of so many points looks like
+// minimum and maximum per half pixel column, which looks the same as the full polyline
 std::string line_of(const Trace& trace, double top_px, double scale_mm) {
   constexpr int kColumns = 2 * static_cast<int>(kPlot_px);
   const auto count = trace.way_mm.size();

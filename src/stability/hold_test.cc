@@ -14,7 +14,7 @@ namespace {
 using ::testing::HasSubstr;
 using testing::kBoneRadius_mm;
 
-// a held_ball of 15 mm of 1.5 N/mm
+// a ball of 15 mm radius and 1.5 N/mm
 const Model& held_ball() {
   static const Model model = testing::with_exact_surfaces(testing::ball_model());
   return model;
@@ -30,7 +30,7 @@ Hold hold_at(ForceMethod method, const Point<Patient>& from, const Point<Patient
   return hold;
 }
 
-// from outside, so deep that the proxy pushes with 1 N and the hand's spring is 2 mm longer
+// from outside, to a depth where the proxy exerts 1 N and the hand's spring is 2 mm longer
 Hold pressed_ball(double force_gain = 1) {
   const double depth_mm = 1 / (1.5 * force_gain) + 1 / 0.5;
   Hold hold =
@@ -56,7 +56,7 @@ TEST(Hold, AWallIsHeldQuietlyAtTheForceOfItsSpring) {
     const auto held = hold_tip(held_ball(), pressed_ball(force_gain));
     ASSERT_TRUE(held.ok());
     EXPECT_TRUE(held->quiet());
-    // what Coulomb friction and an encoder step may hold back
+    // tolerance for Coulomb friction and an encoder step
     EXPECT_NEAR(held->buzz.force_N, 1, 0.1);
     EXPECT_NEAR(held->tip.back().y(), kBoneRadius_mm - 1 / (1.5 * force_gain), 0.1);
     EXPECT_FALSE(held->inside);
@@ -72,7 +72,7 @@ TEST(Hold, AWallThatIsTooStiffForRateAndDelayIsNotHeld) {
   ASSERT_TRUE(quiet.ok() && swings.ok());
   EXPECT_FALSE(swings->quiet());
   EXPECT_GT(swings->buzz.peak_to_peak_um, 10 * quiet->buzz.peak_to_peak_um);
-  // four times the rate, a sample of delay
+  // four times the rate, a delay of one sample
   hard.rate_hz = 4000;
   hard.delay_s = 0.25e-3;
   const auto fast = hold_tip(held_ball(), hard);

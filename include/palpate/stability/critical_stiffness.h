@@ -4,8 +4,8 @@
 
 namespace palpate {
 
-/// The highest stiffness, to 5 %, below which every touch at 0, 0.1 and 0.5 m/s is quiet in the second second
-/// of the hold. Less than the critical one, at which a swing dies down ever more slowly. Errors as
+/// Highest stiffness, to 5 %, below which every impact at 0, 0.1 and 0.5 m/s has settled by the second second
+/// of the hold. Lower than the critical stiffness, at which an oscillation decays ever more slowly. Errors as
 /// critical_stiffness_N_per_mm.
 Result<double> settling_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress = {});
 

@@ -10,30 +10,31 @@
 
 namespace palpate {
 
-/// What a hand holds with the first device of a session, and what a scene asks of it. N/mm of the device.
+/// Stiffness that a simulated hand can hold stably with the first device of a session, compared with what the
+/// scene requests. In N/mm at the device.
 struct HeldStiffness {
-  /// By the stiffest tissue, scale and gain of the workspace included; by a direct method of all points of
-  /// the tool together.
+  /// Requested stiffness of the stiffest tissue, including the workspace's scale and gain; for a direct
+  /// method, of all points of the tool together.
   double asked_N_per_mm = 0;
-  /// recommended_stiffness_N_per_mm, or less that is known to be held; what the device's maker vouches for
-  /// where that is less still.
+  /// Limit: recommended_stiffness_N_per_mm, or a lower value known to be stable; at most the vendor's
+  /// specification.
   double most_N_per_mm = 0;
-  /// What is clamped, in words with the numbers; empty: nothing is.
+  /// Description of what is clamped, with numbers; empty: nothing.
   std::string clamped;
 };
 
-/// Looks for the recommended stiffness only where more is asked than theory alone promises, by whatever
-/// method, which takes half a second. Errors: kInterrupted.
-/// @param method  that is felt at first
+/// Computes the recommended stiffness, which takes half a second, only if more is requested by any method
+/// than the theoretical bound guarantees. Errors: kInterrupted.
+/// @param method  initial force method
 Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings& workspace,
                                      ForceMethod method, const PlantDevice& device, double rate_hz,
                                      double delay_s, const Progress& progress = {});
 
-/// The same of damping, N s/mm of the device: by the most viscous tissue, or by the coupling of the proxy
-/// where that is more.
+/// The same for damping, N s/mm at the device: of the most viscous tissue, or of the proxy's coupling if that
+/// is larger.
 struct HeldDamping {
   double most_N_s_per_mm = 0;  ///< recommended_damping_N_s_per_mm
-  std::string clamped;         ///< as above
+  std::string clamped;         ///< Description of what is clamped; empty: nothing
 };
 HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
                          double rate_hz, double delay_s);
