@@ -14,13 +14,13 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kMostBody_bytes = std::size_t{1} << 16;
-// what is passed over: an image of a volume, and everything else, is smaller
+// maximum size of skipped bodies: images of volumes, and everything else
 constexpr std::uint64_t kMostImage_bytes = std::uint64_t{1} << 28, kMostOther_bytes = std::uint64_t{1} << 24;
-// no tracking system sees farther
+// beyond the range of any tracking system
 constexpr double kFarthest_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
 constexpr std::size_t kType_bytes = 12, kName_bytes = 20, kMatrix_bytes = 48, kQuaternion_bytes = 28;
-// a name, a type and a zero
+// name, type and a zero
 constexpr std::size_t kElementHead_bytes = kName_bytes + 2;
 
 constexpr std::array<std::uint64_t, 256> crc_table() {
@@ -59,7 +59,7 @@ struct Content {
   Words words;
 };
 
-// of version 2 and later; nothing: its lengths contradict each other
+// metadata of version 2 and later; empty: inconsistent lengths
 std::optional<Words> words_of(Bytes heads, Bytes words) {
   Words out;
   if (heads.empty()) return out;
@@ -88,14 +88,14 @@ std::optional<Content> content_of(unsigned version, Bytes body) {
   return Content{body.subspan(head, content), *std::move(found)};
 }
 
-// the identity is what is sent in the place of a pose that there is none of
+// servers send the identity in place of a missing pose
 void take_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm, PoseMessage& out) {
   const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kFarthest_mm &&
                         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 &&
                         rotation.determinant() > 0;
   out.seen = is_rigid && !(rotation.isIdentity(0) && at_mm.isZero(0));
   if (!out.seen) return;
-  // of float32: the nearest rotation
+  // orthonormalised, since float32 is inexact
   out.rotation = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
   out.at_mm = at_mm;
 }
@@ -109,12 +109,12 @@ void take_quaternion(Bytes bytes, PoseMessage& out) {
   const auto number = [&](std::size_t n) { return real32(bytes, 4 * n); };
   const Eigen::Quaterniond turn(number(6), number(3), number(4), number(5));
   const double length = turn.norm();
-  // one that is no unit quaternion is no rotation
+  // rejects quaternions whose norm is not 1
   take_pose(length > 0.99 && length < 1.01 ? turn.normalized().toRotationMatrix() : Eigen::Matrix3d::Zero(),
             {number(0), number(1), number(2)}, out);
 }
 
-// what PLUS says of it; nothing said is well
+// status according to PLUS; without a status a pose is valid
 bool is_said_to_be_seen(const Words& words, const std::string& key) {
   const auto found = words.find(key);
   return found == words.end() || found->second == "OK";
@@ -156,7 +156,7 @@ Result<void> Reader::begin_body() {
   });
   is_kept_ = is_pose(type);
   const bool is_image = type == "IMAGE" || type == "VIDEO" || type == "NDARRAY" || type == "POLYDATA";
-  // a wrong length would swallow the poses behind it
+  // bounds the length, since a wrong one would swallow the following poses
   const std::uint64_t most_bytes = is_kept_   ? kMostBody_bytes
                                    : is_image ? kMostImage_bytes
                                               : kMostOther_bytes;
@@ -185,7 +185,7 @@ void Reader::end_body(const Told& told) {
   PoseMessage message;
   message.stamp = whole(head, kStampAt, 8);
 
-  // one alone, under the message's own name
+  // a single pose, under the message's own name
   if (type == "TRANSFORM" || type == "POSITION") {
     if (content->poses.size() != pose_bytes) {
       ++damaged_;
@@ -199,7 +199,7 @@ void Reader::end_body(const Told& told) {
     return told(message);
   }
 
-  // several, each under its own
+  // several poses, each under its own name
   const std::size_t element = kElementHead_bytes + pose_bytes;
   if (content->poses.size() % element != 0) {
     ++damaged_;
@@ -208,7 +208,7 @@ void Reader::end_body(const Told& told) {
   for (std::size_t at = 0; at < content->poses.size(); at += element) {
     const Bytes one = content->poses.subspan(at, element);
     message.name = text(one.first(kName_bytes));
-    // a word says all of a name of which the element holds the first 20 letters
+    // for names longer than 20 characters the metadata contain the complete name
     constexpr std::string_view kStatus = "Status";
     std::string key = message.name + std::string(kStatus);
     if (message.name.size() == kName_bytes)
@@ -224,7 +224,7 @@ void Reader::end_body(const Told& told) {
 }
 
 std::vector<std::uint8_t> greeting() {
-  // head of the content, then code 1 (fine) with no sub-code, name or text
+  // extended head, then code 1 (OK) without sub-code, name or text
   constexpr std::size_t kHead = 12, kContent = 2 + 8 + 20 + 1, kWordsHead = 2;
   std::vector<std::uint8_t> bytes(kHead_bytes + kHead + kContent + kWordsHead, 0);
   const auto put = [&](std::size_t at, std::size_t count, std::uint64_t value) {

@@ -1,6 +1,6 @@
 #include "tracker/messages.h"
 
-// the same in one piece and byte by byte, also behind a checksum that is right
+// the input in one piece and byte by byte, also with a corrected checksum
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::vector<std::uint8_t> bytes(data, data + size);
   for (const bool mended : {false, true}) {

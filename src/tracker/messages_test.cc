@@ -62,7 +62,7 @@ void expect_some_pose(const PoseMessage& message, const std::string& name) {
   EXPECT_LT((message.at_mm - some_pose().translation()).norm(), 1e-4);
 }
 
-// of ECMA 182, as the protocol's own examples have it
+// ECMA 182; check value as in the protocol's examples
 TEST(IgtlMessages, TheChecksumIsTheProtocols) {
   const std::string text = "123456789";
   const std::vector<std::uint8_t> bytes(text.begin(), text.end());
@@ -94,7 +94,8 @@ TEST(IgtlMessages, PosesOfEveryKindAndVersionInPiecesOfAnyLength) {
   }
 }
 
-// as the reference library (libopenigtlink 1.11) packs them, of a turn by 90 degrees about z and 1234.5 s
+// messages packed by the reference library (libopenigtlink 1.11), with a rotation by 90 degrees about z and
+// the time 1234.5 s
 TEST(IgtlMessages, ThoseOfTheReferenceLibraryAreUnderstood) {
   const std::pair<const char*, std::string> packed[] = {
       {"transform",
@@ -131,7 +132,7 @@ TEST(IgtlMessages, ThoseOfTheReferenceLibraryAreUnderstood) {
   }
 }
 
-// PLUS says so by a word, and before version 2 of the protocol by the identity
+// PLUS reports it in the metadata, and before version 2 of the protocol by the identity
 TEST(IgtlMessages, AToolThatWasNotSeenHasNoPose) {
   const auto seen = [](const MessageBytes& bytes) {
     const Read got = read(bytes);
@@ -160,7 +161,7 @@ TEST(IgtlMessages, AToolThatWasNotSeenHasNoPose) {
   EXPECT_FALSE(seen(message_bytes("POSITION", "Tool", MessageBytes(28, 0))));
 }
 
-// what an old message has no room for stands among its words
+// names that exceed the message's field are in the metadata
 TEST(IgtlMessages, LongNamesAreWhole) {
   const std::string name = "AVeryLongInstrumentToTracker", shorter = name.substr(0, 20);
   const MessageWords said{{"IGTL_DEVICE_NAME", name}, {"TransformStatus", "OK"}},
@@ -183,7 +184,7 @@ TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
                                  message_bytes("TDATA", "Tool", MessageBytes(71, 0)), fine}));
   EXPECT_EQ(seen.damaged, 3u);
   EXPECT_EQ(seen.poses.size(), 2u);
-  // lengths that contradict each other
+  // inconsistent lengths
   MessageBytes body;
   test::put_whole(body, 2, 12);
   test::put_whole(body, 2, 60'000);
@@ -204,7 +205,7 @@ TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
   EXPECT_THAT(read(endless).refused, HasSubstr("no OpenIGTLink"));
 }
 
-// or the poses behind it would be taken for its body
+// otherwise the following poses would be taken for its body
 TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
   const MessageBytes pose = test::transform_message("Tool", some_pose());
   const auto head_of = [](MessageBytes bytes, std::uint64_t length) {
@@ -212,7 +213,7 @@ TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
     for (std::size_t n = 0; n < 8; ++n) bytes[42 + n] = static_cast<std::uint8_t>(length >> (56 - 8 * n));
     return bytes;
   };
-  // any one bit of it that makes it longer than poses are
+  // any single bit that makes it longer than a pose
   for (int bit = 17; bit < 64; ++bit)
     EXPECT_THAT(read(head_of(pose, 48 | std::uint64_t{1} << bit)).refused, HasSubstr("no OpenIGTLink"))
         << bit;
@@ -234,7 +235,7 @@ TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {
   }
 }
 
-// a STATUS of version 2 that is well
+// a STATUS of version 2 with code OK
 TEST(IgtlMessages, TheGreetingIsAWholeMessage) {
   const auto bytes = greeting();
   ASSERT_EQ(bytes.size(), kHead_bytes + 12 + 31 + 2);
@@ -246,7 +247,7 @@ TEST(IgtlMessages, TheGreetingIsAWholeMessage) {
     EXPECT_EQ(bytes[50 + n], static_cast<std::uint8_t>(crc >> (56 - 8 * n)));
 }
 
-// What messages_fuzzer begins with. PALPATE_WRITE_SEEDS=src/tracker/messages_fuzzer_corpus writes them anew.
+// Seed corpus of messages_fuzzer. PALPATE_WRITE_SEEDS=src/tracker/messages_fuzzer_corpus regenerates it.
 TEST(IgtlSeeds, AreUnderstood) {
   const MessageWords said{{"TransformStatus", "OK"}}, of_each{{"StylusToTrackerStatus", "MISSING"}};
   const std::pair<const char*, MessageBytes> seeds[] = {

@@ -37,7 +37,7 @@ inline MessageBytes quaternion_bytes(const Eigen::Isometry3d& pose) {
   for (const double number : {turn.x(), turn.y(), turn.z(), turn.w()}) put_real(out, number);
   return out;
 }
-/// Of TDATA and QTDATA.
+/// Element of TDATA and QTDATA.
 inline MessageBytes element_bytes(const std::string& name, const MessageBytes& pose) {
   MessageBytes out;
   put_text(out, name, 20);
@@ -48,7 +48,7 @@ inline MessageBytes element_bytes(const std::string& name, const MessageBytes& p
 
 using MessageWords = std::vector<std::pair<std::string, std::string>>;
 
-/// Of version 1 without words, else of version 2.
+/// Message of version 1 without metadata, otherwise of version 2.
 inline MessageBytes message_bytes(const std::string& type, const std::string& name,
                                   const MessageBytes& content, const MessageWords* words = nullptr,
                                   std::uint64_t stamp = 0) {

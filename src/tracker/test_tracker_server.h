@@ -22,8 +22,8 @@
 
 namespace palpate::test {
 
-/// A tracker's server on this machine: to whoever connects it sends 200 times a second where its tools are,
-/// until it is told to do something else.
+/// Local tracker server: sends the poses of its tools to any client 200 times per second, unless configured
+/// otherwise.
 class TrackerServer {
  public:
   struct Tool {
@@ -53,14 +53,14 @@ class TrackerServer {
     const std::lock_guard lock(mutex_);
     tools_[name] = tool;
   }
-  /// Sent in the place of all tools, as often; nothing: the tools again.
+  /// Replaces the messages of all tools; empty: sends the tools again.
   void send_instead(const std::optional<MessageBytes>& bytes) {
     const std::lock_guard lock(mutex_);
     instead_ = bytes;
   }
-  /// Whoever is connected is not any more, without a goodbye.
+  /// Drops the current connection without a shutdown.
   void drop() { drops_ = true; }
-  /// What came of the last one that connected.
+  /// Input received from the last client.
   MessageBytes heard() const {
     const std::lock_guard lock(mutex_);
     return heard_;
@@ -79,7 +79,7 @@ class TrackerServer {
         ++connections_;
       }
       if (drops_.exchange(false) && client >= 0) {
-        // with a reset, as a machine that dies
+        // with a reset, as if the machine had died
         const linger at_once{1, 0};
         ::setsockopt(client, SOL_SOCKET, SO_LINGER, &at_once, sizeof at_once);
         ::close(client);
@@ -99,7 +99,7 @@ class TrackerServer {
     for (ssize_t got; (got = ::recv(client, buffer, sizeof buffer, 0)) > 0;)
       heard_.insert(heard_.end(), buffer, buffer + got);
     MessageBytes all;
-    // a frame each hundredth of a second
+    // one frame every hundredth of a second
     for (const auto& [name, tool] : tools_) {
       const MessageWords said{{"TransformStatus", tool.seen ? "OK" : "OUT_OF_VIEW"}};
       const auto one = message_bytes("TRANSFORM", name, matrix_bytes(tool.pose), &said, frame << 26);

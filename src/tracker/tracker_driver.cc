@@ -9,10 +9,10 @@ namespace palpate {
 namespace {
 
 constexpr const char* kSayWhere = "give its address: --tracker HOST:PORT (of PLUS: port 18944)";
-// until look() gives up
+// time limit of look()
 constexpr double kLook_s = 1;
 
-// from the tip to the markers' origin along z, by the smallest turn
+// smallest rotation that takes z to the direction from the tip to the markers' origin
 Rotation<TrackedTool, Device> shaft_of(const Point<TrackedTool>& tip) {
   const Eigen::Vector3d along = -tip.eigen();
   if (along.norm() < 1e-6) return {};
@@ -67,7 +67,7 @@ class TrackerDriver::Core {
   void tell(const MarkersPose& pose) {
     const Transform<Patient, TrackedTool> in_patient = patient_ * pose.tracker_from_tool;
     const Point<Patient> tip = in_patient * tip_;
-    // written so that NaN is far
+    // written such that NaN counts as far
     is_far_ = registered_ && !((tip - *registered_).norm() <= TrackerDriver::kMostFromPatient_mm);
     if (is_far_) return;
     const Eigen::Quaterniond turn(in_patient.linear());
@@ -76,14 +76,13 @@ class TrackerDriver::Core {
 
   const bool is_known_;
   const Transform<Patient, Tracker> patient_;
-  const std::optional<Point<Patient>>
-      registered_;  // middle of the points; none where nothing is known of them
+  const std::optional<Point<Patient>> registered_;  // centre of the registration's points; empty if unknown
   const Point<TrackedTool> tip_;
-  const Rotation<TrackedTool, Device> shaft_;  // the tool as it is drawn in that of the markers
+  const Rotation<TrackedTool, Device> shaft_;  // orientation of the displayed tool in the markers' frame
   DeviceInfo info_;
   std::atomic<bool> is_far_{false};
   LedPose told_{Point<Device>()};
-  TrackerStream stream_;  // last: its thread calls tell()
+  TrackerStream stream_;  // last, because its thread calls tell()
 };
 
 TrackerDriver::TrackerDriver(const TrackedToolSettings& settings) : core_(std::make_unique<Core>(settings)) {}

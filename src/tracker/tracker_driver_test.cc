@@ -72,7 +72,7 @@ class TrackedTip : public ::testing::Test {
     clock_.stop = true;
     if (thread_.joinable()) thread_.join();
   }
-  // in the patient, of a tool that is so in the tracker's coordinates
+  // tip in the patient frame for a tool pose in the tracker frame
   Eigen::Vector3d tip_of(const Eigen::Isometry3d& tool) const {
     const auto& X = settings_.navigation.patient.patient_from_tracker;
     return X.linear() * (tool * settings_.navigation.tip.at.eigen()) + X.translation();
@@ -111,7 +111,7 @@ TEST_F(TrackedTip, IsWhereTheStreamTheTipAndTheRegistrationSay) {
   const Eigen::Isometry3d elsewhere = turned(1.1, {2, -1, 1}, {120, -40, 950});
   server_.move(kTool, {elsewhere});
   EXPECT_TRUE(comes_to(tip_of(elsewhere)));
-  // the shaft goes from the tip to the markers
+  // the shaft points from the tip to the markers
   const auto& X = settings_.navigation.patient.patient_from_tracker;
   const Eigen::Vector3d markers = X.linear() * elsewhere.translation() + X.translation();
   EXPECT_TRUE(soon([&] {
@@ -122,7 +122,7 @@ TEST_F(TrackedTip, IsWhereTheStreamTheTipAndTheRegistrationSay) {
   EXPECT_EQ(server_.heard(), test::MessageBytes(igtl::greeting()));
 }
 
-// and the tip stays in the patient when both are moved together
+// the tip stays at the same place in the patient when both are moved together
 TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
   settings_.stream.reference = kReference;
   const Eigen::Isometry3d reference = turned(0.3, {0, 1, 0}, {-200, 30, 1000});
@@ -173,7 +173,7 @@ TEST_F(TrackedTip, AConnectionThatIsLostComesBack) {
   server_.drop();
   EXPECT_TRUE(soon([&] { return server_.connections() == 2; }));
   EXPECT_TRUE(is_well());
-  // what is no OpenIGTLink, and what is damaged
+  // data that are not OpenIGTLink, and damaged messages
   server_.send_instead(test::MessageBytes(500, 'x'));
   EXPECT_TRUE(says("no OpenIGTLink"));
   test::MessageBytes damaged = test::transform_message(kTool, kToolPose);

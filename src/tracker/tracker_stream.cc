@@ -34,13 +34,13 @@ constexpr std::int64_t kRetry_ns = kSecond_ns / 5, kConnecting_ns = 3 * kSecond_
                        kSilent_ns = 5 * kSecond_ns;
 constexpr std::int64_t kUnseen_ns = static_cast<std::int64_t>(TrackerStream::kUnseen_s * 1e9);
 constexpr std::size_t kMostHeard = 64, kLongestHeard = 128;
-// as much as a device's name in a message holds
+// size of a device name field in a message
 constexpr std::size_t kShortName = 20;
 
-// the frame in which the cameras tell their poses; Tracker is the reference's, where there is one
+// frame of the cameras; the Tracker frame is the reference's, if there is one
 struct Cameras {};
 
-/// A connection's file, closed when it goes.
+/// Owning socket descriptor.
 class Socket {
  public:
   explicit Socket(int number = -1) : number_(number) {}
@@ -65,7 +65,7 @@ struct FoundAddresses {
   }
 };
 
-// a transform's name is what was asked for, or all of that which an old message has room for
+// whether a transform's name is the requested one, or its truncation in an old message
 bool is_called(const std::string& name, const std::string& asked) {
   return name == asked || (asked.size() > kShortName && name == asked.substr(0, kShortName));
 }
@@ -114,7 +114,7 @@ class TrackerStream::Core {
       if (progress.stopped()) return Progress::interrupted();
       if (monotonic_ns() > until_ns)
         if (auto missing = missing_pose("")) return *std::move(missing);
-      // from there on the tool is waited for
+      // from then on the time limit applies to the tool
       if (is_connected() && !std::exchange(was_connected, true)) until_ns = monotonic_ns() + patience_ns;
       std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
     }
@@ -138,7 +138,7 @@ class TrackerStream::Core {
     std::int64_t at_ns = -kSecond_ns;
   };
 
-  /// @param goes_on  what is said of a connection that is tried again
+  /// @param goes_on  remark about automatic retries
   std::optional<Error> missing_pose(const char* goes_on) const {
     const std::lock_guard lock(mutex_);
     const auto unavailable = [this](std::string what, std::string cure) {
@@ -159,7 +159,7 @@ class TrackerStream::Core {
         return unavailable("sends no " + printable_name(wanted), "it sends: " + all);
       }
     }
-    // nothing is awaited
+    // no pose is expected
     if (settings_.transform.empty()) return std::nullopt;
     if (now_ns - tool_.at_ns > kUnseen_ns)
       return unavailable(printable_name(settings_.transform) + " is not seen",
@@ -187,7 +187,7 @@ class TrackerStream::Core {
     why_not_cure_ = std::move(cure);
   }
 
-  // ---- the stream's own thread
+  // ---- on the stream's own thread
   void follow() {
     while (!end_.load()) {
       if (Socket socket = connect(); socket.number() >= 0) read(socket.number());
@@ -196,7 +196,7 @@ class TrackerStream::Core {
     }
   }
 
-  // whether the file may be read or written before that; nothing: the end was asked
+  // waits until the descriptor is readable or writable; false: timeout, or the stream ends
   bool await(int file, short what, std::int64_t until_ns) const {
     while (!end_.load() && monotonic_ns() < until_ns) {
       pollfd waiting{file, what, 0};
@@ -241,7 +241,7 @@ class TrackerStream::Core {
     const int at_once = 1;
     ::setsockopt(file, IPPROTO_TCP, TCP_NODELAY, &at_once, sizeof at_once);
     const auto greeting = igtl::greeting();
-    // fits into what a new connection has room for
+    // fits into the send buffer of a new connection
     if (::send(file, greeting.data(), greeting.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(greeting.size()))
       return not_connected("has closed the connection", "look whether the tracker's server still runs");
     {
@@ -285,7 +285,7 @@ class TrackerStream::Core {
       if (settings_.reference.empty()) {
         told.tracker_from_tool = {tool_.rotation, tool_.shift_mm};
       } else {
-        // both of one frame
+        // both poses of one frame
         if (now_ns - tool_.at_ns > kUnseen_ns || now_ns - reference_.at_ns > kUnseen_ns) return;
         const std::uint64_t apart =
             std::max(tool_.stamp, reference_.stamp) - std::min(tool_.stamp, reference_.stamp);
@@ -299,7 +299,7 @@ class TrackerStream::Core {
     told_(told);
   }
 
-  // 5 ms, in 2^-32 s
+  // 5 ms in 2^-32 s
   static constexpr std::uint64_t kMostApart = (std::uint64_t{1} << 32) / 200;
   static constexpr std::uint64_t kMostDamaged = 10;
 
@@ -307,13 +307,13 @@ class TrackerStream::Core {
   const std::function<void(const MarkersPose&)> told_;
   std::atomic<bool> end_{false};
   mutable std::mutex mutex_;
-  // guarded by it
+  // guarded by mutex_
   bool is_connected_ = false;
   std::string why_not_ = "is not connected yet",
               why_not_cure_ = "look at the address, and whether the tracker's server runs";
   std::set<std::string> heard_;
   Seen tool_, reference_;
-  std::int64_t pose_ns_ = 0;  // of the last pose that was told; 0: none yet
+  std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet
   std::thread reader_;
 };
 

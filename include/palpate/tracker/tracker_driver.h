@@ -12,43 +12,45 @@
 
 namespace palpate {
 
-/// The name by which a session has it.
+/// Device name in a session.
 inline constexpr const char* kTracker = "tracker";
 
 struct TrackedToolSettings {
-  TrackerSettings stream;  ///< no host: nobody said where the tracker is; no transform: nor what is tracked
+  TrackerSettings stream;  ///< Without host or transform: not configured
   Navigation navigation;
 };
 
-/// A tracked tool as a device: its tip, in the patient, from a tracker's stream (TrackerStream). A pose and
-/// no force: nothing in it could push, so it is no physical device (DeviceInfo::simulated). Pulled.
+/// Tracked tool as a device: its tip in the patient frame, from a tracker's stream (TrackerStream). It has a
+/// pose but no actuators, so it does not count as a physical device (DeviceInfo::simulated). The servo pulls
+/// its state.
 ///
-///     stream     |        |        |         poses of the tool's markers, in a thread of the stream's
-///     to patient X_PatientTracker X_TrackerTool tip, in the same thread
-///     tip        ___/‾‾‾‾‾‾‾‾\______         led on evenly by the servo's thread (LedPose)
+///    stream     |        |        |         poses of the tool's markers, on the stream's thread
+///    to patient X_PatientTracker X_TrackerTool tip, on the same thread
+///    tip        ___/‾‾‾‾‾‾‾‾\______         interpolated on the servo's thread (LedPose)
 ///
-/// Its pose is stale, and no contact is answered, from LedPose::kHeld_s after the last one that was seen,
-/// whether the markers are hidden, the connection is lost or the tip is farther than kMostFromPatient_mm from
-/// the points by which the patient was registered: trouble() says which.
+/// The pose is stale, and contact is not rendered, from LedPose::kHeld_s after the last valid pose on, if the
+/// markers are hidden, the connection is lost or the tip is farther than kMostFromPatient_mm from the
+/// registration's points; trouble() gives the reason.
 ///
-/// The tool's z axis goes from the tip to the origin of its markers: the shaft, of a straight stylus whose
-/// markers are on it. How it is turned about that is not calibrated.
+/// The tool's z axis points from the tip to the origin of its markers: the shaft of a straight stylus with
+/// the markers on it. Rotation about that axis is not calibrated.
 ///
-/// Not tried on hardware.
+/// Not tested on hardware.
 class TrackerDriver final : public DeviceDriver {
  public:
-  /// A pose farther from the middle of the registered points is of a wrong patient, tool or registration.
+  /// Plausibility limit: a pose farther from the centre of the registered points indicates a wrong patient,
+  /// tool or registration.
   static constexpr double kMostFromPatient_mm = 1000;
 
   explicit TrackerDriver(const TrackedToolSettings& settings);
   ~TrackerDriver() override;
 
   std::span<const DeviceInfo> devices() const override;
-  /// Errors: kUnavailable for a server that does not answer, and a tool that is not told of or not seen;
-  /// kUsage where nobody said what is tracked.
+  /// Errors: kUnavailable if the server does not answer, or the tool is not reported or not seen; kUsage if
+  /// no transform is configured.
   Result<void> open(bool may_move) override;
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
-  // there is nothing to halt
+  // no force to be halted
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
   std::optional<Error> trouble() const override;
@@ -58,7 +60,7 @@ class TrackerDriver final : public DeviceDriver {
   std::unique_ptr<Core> core_;
 };
 
-/// `--device tracker`.
+/// Factory for `--device tracker`.
 DeviceMaker tracker_maker(const TrackedToolSettings& settings = {});
 
 }  // namespace palpate

@@ -12,57 +12,59 @@
 #include "palpate/navigation/pivot.h"
 #include "palpate/navigation/registration.h"
 
-/// A tracking system's poses as they come, over OpenIGTLink: from PLUS and what speaks as it does.
+/// Poses of a tracking system, received by OpenIGTLink from PLUS or a compatible server.
 namespace palpate {
 
 struct TrackerAddress {
   std::string host;
-  int port = 18944;  ///< PLUS'
+  int port = 18944;  ///< Default port of PLUS
 
-  std::string text() const;  ///< "host:port", as parse_tracker_address takes it
+  std::string text() const;  ///< "host:port", in the form that parse_tracker_address accepts
 };
-/// Of "HOST:PORT" or "[::1]:PORT". Empty: it is no address.
+/// Parses "HOST:PORT" or "[::1]:PORT". Empty: not an address.
 std::optional<TrackerAddress> parse_tracker_address(const std::string& text);
 
 struct TrackerSettings {
   TrackerAddress address;
-  std::string transform;  ///< of the tool's markers, "StylusToTracker"; empty: none is awaited
-  /// Of markers on the patient, "ReferenceToTracker": poses are told in their coordinates. Empty: in the
-  /// tracking system's own, in which the patient must not move.
+  /// Name of the tool markers' transform, "StylusToTracker"; empty: no pose is expected
+  std::string transform;
+  /// Name of the patient markers' transform, "ReferenceToTracker": poses are then relative to the reference.
+  /// Empty: relative to the tracking system, so the patient must not move.
   std::string reference;
 };
 
-/// Where a tool's markers were.
+/// Pose of a tool's markers.
 struct MarkersPose {
   Transform<Tracker, TrackedTool> tracker_from_tool;
-  std::int64_t at_ns = 0;  ///< CLOCK_MONOTONIC when it came; it was true earlier, nobody says by how much
+  /// Time of arrival, CLOCK_MONOTONIC; the unknown latency of the measurement is not subtracted
+  std::int64_t at_ns = 0;
 };
 
-/// A connection to a tracker's server that comes back by itself. A thread of its own reads as fast as the
-/// server sends, so that nothing old piles up, and calls whoever wants the poses.
+/// Client of a tracker's server that reconnects by itself. A thread reads as fast as the server sends, so
+/// that no data queue up, and passes the poses to a callback.
 ///
-///     connecting ──► greeted ──► reading ──► closed, garbage, silent for 5 s
-///         ▲            (a STATUS of version 2, so that PLUS says whether a tool was seen)  │
-///         └───────────────────── a fifth of a second later ──────────────────────────────┘
+///    connecting ──► greeted ──► reading ──► closed, malformed data, silent for 5 s
+///        ▲            (a STATUS of version 2, so that PLUS reports whether a tool was seen)  │
+///        └───────────────────── after a fifth of a second ───────────────────────────────────┘
 ///
-/// With a reference only pairs count whose time stamps are less than 5 ms apart, which those of one frame of
-/// the cameras are.
+/// With a reference, only pairs of poses with time stamps less than 5 ms apart are used, which is true within
+/// one frame of the cameras.
 class TrackerStream {
  public:
-  /// @param told  called with each pose that was seen, on the stream's own thread, after open()
+  /// @param told  called with each valid pose, on the stream's thread, after open()
   TrackerStream(const TrackerSettings& settings, std::function<void(const MarkersPose&)> told);
   ~TrackerStream();
 
-  /// Connects, and waits until the tool is seen, so that there is a pose; without a transform until anything
-  /// came. A second call does nothing. Errors: kUnavailable with what is missing, kInterrupted.
-  /// @param patience_s  for each of the two
+  /// Connects, and waits until the tool is seen; without a transform until any data arrived. A second call
+  /// does nothing. Errors: kUnavailable with what is missing, kInterrupted.
+  /// @param patience_s  time limit for each of the two
   Result<void> open(double patience_s = 3, const Progress& progress = {});
-  /// Why no pose comes at present, with its cure. Empty: poses come. Any thread.
+  /// Reason why no poses arrive, with its remedy. Empty: poses arrive. Thread-safe.
   std::optional<Error> trouble() const;
-  /// Names of all transforms that came, each once, in order of the alphabet, fit to be shown; 64 at most.
+  /// Names of all transforms received, unique, in alphabetical order, printable; at most 64.
   std::vector<std::string> heard() const;
 
-  /// A tool that was not seen for so long is told of.
+  /// Time without a pose after which a tool is reported as not seen.
   static constexpr double kUnseen_s = 0.5;
 
  private:
