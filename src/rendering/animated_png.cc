@@ -18,12 +18,12 @@ void put_number(std::vector<std::uint8_t>& bytes, std::uint32_t value, int size 
   for (int n = size - 1; n >= 0; --n) bytes.push_back(static_cast<std::uint8_t>(value >> (8 * n)));
 }
 
-/// Pixels of a frame.
+/// Rectangle of a frame, in pixels.
 struct FrameBox {
   int left = 0, top = 0, width = 0, height = 0;
 };
 
-/// Where two frames differ; a pixel where they do not.
+/// Bounding box of the differences between two frames; a single pixel if there are none.
 FrameBox changed_box(const Image& before, const Image& now) {
   int left = now.width, right = -1, top = now.height, bottom = -1;
   for (int row = 0; row < now.height; ++row)
@@ -45,7 +45,7 @@ std::uint8_t paeth(int left, int up, int corner) {
   return static_cast<std::uint8_t>(a <= b && a <= c ? left : b <= c ? up : corner);
 }
 
-/// Rows, each by the filter (PNG specification, 9) whose bytes are smallest in sum.
+/// Filters each row by the PNG filter (specification, 9) with the smallest sum of bytes.
 std::vector<std::uint8_t> filtered(const Image& frame, const FrameBox& box) {
   const std::size_t length = kChannels * static_cast<std::size_t>(box.width);
   const std::vector<std::uint8_t> nothing(length);
@@ -94,14 +94,14 @@ AnimatedPng::AnimatedPng(int width, int height, int frames, int delay_ms)
   std::vector<std::uint8_t> header;
   put_number(header, static_cast<std::uint32_t>(width));
   put_number(header, static_cast<std::uint32_t>(height));
-  // 8 bits of red, green and blue; deflate, adaptive filters, not interlaced
+  // 8-bit RGB; deflate, adaptive filters, not interlaced
   header.insert(header.end(), {8, 2, 0, 0, 0});
   chunk("IHDR", header);
-  // as encode_png says it; 0: perceptual
+  // the same colour space as in encode_png; 0: perceptual
   chunk("sRGB", {0});
   std::vector<std::uint8_t> control;
   put_number(control, static_cast<std::uint32_t>(frames));
-  put_number(control, 0);  // plays without end
+  put_number(control, 0);  // loops forever
   chunk("acTL", control);
 }
 
@@ -118,7 +118,7 @@ void AnimatedPng::add(Image frame) {
   PALPATE_CHECK(added_ < frames_ && frame.width == width_ && frame.height == height_);
   PALPATE_CHECK(frame.rgb.size() ==
                 kChannels * static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
-  // the first one is the whole picture, as the specification wants
+  // the specification requires the first frame to be the whole picture
   const FrameBox box = added_ == 0 ? FrameBox{0, 0, width_, height_} : changed_box(last_, frame);
   std::vector<std::uint8_t> control;
   put_number(control, sequence_++);
@@ -126,7 +126,7 @@ void AnimatedPng::add(Image frame) {
     put_number(control, static_cast<std::uint32_t>(value));
   put_number(control, static_cast<std::uint32_t>(delay_ms_), 2);
   put_number(control, 1000, 2);
-  // what was there stays (0), and the box is written over it (0)
+  // dispose_op 0 and blend_op 0: the box overwrites the previous frame
   put_number(control, 0, 2);
   chunk("fcTL", control);
 

@@ -39,7 +39,7 @@ std::vector<Chunk> chunks_of(const Bytes& png) {
   return chunks;
 }
 
-/// By libpng, which checks sums and filters.
+/// Decodes by libpng, which verifies checksums and filters.
 Image read_still(const Bytes& png) {
   png_image header{};
   header.version = PNG_IMAGE_VERSION;
@@ -51,9 +51,9 @@ Image read_still(const Bytes& png) {
   return image;
 }
 
-/// A frame's box as a PNG of its own, of the chunks that a still one has.
+/// Frame's box as a still PNG with the chunks that such a file has.
 Bytes still_of(std::uint32_t width, std::uint32_t height, const Bytes& data) {
-  // an encoded picture of that size whose data are exchanged: header and end stay
+  // an encoded picture of that size with replaced image data: header and end stay
   Bytes png{0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
   const auto add = [&](const char* type, const Bytes& content) {
     const auto number = [&](std::uint32_t value) {
@@ -89,7 +89,7 @@ TEST(AnimatedPng, PlaysTheFramesThatWereAdded) {
     std::vector<Image> frames;
     for (int n = 0; n < kFrames; ++n) {
       Image frame = n == 0 ? Image{width, height, Bytes(3ul * width * height, 20)} : frames.back();
-      // nothing changes in the third one
+      // no change in the third frame
       if (n != 2)
         for (int m = 0; m < 40; ++m)
           frame.rgb[random() % frame.rgb.size()] = static_cast<std::uint8_t>(random());
@@ -135,7 +135,7 @@ TEST(AnimatedPng, PlaysTheFramesThatWereAdded) {
   }
 }
 
-/// A frame's colours mean what a still picture's do.
+/// Animated and still pictures declare the same colour space.
 TEST(AnimatedPng, SaysItsColoursAsAStillDoes) {
   std::mt19937 random(1);
   Image image{20, 20, Bytes(1200)};

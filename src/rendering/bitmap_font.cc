@@ -129,8 +129,8 @@ bool dot(const Glyph& glyph, int column, int row) {
   return column >= 0 && row >= 0 && column < kWidth && row < kHeight && glyph[row][column];
 }
 
-/// A quarter of a dot, its sides towards `across` and `down` (-1 or 1). Enlarged as Scale2x does: a quarter
-/// between two dots that meet at its corner goes with them, so that slants and curves have no steps.
+/// A quarter of a dot, on its sides `across` and `down` (-1 or 1). Enlarged by Scale2x: a quarter between two
+/// dots that meet at its corner takes their value, so that diagonals and curves are smooth.
 bool quarter(const Glyph& glyph, int column, int row, int across, int down) {
   const bool self = dot(glyph, column, row);
   const bool beside = dot(glyph, column + across, row), opposite = dot(glyph, column - across, row);

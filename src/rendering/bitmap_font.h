@@ -4,15 +4,15 @@
 
 #include "palpate/rendering/rendering.h"
 
-/// Letters of whole pixels, drawn for palpate's pictures: printable ASCII, "?" for anything else.
+/// Bitmap font for palpate's pictures: printable ASCII, "?" for anything else.
 namespace palpate::bitmap_font {
 
-/// Dots of a letter, two rows of them below the base line, and from one letter to the next.
+/// Size of a glyph in dots, rows above the base line, and advance width.
 inline constexpr int kWidth = 5, kHeight = 9, kBaseline = 7, kAdvance = 6;
 
-/// @param scale  pixels a dot
+/// @param scale  pixels per dot
 int width_px(std::string_view text, int scale);
-/// With a dark rim a dot wide, to be read on any background. What lies beyond the picture is cut off.
+/// Draws text with a dark outline one dot wide, legible on any background. Clipped to the picture.
 void draw(Image& image, int left, int top, std::string_view text, int scale, const Rgb& colour);
 
 }  // namespace palpate::bitmap_font

@@ -19,7 +19,7 @@ double Arrow::in_plane_N() const {
 }
 
 double arrows_per_side(double size_mm, double spacing_mm) {
-  // a hair of tolerance, so that 20 mm holds 24 arrows at 20/24 mm
+  // tolerance for rounding, so that 20 mm holds 24 arrows at 20/24 mm
   return std::max(1.0, std::floor(size_mm / spacing_mm + 1e-9));
 }
 

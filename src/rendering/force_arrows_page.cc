@@ -13,13 +13,12 @@ constexpr double kWidth_px = 700, kHeight_px = 722;
 constexpr Pixel kSectionCorner{32, 78};
 constexpr double kRight_px = kSectionCorner[0] + kSection_px, kBottom_px = kSectionCorner[1] + kSection_px;
 
-// forces below this share of the full one are not drawn
+// fraction of the full force below which a force is not drawn
 constexpr double kLeastShare = 0.01;
-// lengths below are in units: the distance between arrows, as far as it is no more than what the scale
-// beside the section has room for
+// the lengths below are in units of the arrow spacing, limited by the space of the scale beside the section
 constexpr double kMostUnit_px = 28;
 constexpr double kLongestArrow = 0.95;   // at full force
-constexpr double kShortestArrow = 0.11;  // below, no direction can be seen
+constexpr double kShortestArrow = 0.11;  // below this, no direction is discernible
 constexpr double kRing = 0.14, kLostRing = 0.08, kStroke = 0.05;
 constexpr double kMostRing_px = 3, kMostLostRing_px = 1.6, kMostStroke_px = 1.1, kMostHead_px = 7;
 
@@ -37,7 +36,7 @@ constexpr const char* kStyle =
     "</style>\n";
 
 Pixel on_page(const Pixel& section) {
-  // the first pixel's centre lies half a pixel inside its corner
+  // the first pixel's centre is half a pixel inside the corner
   return {kSectionCorner[0] + section[0] + 0.5, kSectionCorner[1] + section[1] + 0.5};
 }
 
@@ -47,8 +46,8 @@ std::string format(const char* pattern, double value) {
   return buffer;
 }
 
-// dark blue for a weak force, orange for a full one: the lower part of Matplotlib's "plasma", which stands
-// off a pale section and stays in order for colour-blind eyes and in print
+// dark blue for a weak force, orange for a full one: the lower part of Matplotlib's "plasma", which contrasts
+// with a pale section and is monotonic in luminance, for colour-blind readers and print
 constexpr Rgb kColours[] = {{13, 8, 135}, {106, 0, 168}, {177, 42, 144}, {221, 81, 97}, {240, 128, 36}};
 constexpr int kColourSteps = std::size(kColours) - 1;
 
@@ -70,12 +69,13 @@ double unit_px(const Picture& p) {
   return std::min(p.spacing_mm / p.section.mm_per_px(), kMostUnit_px);
 }
 
-// of a force in the plane, in units. Its root, so that weak forces still have a direction that can be seen.
+// length of an arrow for a force in the plane, in units; square root, so that weak forces have a visible
+// direction
 double length_of(double share) {
   return kLongestArrow * std::sqrt(std::clamp(share, 0.0, 1.0));
 }
 
-// shaft and head; its middle is where the force is
+// shaft and head; the arrow is centred on the sampled point
 std::string arrow_path(const Pixel& middle, const Pixel& along, double length, bool hollow, double share) {
   const double head = std::min(0.5 * length, kMostHead_px), half = 0.42 * head;
   const auto place = [&](double forward, double aside) {
@@ -98,7 +98,7 @@ std::string circle(std::string_view css_class, const Pixel& at, double radius, s
               attributes);
 }
 
-// a ring with a dot towards the viewer, with a cross away from him, as for currents
+// ring with a dot towards the viewer or a cross away, the convention for currents
 std::string end_on(const Pixel& at, double radius, bool away, double share) {
   const std::string colour = colour_attribute(share);
   const std::string ring = circle("end-on", at, radius, colour);
@@ -148,7 +148,7 @@ std::string draw_contours(const Picture& p, const Progress& progress) {
   return svg;
 }
 
-// the width of what the method reads: the field's, or its own sphere's
+// width of the filter that the method reads: the field's, or its own sphere's
 std::string width_text(const Picture& p) {
   const double voxel_mm = p.model.field->geometry().min_spacing_mm();
   if (const auto* gaussian = std::get_if<LevelledSphere<GaussianSphere>>(&p.field.source())) {
@@ -156,7 +156,8 @@ std::string width_text(const Picture& p) {
     return format("\u03c3 %.3g", sigma_voxels) + (sigma_voxels == 1 ? " voxel" : " voxels") +
            format(" (%.3g mm)", sigma_voxels * voxel_mm);
   }
-  // the smooth sphere's may be wider than the field's, which it then gives along the narrowest voxels
+  // the smooth sphere may be wider than the field's filter; the width shown is the one along the shortest
+  // voxel edge
   const auto* smooth = std::get_if<LevelledSphere<SmoothSphere>>(&p.field.source());
   if (smooth) return format("\u03c3 %.3g mm", smooth->parts().front().sphere.least_sigma_mm());
   return p.model.ramp_width_mm > 0 ? format("ramps of %.3g mm", p.model.ramp_width_mm)
@@ -195,7 +196,7 @@ std::string draw_scale_bar(const Picture& p) {
          text("plain", {left[0] + length + 7, left[1] + 4.5}, format("%.3g mm", bar_mm));
 }
 
-// the colours as a fill, bottom to top
+// colour map as an SVG gradient, bottom to top
 std::string gradient() {
   std::string stops;
   for (int stop = 0; stop <= kColourSteps; ++stop) {
@@ -205,7 +206,7 @@ std::string gradient() {
   return "<linearGradient id=\"forces\" x1=\"0\" y1=\"1\" x2=\"0\" y2=\"0\">" + stops + "</linearGradient>\n";
 }
 
-// colours and lengths of forces
+// scale for colours and lengths of forces
 std::string draw_force_scale(const Picture& p) {
   constexpr double kBar_px = 14, kHeight = 300;
   const double left = kRight_px + 56, top = kSectionCorner[1] + 30, full_N = p.field.full_force_N();
@@ -220,7 +221,7 @@ std::string draw_force_scale(const Picture& p) {
   return svg;
 }
 
-// names and colours of what the section shows, the largest first, as many as there is room for
+// names and colours of the visible structures by descending area, as many as fit
 std::string draw_structures(const Picture& p) {
   std::string svg;
   Pixel at{kSectionCorner[0], kBottom_px + 34};
@@ -257,7 +258,7 @@ std::string draw_notes(const Picture& p) {
 std::string draw(const Picture& p, const Progress& progress) {
   const std::string size = "width=\"" + number(kWidth_px) + "\" height=\"" + number(kHeight_px) + "\"";
   SectionStyle style;
-  // few colours make a small picture
+  // few grey levels make a small PNG
   style.grey_levels = 32;
   style.label_opacity = 0.35;
   return "<svg xmlns=\"http://www.w3.org/2000/svg\" " + size + " viewBox=\"0 0 " + number(kWidth_px) + " " +

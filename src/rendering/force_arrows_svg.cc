@@ -26,7 +26,7 @@ std::string size_attributes(const Pixel& corner, double width, double height) {
 }  // namespace
 
 std::string number(double value) {
-  // rounded to hundredths, of which the shortest form has no more
+  // rounded to hundredths, so that the shortest representation has at most two decimals
   const double rounded = std::round(value * 100) / 100;
   char buffer[400];
   const auto end =

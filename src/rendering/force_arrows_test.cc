@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 constexpr AnatomicalPlane kPlanes[] = {AnatomicalPlane::kAxial, AnatomicalPlane::kCoronal,
                                        AnatomicalPlane::kSagittal};
 
-/// An arrow as it stands on the page.
+/// Arrow as drawn on the page.
 struct Drawn {
   Pixel tail{}, tip{};
   bool hollow = false;
@@ -34,7 +34,7 @@ struct Drawn {
   double length() const { return std::hypot(along()[0], along()[1]); }
 };
 
-/// Those of the field; the scale's stand to the right of the section.
+/// Arrows of the field; those of the scale are to the right of the section.
 std::vector<Drawn> arrows_of(const std::string& svg) {
   const std::regex form(
       R"(<path class="arrow( hollow)?" color="#[0-9a-f]{6}" d="M(\S+) (\S+)L\S+ \S+M\S+ \S+L(\S+) (\S+)L.*Z"/>)");
@@ -72,7 +72,7 @@ struct Page {
   }
 };
 
-/// 25 x 25 arrows, so that one stands in the middle.
+/// 25 x 25 arrows, so that one is at the centre.
 ForceArrowsRequest request_at(AnatomicalPlane plane, const Point<Patient>& centre, double size_mm = 20) {
   return {plane, centre, size_mm, size_mm / 25};
 }
@@ -84,7 +84,7 @@ std::string draw(const Model& model, const ForceArrowsRequest& request,
   return *svg;
 }
 
-/// Without printing a hundred kilobytes where it does not.
+/// Assertion that does not print the whole document on failure.
 ::testing::AssertionResult says(const std::string& svg, const std::string& part) {
   if (svg.find(part) != std::string::npos) return ::testing::AssertionSuccess() << "it says " << part;
   return ::testing::AssertionFailure() << "it does not say " << part;
@@ -98,7 +98,7 @@ Drawn middle_arrow(const std::string& svg, const Page& page) {
   return {};
 }
 
-// on the page: length of a force as long as its scale says
+// length on the page of a force, by the documented scale
 double expected_length(double in_plane_N, double force_N, double full_N) {
   return 0.95 * kSection_px / 25 * std::sqrt(std::min(1.0, force_N / full_N)) * in_plane_N / force_N;
 }
@@ -122,7 +122,7 @@ TEST(ForceArrows, PointOutwardAtTheSurfaceOfABall) {
     const auto request = request_at(c.plane, c.at);
     const std::string svg = draw(model, request);
     const Drawn arrow = middle_arrow(svg, Page(svg, request));
-    // half of the full force at the surface; voxels and rounding to a hundredth of a pixel
+    // half of the full force at the surface; tolerance for voxels and rounding to a hundredth of a pixel
     EXPECT_NEAR(arrow.length(), expected_length(1, 1, 2), 0.3);
     EXPECT_GT((arrow.along()[0] * c.along[0] + arrow.along()[1] * c.along[1]) / arrow.length(), 0.999);
     EXPECT_FALSE(arrow.hollow);
@@ -141,7 +141,7 @@ TEST(ForceArrows, EveryArrowIsTheForceAtItsMiddle) {
       const Vector<Patient> away = page.plane.right.cross(page.plane.down);
       std::size_t near = 0;
       for (const Drawn& arrow : arrows_of(svg)) {
-        // a hundredth of a pixel beside it, a stepped field may be another one
+        // a piecewise constant field may change within a hundredth of a pixel
         const FieldSample sample = field.sample(page.point_at(arrow.middle()));
         const Vector<Patient> force = normal_force(sample, field.full_force_N());
         const double right = force.dot(page.plane.right), down = force.dot(page.plane.down);
@@ -159,19 +159,19 @@ TEST(ForceArrows, EveryArrowIsTheForceAtItsMiddle) {
 
 TEST(ForceArrows, WhatPointsOutOfThePlaneIsMarked) {
   const Model model = ball_model();
-  // axial sections are seen from the feet: superior is away from the viewer
+  // axial sections are viewed from the feet: superior is away from the viewer
   const auto above = request_at(AnatomicalPlane::kAxial, {0, 0, kBoneRadius_mm});
   const auto below = request_at(AnatomicalPlane::kAxial, {0, 0, -kBoneRadius_mm});
   const std::string cross = draw(model, above), dot = draw(model, below);
   EXPECT_TRUE(says(cross, "d=\"M299.9 345.9l4.2 4.2M304.1 345.9l-4.2 4.2\"/>"));
   EXPECT_TRUE(says(dot, "d=\"M299 348a3 3 0 1 0 6 0a3 3 0 1 0 -6 0Z\"/>\n<path class=\"dot\""));
   EXPECT_FALSE(says(dot, "l4.2 4.2"));
-  // near the pole all arrows are
+  // near the pole all forces are normal to the section
   for (const Drawn& arrow : arrows_of(cross)) {
     const Pixel at = arrow.middle();
     EXPECT_TRUE(arrow.hollow || std::hypot(at[0] - 302, at[1] - 348) > 150);
   }
-  // none is in a section through the middle
+  // none is normal in a section through the centre
   for (const Drawn& arrow : arrows_of(draw(model, request_at(AnatomicalPlane::kAxial, {15, 0, 0}))))
     EXPECT_FALSE(arrow.hollow);
 }
@@ -245,9 +245,9 @@ TEST(ForceArrows, LinesOfEqualValueAreCirclesRoundABall) {
       EXPECT_NEAR(from.norm(), radius_mm, 0.05);
       length_mm += (to - from).norm();
     }
-    // closed, and once round
+    // closed, with a winding number of one
     EXPECT_NEAR(length_mm, 2 * 3.14159265358979323846 * radius_mm, 0.5);
-    // where a Gaussian of 1 mm has that value
+    // radius at which a Gaussian-smoothed step of 1 mm has that value
     const double offset_mm = level == 0.5 ? 0 : level < 0.5 ? 0.6745 : -0.6745;
     EXPECT_NEAR(radius_mm, kBoneRadius_mm + offset_mm, 0.05);
   }
@@ -305,7 +305,7 @@ TEST(ForceArrows, TheSideIsTold) {
   EXPECT_TRUE(says(draw(model, request), ">Side: RIGHT</text>"));
   model.side = Side::kBoth;
   EXPECT_FALSE(says(draw(model, request), "SIDE"));
-  // letters would claim what the files do not say
+  // letters would claim an orientation that the files do not contain
   model.oriented = false;
   EXPECT_TRUE(says(draw(model, request), ">ORIENTATION UNKNOWN</text>"));
   EXPECT_FALSE(says(draw(model, request), "class=\"letter\""));

@@ -19,7 +19,7 @@ SectionRenderer once(const Model& model, const SectionStyle& style) {
 std::array<double, 2> scan_window(const Volume<float>& scan) {
   constexpr std::size_t kSamples = 1'000'000;
   const std::vector<float>& voxels = scan.voxels();
-  // an odd stride walks through all columns of grids with even dimensions
+  // an odd stride samples all columns of grids with even dimensions
   const std::size_t stride = std::max<std::size_t>(1, voxels.size() / kSamples) | 1;
   std::vector<float> samples;
   samples.reserve(voxels.size() / stride + 1);

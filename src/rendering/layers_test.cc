@@ -12,7 +12,7 @@ namespace {
 constexpr LabelId kFemur = 95, kFibula = 97;
 constexpr Rgb kFemurPaint{220, 40, 30}, kFibulaColour{20, 60, 230};
 
-/// Marks every voxel whose centre lies within `radius_mm` of `centre`.
+/// Labels every voxel whose centre is within `radius_mm` of `centre`.
 void paint_ball(Volume<LabelId>& labels, const Point<Patient>& centre, double radius_mm, LabelId label) {
   const GridGeometry& grid = labels.geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
@@ -35,14 +35,14 @@ GridGeometry grid_with(const Eigen::Matrix3d& direction) {
   grid.dims = {60, 50, 40};
   grid.spacing_mm = Eigen::Vector3d(0.8, 1.0, 1.3);
   grid.direction = direction;
-  // the middle of the grid at (5, -8, 12)
+  // centre of the grid at (5, -8, 12)
   const Eigen::Vector3d half = 0.5 * Eigen::Vector3d(59 * 0.8, 49 * 1.0, 39 * 1.3);
   grid.origin = Point<Patient>(Eigen::Vector3d(Eigen::Vector3d(5, -8, 12) - direction * half));
   return grid;
 }
 const Point<Patient> kMiddle(5, -8, 12);
 
-/// A left knee in two balls: the femur in the middle, the fibula to the patient's left and a bit behind.
+/// Left knee as two balls: the femur in the centre, the fibula to the patient's left and slightly posterior.
 Model two_balls(const GridGeometry& grid) {
   Volume<LabelId> labels(grid);
   paint_ball(labels, kMiddle, 6, kFemur);
@@ -110,12 +110,13 @@ TEST_P(LayersOnGrids, TheFibulaOfALeftKneeIsOnPictureRight) {
       count += 1;
     }
     ASSERT_GT(count, 100);
-    // 14 mm to the right of the middle column, 120, within a voxel
+    // 14 mm to the right of the centre column, 120, within a voxel
     EXPECT_NEAR(column_sum / count, 120 + 14 / section.mm_per_px(), 1.3 / section.mm_per_px());
   }
 }
 
-// every pixel of an arbitrary plane against the definition: the nearest voxel centre, along the grid's axes
+// every pixel of an arbitrary plane compared with the definition: the nearest voxel centre, along the grid's
+// axes
 TEST_P(LayersOnGrids, LabelsAreTheNearestVoxels) {
   Model model;
   Volume<LabelId> noise(grid());
@@ -141,10 +142,10 @@ TEST_P(LayersOnGrids, LabelsAreTheNearestVoxels) {
     }
   }
   EXPECT_GT(seen, 1000);
-  EXPECT_LT(seen, 97 * 83 - 1000);  // the plane reaches beyond the volume
+  EXPECT_LT(seen, 97 * 83 - 1000);  // the plane extends beyond the volume
 }
 
-// a scan that is linear in the patient shows that linear function, whatever the grid
+// a scan that is linear in the patient frame is reproduced exactly on any grid
 TEST_P(LayersOnGrids, ScanIsInterpolatedLinearly) {
   Model model;
   Volume<float> scan(grid());
@@ -181,10 +182,10 @@ TEST(Layers, ScanIsClampedToItsWindow) {
   model.scan = std::make_shared<const Volume<float>>(grid, std::vector<float>{-1000, 100, 270, 5000});
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kAxial, Point<Patient>(1.5, 0, 0), 6, 6, 1);
   const Image image = render_scan_layer(model, plane, {0, 400, 0.5, true, 256});
-  // half a voxel and more beyond the scan is background
+  // more than half a voxel outside the scan is background
   const std::vector<int> expected{14, 0, 64, 172, 255, 14};
   for (int column = 0; column < 6; ++column) EXPECT_EQ(image.rgb[3 * column], expected[column]) << column;
-  // three levels of grey: 0, 128, 255
+  // three grey levels: 0, 128, 255
   const Image coarse = render_scan_layer(model, plane, {0, 400, 0.5, true, 3});
   const std::vector<int> three{14, 0, 128, 128, 255, 14};
   for (int column = 0; column < 6; ++column) EXPECT_EQ(coarse.rgb[3 * column], three[column]) << column;
@@ -199,11 +200,11 @@ TEST(Layers, WindowIsThe1stTo99thPercentile) {
   auto window = scan_window(Volume<float>(grid, values));
   EXPECT_NEAR(window[0], 70, 1);
   EXPECT_NEAR(window[1], 6930, 1);
-  // values that are not numbers do not count
+  // values that are not finite are ignored
   values[3] = std::numeric_limits<float>::quiet_NaN();
   values[4] = std::numeric_limits<float>::infinity();
   EXPECT_NEAR(scan_window(Volume<float>(grid, values))[1], 6930, 2);
-  // no spread, nothing finite
+  // constant, or without finite values
   EXPECT_EQ(scan_window(Volume<float>(grid, 42.0f)), (std::array<double, 2>{0, 1}));
   EXPECT_EQ(scan_window(Volume<float>(grid, std::numeric_limits<float>::quiet_NaN())),
             (std::array<double, 2>{0, 1}));
@@ -217,15 +218,15 @@ TEST(Layers, FillIsTransparentAndTheOutlineIsNot) {
   const auto alpha = [&](int column, int row) { return overlay.rgba[4 * (200 * row + column) + 3]; };
   EXPECT_EQ(alpha(100, 100), std::lround(255 * 0.3));
   EXPECT_EQ(alpha(5, 5), 0);
-  // walking out of the structure, one opaque pixel is met before the outside begins
+  // moving out of the structure, there is one opaque pixel before the outside
   int column = 100;
   while (alpha(column, 100) == std::lround(255 * 0.3)) ++column;
   EXPECT_EQ(alpha(column, 100), 255);
   EXPECT_EQ(alpha(column + 1, 100), 0);
-  // 6 mm radius, within a voxel
+  // radius of 6 mm, within a voxel
   EXPECT_NEAR((column - 99.5) * plane.mm_per_px(), 6, 0.8);
 
-  // hidden tissues leave nothing, not even an outline
+  // hidden tissues are not drawn, not even as an outline
   model.tissues[0].opacity = 0;
   for (const std::uint8_t byte : render_structure_layer(model, plane).rgba) ASSERT_EQ(byte, 0);
 }

@@ -8,7 +8,7 @@
 namespace palpate::marks {
 namespace {
 
-// the corners of the box around the volume's voxels, along the patient's axes
+// bounding box of the volume's voxels along the patient's axes
 std::string reach_text(const GridGeometry& grid) {
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   Eigen::Vector3d low = grid.centre().eigen(), high = low;

@@ -5,23 +5,23 @@
 
 #include "palpate/rendering/rendering.h"
 
-/// What pictures of a section say about it.
+/// Helpers for annotations of sections.
 namespace palpate::marks {
 
-/// Whether a point lies in the volume's box, borders included.
+/// Whether a point lies in the volume's bounding box, boundary included.
 bool reaches(const GridGeometry& grid, const Point<Patient>& p);
 /// "1.0, 2.0, 3.0"
 std::string point_text(const Point<Patient>& p);
-/// The error for a point that the volume does not reach; "centre" is the place.
+/// Error for a point outside the volume; "centre" is the place.
 Error not_reached(const GridGeometry& grid, const Point<Patient>& p);
 
-/// The longest of 1, 2 and 5 times a power of ten that takes at most a quarter of a picture.
+/// Largest of 1, 2 and 5 times a power of ten that is at most a quarter of the picture's width.
 double scale_bar_mm(double width_mm);
 
-/// A structure's name as it may stand in a picture: not too long, and of plain letters, because a file may
-/// hold bytes that are no text at all; else its number.
+/// Structure's name for display: truncated, plain ASCII, because a file may contain arbitrary bytes; without
+/// a usable name, its number.
 std::string short_name(const Model& model, LabelId label, std::size_t longest = 26);
-/// The structures of a section, the largest first.
+/// Structures of a section by descending area.
 std::vector<LabelId> largest_first(const std::vector<LabelId>& labels);
 
 }  // namespace palpate::marks

@@ -6,10 +6,10 @@
 namespace palpate {
 namespace {
 
-/// Voxels along a side of a box that is looked at as a whole.
+/// Side length of the blocks that are tested as a whole; voxels.
 constexpr int kLookedSide = 8;
-/// Voxels. What moves by less than a half is looked up in itself; between the places that are looked at
-/// tissue may move a little more.
+/// Displacement below which a block counts as at rest; voxels. Displacements below one half do not change the
+/// nearest voxel; the margin allows for larger ones between the sampled points.
 constexpr double kLeastMoved = 0.1;
 
 }  // namespace
@@ -24,7 +24,7 @@ PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueMoved& 
   const auto end_of = [&](std::size_t axis, int n) {
     return std::min(within.first[axis] + within.size[axis], first_of(axis, n + 1));
   };
-  // fields are smooth: its corners, sides' and its own middle tell whether anything of a box moves
+  // fields are smooth: 3 x 3 x 3 samples suffice to detect whether anything in a block moves
   const auto moves = [&](const std::array<int, 3>& box) {
     for (int n = 0; n < 27; ++n) {
       const double half = 0.5 * kLookedSide;

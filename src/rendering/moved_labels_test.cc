@@ -20,7 +20,7 @@ GridGeometry oblique_grid() {
   return grid;
 }
 
-/// Balls of different labels.
+/// Balls with different labels.
 Volume<LabelId> balls(std::mt19937& random) {
   Volume<LabelId> labels(oblique_grid());
   const auto within = [&](int n) { return std::uniform_real_distribution<double>(0, n)(random); };
@@ -45,7 +45,7 @@ TEST(MovedLabels, AreLookedUpWhereTissueLay) {
     const GridGeometry& grid = labels->geometry();
     const auto X_PatientVoxel = grid.X_PatientVoxel();
     const auto X_VoxelPatient = X_PatientVoxel.inverse();
-    // a dent, whose slope is three quarters at most
+    // a dent with a slope of at most three quarters
     const auto any = [&](double low, double high) {
       return std::uniform_real_distribution<double>(low, high)(random);
     };
@@ -80,7 +80,7 @@ TEST(MovedLabels, OfWhatRestsThereAreNone) {
   const auto labels = label_bricks(balls(random));
   const auto nothing = [](const Point<Patient>&) { return Vector<Patient>(); };
   EXPECT_EQ(moved_labels(*labels, nothing, {{0, 0, 0}, kDims}).box.voxel_count(), 0u);
-  // nor of what lies beyond what is looked at
+  // displacements outside the given box are ignored
   const auto all = [](const Point<Patient>&) { return Vector<Patient>(3, 0, 0); };
   const VoxelBox within{{5, 6, 7}, {9, 10, 11}};
   EXPECT_EQ(moved_labels(*labels, all, within).box, within);

@@ -15,7 +15,7 @@ struct Palette {
   std::vector<std::uint8_t> entries;  ///< `channels` bytes each
 };
 
-/// The palette of a picture in order of first appearance; empty `entries` when there are too many colours.
+/// Palette in order of first appearance; empty `entries` if there are too many colours.
 Palette make_palette(const std::vector<std::uint8_t>& pixels, std::size_t channels) {
   Palette palette;
   palette.indices.reserve(pixels.size() / channels);
@@ -34,7 +34,7 @@ Palette make_palette(const std::vector<std::uint8_t>& pixels, std::size_t channe
   return palette;
 }
 
-/// The bytes of a PNG; libpng's simplified writer adds no text and no time.
+/// Encodes a PNG; libpng's simplified writer adds neither text nor time.
 std::vector<std::uint8_t> encode(int width, int height, std::uint32_t format,
                                  const std::vector<std::uint8_t>& pixels,
                                  const std::vector<std::uint8_t>& colour_map, std::size_t colours) {
@@ -46,7 +46,7 @@ std::vector<std::uint8_t> encode(int width, int height, std::uint32_t format,
   header.colormap_entries = static_cast<png_uint_32>(colours);
   const void* map = colour_map.empty() ? nullptr : colour_map.data();
 
-  // an upper bound avoids compressing twice
+  // an upper bound of the size avoids compressing twice
   png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(header);
   std::vector<std::uint8_t> bytes(size);
   const int written = png_image_write_to_memory(&header, bytes.data(), &size, 0, pixels.data(), 0, map);

@@ -27,7 +27,7 @@ std::vector<std::uint8_t> decode(const std::vector<std::uint8_t>& bytes, std::ui
   return pixels;
 }
 
-/// Names of the chunks in a PNG.
+/// Names of a PNG's chunks.
 std::set<std::string> chunks(const std::vector<std::uint8_t>& bytes) {
   std::set<std::string> names;
   for (std::size_t at = 8; at + 12 <= bytes.size();) {
@@ -40,7 +40,7 @@ std::set<std::string> chunks(const std::vector<std::uint8_t>& bytes) {
   return names;
 }
 
-/// A picture of at most `colours` different colours.
+/// Image with at most `colours` different colours.
 Image speckled(int width, int height, unsigned colours) {
   std::mt19937 random(colours);
   Image image{width, height, {}};

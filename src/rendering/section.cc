@@ -7,9 +7,9 @@
 namespace palpate {
 namespace {
 
-/// Letters of the patient directions that `d` points to, the nearest axis first. Further axes appear
-/// once `d` is more than 20 degrees off the nearest one: the second always, the third when it too
-/// contributes sin 20 degrees.
+/// Letters of the anatomical directions to which `d` points, the nearest axis first. Further axes appear if
+/// `d` is more than 20 degrees off the nearest one: the second always, the third if its component exceeds sin
+/// 20 degrees.
 std::string direction_letters(const Vector<Patient>& d) {
   constexpr double kPi = 3.14159265358979323846;
   const double oblique = 20.0 * kPi / 180.0;
@@ -20,7 +20,7 @@ std::string direction_letters(const Vector<Patient>& d) {
   std::stable_sort(axes.begin(), axes.end(), [&](int a, int b) { return std::abs(d[a]) > std::abs(d[b]); });
   const auto letter = [&](int axis) { return d[axis] < 0 ? kNegative[axis] : kPositive[axis]; };
   std::string letters(1, letter(axes[0]));
-  // a hair of tolerance, so that rounding does not name an axis at exactly 20 degrees
+  // tolerance, so that rounding does not add an axis at exactly 20 degrees
   if (std::abs(d[axes[0]]) < std::cos(oblique) - 1e-9) {
     letters += letter(axes[1]);
     if (std::abs(d[axes[2]]) > std::sin(oblique) + 1e-9) letters += letter(axes[2]);
@@ -28,12 +28,12 @@ std::string direction_letters(const Vector<Patient>& d) {
   return letters;
 }
 
-/// The rotation by the least angle from one unit vector to another; of opposite ones half a turn about
-/// `spare`, which is at right angles to them.
+/// Smallest rotation from one unit vector to another; for opposite ones half a turn about `spare`, which is
+/// orthogonal to them.
 Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<Patient>& to,
                                       const Vector<Patient>& spare) {
   constexpr double kPi = 3.14159265358979323846;
-  // sine and cosine of half the angle, but for a common factor
+  // unnormalised quaternion: cosine and sine of half the angle, up to a common factor
   const Eigen::Vector3d axis = from.cross(to).eigen();
   const double cosine = from.dot(to);
   if (cosine < 0 && axis.squaredNorm() < 1e-20) return Rotation<Patient, Patient>::about(spare.eigen(), kPi);
@@ -90,14 +90,14 @@ SectionPlane oblique_section(const Point<Patient>& centre, const Vector<Patient>
     section.right = before->right;
     section.down = before->down;
   }
-  // scaled first, because the square of a tiny or a huge length is none
+  // scaled first, because the square of a tiny or huge component under- or overflows
   const double largest = direction.eigen().cwiseAbs().maxCoeff();
   if (!direction.all_finite() || !(largest > 0)) return section;
   const Vector<Patient> to = (direction / largest).normalized();
 
   const Vector<Patient> from = view == ObliqueView::kAlong ? section.down : section.right.cross(section.down);
   const Vector<Patient> right = least_turn(from, to, section.right) * section.right;
-  // rounding must not add up from section to section
+  // reorthogonalised, so that rounding errors do not accumulate over a sequence of sections
   section.right = (right - to * to.dot(right)).normalized();
   section.down = view == ObliqueView::kAlong ? to : to.cross(section.right);
   return section;

@@ -7,14 +7,14 @@
 
 #include "palpate/rendering/rendering.h"
 
-/// A section pixel by pixel in double, as one would write it first: what SectionRenderer is compared with.
+/// Reference implementation of sections: pixel by pixel, in double, without optimisation.
 namespace palpate::testing {
 
 struct OraclePixel {
-  bool inside = false;          ///< the volume
-  LabelId label = 0;            ///< the nearest voxel's
-  bool near_tie = false;        ///< two voxels are about equally near
-  std::optional<double> value;  ///< of the scan; none where a voxel of the cell is not finite
+  bool inside = false;          ///< Inside the volume
+  LabelId label = 0;            ///< Label of the nearest voxel
+  bool near_tie = false;        ///< Two voxels are almost equally near
+  std::optional<double> value;  ///< Interpolated scan value; none if a voxel of the cell is not finite
 };
 
 inline OraclePixel oracle_pixel(const Model& model, const GridGeometry& grid, const Eigen::Vector3d& voxel) {
@@ -22,7 +22,7 @@ inline OraclePixel oracle_pixel(const Model& model, const GridGeometry& grid, co
   std::array<int, 3> cell{}, next{}, nearest{};
   std::array<double, 3> t{};
   for (int a = 0; a < 3; ++a) {
-    // half a voxel more than the centres of the outermost ones, false for what is not finite
+    // extends half a voxel beyond the outermost centres; false for coordinates that are not finite
     if (!(voxel[a] >= -0.5 && voxel[a] < grid.dims[a] - 0.5)) return {};
     const double v = std::clamp(voxel[a], 0.0, static_cast<double>(grid.dims[a] - 1));
     cell[a] = std::min(static_cast<int>(v), std::max(0, grid.dims[a] - 2));
@@ -51,7 +51,7 @@ inline OraclePixel oracle_pixel(const Model& model, const GridGeometry& grid, co
   return pixel;
 }
 
-/// Row by row.
+/// All pixels, row by row.
 inline std::vector<OraclePixel> oracle_section(const Model& model, const SectionPlane& plane) {
   const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
@@ -67,7 +67,7 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
   return pixels;
 }
 
-/// Of tissue that has yielded: what lies at rest where each pixel's came from, by Newton's method.
+/// The same for displaced tissue: rest positions by Newton's method.
 inline std::vector<OraclePixel> oracle_section(const Model& model, const SectionPlane& plane,
                                                const TissueMoved& moved) {
   const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
@@ -91,7 +91,7 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
   return pixels;
 }
 
-/// The structures' colours over greys, outlines at full colour.
+/// Blends the structures' colours over greys, with outlines in full colour.
 inline std::vector<std::uint8_t> oracle_blend(const std::vector<std::uint8_t>& grey_rgb,
                                               const std::vector<LabelId>& labels, const SectionPlane& plane,
                                               const std::vector<Rgb>& colours, const SectionStyle& style) {

@@ -16,10 +16,10 @@ namespace {
 constexpr Rgb kText{238, 240, 242}, kDim{190, 196, 202}, kWarning{255, 196, 64}, kMark{90, 220, 255};
 constexpr Rgb kDark{0, 0, 0};
 constexpr const char* kPurpose = "Research and education - not for clinical use";
-// 3D Slicer's
+// colours of 3D Slicer
 constexpr Rgb kAxialFrame{243, 74, 51}, kCoronalFrame{110, 176, 75}, kSagittalFrame{237, 213, 76};
 
-/// Draws in units of a letter's dot, so that a picture of any size looks alike.
+/// Draws in units of a glyph's dot, so that pictures of any size look alike.
 class Pen {
  public:
   explicit Pen(Image& image)
@@ -51,7 +51,7 @@ class Pen {
       }
     }
   }
-  /// Bars with a dark rim around them all.
+  /// Bars with a common dark outline.
   struct Bar {
     int left, top, right, bottom;
   };
@@ -119,13 +119,13 @@ void draw_scale_bar(Pen& pen, const SectionPlane& plane) {
            text, kText);
 }
 
-/// From the bottom up: what the picture is for, in two lines where one has no room, then the structures.
+/// From the bottom up: the note on the purpose, in two lines if necessary, then the structures.
 void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {
   constexpr std::size_t kMostStructures = 8, kLongestName = 32;
   const int left = pen.margin(), unit = pen.unit();
   const int bar = static_cast<int>(marks::scale_bar_mm(plane.width_mm) / plane.mm_per_px());
   int top = pen.height() - pen.margin() - bitmap_font::kBaseline * unit;
-  // the letter in the middle of the lower edge, and the scale bar
+  // space for the letter at the centre of the lower edge, and for the scale bar
   const int letters = pen.width_of("XXX", 2);
   const int room = model.oriented ? (pen.width() - letters) / 2 : pen.width() - bar - 4 * pen.margin();
   std::string purpose = kPurpose;
@@ -145,7 +145,7 @@ void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Ca
   }
 }
 
-/// A cross that leaves the point itself free; of a direction down the picture, dashes that lead to it.
+/// Cross with a gap at the point itself; with a direction down the picture, dashes that lead to the point.
 void draw_point(Pen& pen, bool along) {
   const int unit = pen.unit(), x = pen.width() / 2 - unit / 2, y = pen.height() / 2 - unit / 2;
   const int from = 4 * unit, to = 12 * unit;
@@ -181,7 +181,7 @@ Image side_by_side(const std::vector<Image>& images) {
   return all;
 }
 
-/// The longest side of the volume.
+/// Longest side of the volume.
 double whole_mm(const GridGeometry& grid) {
   double longest = 0;
   for (int a = 0; a < 3; ++a) longest = std::max(longest, grid.dims[a] * grid.spacing_mm[a]);

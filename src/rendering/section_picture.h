@@ -4,17 +4,17 @@
 
 #include "palpate/rendering/rendering.h"
 
-/// What is burned into a section, and into a picture of the volume.
+/// Annotations burned into sections and volume pictures.
 namespace palpate::section_marks {
 
-/// What the marks say besides what follows from plane and model.
+/// Content of the annotations that does not follow from plane and model.
 struct Caption {
-  std::string plane;                   ///< "coronal"; not shown without orientation
-  std::array<double, 2> window{0, 0};  ///< of the scan; both equal: none is shown
-  std::vector<LabelId> structures;     ///< named, as many as there is room for
-  bool along = false;                  ///< the picture's vertical is a direction
-  bool has_point = true;               ///< a cross marks the middle
-  bool has_scale = true;               ///< lengths are the same all over the picture
+  std::string plane;                   ///< "coronal"; omitted without orientation
+  std::array<double, 2> window{0, 0};  ///< Display window of the scan; equal values: omitted
+  std::vector<LabelId> structures;     ///< Structures to be named, as many as fit
+  bool along = false;                  ///< Whether the picture's vertical is a direction
+  bool has_point = true;               ///< Whether a cross marks the centre
+  bool has_scale = true;               ///< Whether the scale is uniform over the picture
 };
 
 void draw_marks(Image& image, const SectionPlane& plane, const Model& model, const Caption& caption);

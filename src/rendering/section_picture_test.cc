@@ -12,7 +12,7 @@ namespace {
 
 constexpr Rgb kFemurColour{220, 40, 30};
 
-/// A ball of femur in the middle of an empty box of 100 mm, at a scan of one value.
+/// A ball of femur in the centre of an empty box of 100 mm, with a constant scan.
 Model ball() {
   GridGeometry grid;
   grid.dims = {50, 50, 50};
@@ -44,10 +44,10 @@ Rgb pixel_of(const Image& image, int x, int y) {
 }
 
 struct Box {
-  double left = 0, top = 0, right = 1, bottom = 1;  ///< parts of the picture
+  double left = 0, top = 0, right = 1, bottom = 1;  ///< Fractions of the picture
 };
 
-/// Whether a text stands in a part of the picture: its dots in one bright colour, and nothing between them.
+/// Whether a text appears in a part of the picture: its dots in one bright colour, and none between them.
 bool shows(const Image& image, const std::string& text, const Box& box = {}) {
   for (const int scale : {1, 2, 3, 4, 5}) {
     Image letters{bitmap_font::width_px(text, scale), bitmap_font::kBaseline * scale, {}};
@@ -92,7 +92,7 @@ TEST(SectionPicture, LettersStandOnTheEdges) {
   expect(SectionKind::kAxial, "R", "L", "A", "P");
   expect(SectionKind::kCoronal, "R", "L", "S", "I");
   expect(SectionKind::kSagittal, "A", "P", "S", "I");
-  // down the picture is left and posterior alike
+  // down the picture is left and posterior in equal parts
   const SectionRequest oblique = request_for(model, SectionKind::kOblique);
   const OrientationLetters letters =
       orientation_letters(oblique_section(oblique.centre, oblique.direction, oblique.view, 100, 768, 768));
@@ -119,7 +119,7 @@ TEST(SectionPicture, SaysTheSideOrThatNobodyKnowsIt) {
   model.caveats = {{CaveatKind::kPlacement, "half of the labels lie outside the scan"}};
   EXPECT_TRUE(marked("PLACEMENT IN DOUBT"));
   EXPECT_FALSE(marked("SIDE IN DOUBT"));
-  // of both sides nothing is said
+  // no caption if both sides were scanned
   model.side = Side::kBoth;
   for (const char* text : {"SIDE", "LEFT", "RIGHT", "Side"}) EXPECT_FALSE(marked(text));
 }
@@ -155,7 +155,7 @@ TEST(SectionPicture, SaysWhatItShowsAndWhatItIsFor) {
     EXPECT_TRUE(shows(image, "20 mm", {0.5, 0.9, 1, 1}));
     EXPECT_FALSE(shows(image, "CANARY"));
   }
-  // a window only where there is a scan
+  // a window only with a scan
   Model labels = model;
   labels.scan = nullptr;
   EXPECT_FALSE(shows(section_picture(labels, request_for(labels, SectionKind::kAxial)).value(), "W "));

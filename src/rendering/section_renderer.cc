@@ -12,7 +12,7 @@ using internal::section::Paint;
 using internal::section::PixelView;
 using internal::section::Row;
 
-/// How a picture's pixels lie in a grid: one origin and two steps.
+/// Positions of a picture's pixels in voxel coordinates: an origin and two steps.
 struct PixelsInGrid {
   PixelsInGrid(const GridGeometry& grid, const SectionPlane& plane) : dims(grid.dims) {
     const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
@@ -22,8 +22,8 @@ struct PixelsInGrid {
   }
 
   Eigen::Vector3d start_of(int row) const { return origin + line * row; }
-  /// Whether a pixel lies in the volume, each voxel reaching half way to its neighbours. False for what is
-  /// not finite.
+  /// Whether a pixel is inside the volume, where voxels extend half a spacing about their centres. False for
+  /// coordinates that are not finite.
   bool inside(const Eigen::Vector3d& start, int column) const {
     const Eigen::Vector3d voxel = start + step * column;
     for (int a = 0; a < 3; ++a) {
@@ -36,7 +36,7 @@ struct PixelsInGrid {
   Eigen::Vector3d origin, step, line;
 };
 
-/// The pixels of a row that lie in the volume: a straight line through a box.
+/// Range of a row's pixels inside the volume: intersection of a line with a box.
 Row clipped(const PixelsInGrid& pixels, int row, int width) {
   const Eigen::Vector3d start = pixels.start_of(row);
   double low = 0, high = width;
@@ -50,7 +50,7 @@ Row clipped(const PixelsInGrid& pixels, int row, int width) {
   }
   if (!(low <= high)) return {};
 
-  // which side of the border a pixel on it lies is for inside() to say
+  // inside() decides about pixels on the boundary
   Row clip;
   for (int a = 0; a < 3; ++a) clip.start[a] = start[a];
   clip.begin = std::max(0, static_cast<int>(std::floor(low)) - 1);
@@ -60,7 +60,7 @@ Row clipped(const PixelsInGrid& pixels, int row, int width) {
   return clip;
 }
 
-/// The pixels that do not show what lies where they are, where that lies.
+/// Collects the displaced pixels with their rest positions.
 void find_moved(const GridGeometry& grid, const SectionPlane& plane, const TissueMoved& moved,
                 std::vector<internal::section::MovedPixel>& pixels) {
   const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
@@ -125,7 +125,7 @@ void SectionRenderer::set_style(const SectionStyle& style) {
     const Rgb& c = colouring.colour;
     const std::uint8_t inside = to_byte(style.label_opacity * colouring.opacity);
     const std::uint8_t outline = !style.outlines ? inside : colouring.opacity > 0 ? 255 : 0;
-    // one kind of transparent: all zero
+    // canonical transparency: all components zero
     if (inside > 0) paints_[2 * label] = {c.r, c.g, c.b, inside};
     if (outline > 0) paints_[2 * label + 1] = {c.r, c.g, c.b, outline};
   }

@@ -9,7 +9,7 @@
 #include "rendering/section_oracle.h"
 #include "sampling/test_targets.h"
 
-// allocations are counted by a function in front of the real one; the sanitizers have their own
+// allocations are counted by wrapping operator new, which the sanitizers replace themselves
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define PALPATE_COUNTS_ALLOCATIONS
 namespace {
@@ -36,7 +36,7 @@ const std::vector<Rgb> kColours{{10, 200, 30}, {220, 40, 30}, {20, 60, 230}, {25
 
 enum class Values { kWhole, kReal, kHoles };
 
-/// Noise in every voxel, so that none can stand for another.
+/// Random values in every voxel, so that mistaken voxels are detected.
 Model noise_model(const GridGeometry& grid, Values values, int most_label, std::mt19937& random) {
   std::uniform_real_distribution<float> real(-3, 5);
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
@@ -64,7 +64,7 @@ GridGeometry random_grid(std::mt19937& random) {
   };
   const std::array<int, 3> dims{size(), size(), size()};
   GridGeometry grid = test::make_grid(dims, static_cast<int>(random() % 4));
-  // axes in any order
+  // random permutation of the axes
   if (random() % 2 == 0) {
     const Eigen::Matrix3d direction = grid.direction;
     grid.direction << direction.col(2), direction.col(0), direction.col(1);
@@ -72,7 +72,7 @@ GridGeometry random_grid(std::mt19937& random) {
   return grid;
 }
 
-/// Through the volume at any angle, near and from afar, or past it.
+/// Plane through or beside the volume, at a random angle and scale.
 SectionPlane random_plane(const GridGeometry& grid, std::mt19937& random) {
   std::uniform_real_distribution<double> part(-0.2, 1.2), size(0.1, 3);
   std::normal_distribution<double> normal;
@@ -85,7 +85,7 @@ SectionPlane random_plane(const GridGeometry& grid, std::mt19937& random) {
   plane.centre = grid.X_PatientVoxel() * Point<Voxel>(i * grid.dims[0], j * grid.dims[1], k * grid.dims[2]);
   plane.right = direction();
   plane.down = plane.right.cross(direction()).normalized();
-  // along the grid's own axes too
+  // including planes along the grid's axes
   if (random() % 4 == 0) {
     plane.right = Vector<Patient>(Eigen::Vector3d(grid.direction.col(random() % 3)));
     plane.down = plane.right.cross(Vector<Patient>(0.3, -0.5, 0.8)).normalized();
@@ -118,7 +118,7 @@ Rendered render(SectionRenderer& renderer, const SectionPlane& plane) {
   return all;
 }
 
-/// @param tolerance  levels of grey beside that of rounding
+/// @param tolerance  in grey levels, beyond rounding
 void expect_like_oracle(const std::vector<OraclePixel>& oracle, const Rendered& rendered,
                         const SectionPlane& plane, const SectionStyle& style, double tolerance) {
   for (std::size_t n = 0; n < oracle.size(); ++n) {
@@ -140,7 +140,7 @@ void expect_like_oracle(const std::vector<OraclePixel>& oracle, const Rendered& 
 
 class SectionTargets : public ::testing::TestWithParam<Values> {};
 
-// random planes through random grids, on every SIMD target, in both storages
+// random planes through random grids, on every SIMD target, in both storage layouts
 TEST_P(SectionTargets, AgreeWithTheOracleAndEachOther) {
 #ifdef __SANITIZE_ADDRESS__
   constexpr unsigned kTrials = 40;
@@ -153,7 +153,7 @@ TEST_P(SectionTargets, AgreeWithTheOracleAndEachOther) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937 random(seed);
     const GridGeometry grid = random_grid(random);
-    // few labels are numbered in bricks, many are not
+    // a small number of labels is indexed by bytes in bricks, a large one is not
     const Model model = noise_model(grid, GetParam(), seed % 5 == 0 ? 60000 : 7, random);
     const SectionPlane plane = random_plane(grid, random);
     const auto oracle = oracle_section(model, plane);
@@ -188,7 +188,7 @@ std::string values_name(const ::testing::TestParamInfo<Values>& values) {
 INSTANTIATE_TEST_SUITE_P(Scans, SectionTargets,
                          ::testing::Values(Values::kWhole, Values::kReal, Values::kHoles), values_name);
 
-// A smooth push that fades out all around: at most 0.7 mm a mm, so that nothing is folded.
+// Smooth localised displacement with a gradient of at most 0.7, so that nothing folds.
 struct Push {
   Point<Patient> middle;
   Vector<Patient> by_mm;
@@ -206,7 +206,7 @@ Push random_push(const GridGeometry& grid, std::mt19937& random) {
   push.middle = grid.X_PatientVoxel() * Point<Voxel>(part(random) * grid.dims[0], part(random) * grid.dims[1],
                                                      part(random) * grid.dims[2]);
   push.reach_mm = 2 + 10 * part(random);
-  // the steepest of exp(-x2) is 0.858
+  // the maximum slope of exp(-x2) is 0.858
   push.by_mm = Vector<Patient>(normal(random), normal(random), normal(random)).normalized() *
                (0.7 / 0.858 * push.reach_mm * part(random));
   return push;
@@ -229,7 +229,7 @@ TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
     for (const SectionStorage storage : kStorages) {
       SectionRenderer renderer(model, style, storage);
       const Rendered rendered = render(renderer, plane);
-      // found to some micrometres: what is so near the border of a voxel is anybody's
+      // rest positions are accurate to some micrometres, so pixels near a voxel boundary may differ
       std::size_t off = 0;
       for (std::size_t n = 0; n < oracle.size(); ++n) {
         if (oracle[n].label != rendered.labels[n] ||
@@ -244,9 +244,9 @@ TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
         ASSERT_NEAR(rendered.scan[3 * n], std::clamp(level, 0.0, 255.0), 1 + 0.004 * steepest);
       }
       EXPECT_LE(off, 2 + oracle.size() / 200);
-      // what is drawn of the labels follows from where they are drawn
+      // the blend follows from the labels
       EXPECT_EQ(rendered.rgb, oracle_blend(rendered.scan, rendered.labels, plane, kColours, style));
-      // and without it all is as it was
+      // without displacement the picture is as before
       SectionStyle still = style;
       still.moved = {};
       SectionStyle unmoved = style;
@@ -268,11 +268,11 @@ TEST(SectionRenderer, FindsWhereTissueLayAtRest) {
     const Point<Patient> lay =
         grid.X_PatientVoxel() * Point<Voxel>(30 * part(random), 30 * part(random), 30 * part(random));
     const Point<Patient> found = place_at_rest(lay + push(lay), push);
-    // 0.3 of an error at most is left of a step's
+    // each iteration leaves at most 0.3 of the error
     EXPECT_LT((found - lay).norm(), 4 * kAtRestNear_mm);
   }
-  // beyond what moves at once; where all moves alike after one step; of what is folded some place, not far
-  // off
+  // without displacement immediately; for a constant displacement after one step; in folded tissue some point
+  // nearby
   const Point<Patient> at(1, 2, 3);
   EXPECT_EQ(place_at_rest(at, [](const Point<Patient>&) { return Vector<Patient>(); }), at);
   const Vector<Patient> same(0.5, -1, 2);
@@ -284,7 +284,7 @@ TEST(SectionRenderer, FindsWhereTissueLayAtRest) {
   }
 }
 
-// pixels exactly on the borders of the volume, which belong to it below and not above
+// pixels exactly on the volume's boundary are inside at the lower end and outside at the upper
 TEST(SectionRenderer, BordersAreTheOracles) {
   std::mt19937 random(5);
   GridGeometry grid;
@@ -297,7 +297,7 @@ TEST(SectionRenderer, BordersAreTheOracles) {
       for (const double at : {-0.5, 0.0, grid.dims[axis] - 1.0, grid.dims[axis] - 0.5}) {
         Point<Patient> centre = grid.centre();
         centre[axis] = at;
-        SectionPlane plane{centre, {}, {}, 40, 40, 40};  // one pixel a voxel, on its corners
+        SectionPlane plane{centre, {}, {}, 40, 40, 40};  // one pixel per voxel, at its corners
         plane.right[(axis + 1) % 3] = 1;
         plane.down[(axis + 2) % 3] = 1;
         const auto oracle = oracle_section(model, plane);
@@ -309,7 +309,7 @@ TEST(SectionRenderer, BordersAreTheOracles) {
   }
 }
 
-// sampled in bands of 64 rows and tiles of 64 columns: pictures that end just before and after one
+// bands of 64 rows and tiles of 64 columns: picture sizes just below and above
 TEST(SectionRenderer, BandsAndTilesLeaveNoSeam) {
   std::mt19937 random(12);
   const GridGeometry grid = test::make_grid({40, 37, 33}, 3);
@@ -324,12 +324,12 @@ TEST(SectionRenderer, BandsAndTilesLeaveNoSeam) {
         plane.centre = grid.centre();
         plane.width_px = width;
         plane.height_px = height;
-        // coarse enough for many borders between structures, fine enough to see their insides
+        // coarse enough for many boundaries between structures, fine enough for their interiors
         plane.width_mm = 0.4 * grid.spacing_mm[0] * width;
         const Rendered rendered = render(renderer, plane);
         expect_like_oracle(oracle_section(model, plane), rendered, plane, style, 0.02);
         if (HasFatalFailure()) return;
-        // the structures alone, laid over the scan alone
+        // the structure layer blended over the scan layer
         for (std::size_t n = 0; n < rendered.rgb.size(); ++n) {
           const std::uint8_t* over = &rendered.overlay[4 * (n / 3)];
           ASSERT_EQ(rendered.rgb[n],
@@ -355,7 +355,7 @@ TEST(SectionRenderer, PlanesThatAreNoneShowBackground) {
   }
 }
 
-// whole numbers are kept exactly; a single value far off does not take all precision
+// integers are stored exactly; a single outlier does not reduce the precision
 TEST(SectionRenderer, BricksKeepWhatAWindowShows) {
   GridGeometry grid;
   grid.dims = {64, 64, 16};
@@ -368,24 +368,24 @@ TEST(SectionRenderer, BricksKeepWhatAWindowShows) {
   Model model;
   model.scan = std::make_shared<const Volume<float>>(std::move(scan));
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kAxial, {31.5, 31.5, 12}, 64, 64, 64);
-  // a tenth of the range on 256 levels: a step of 16 bits is a tenth of a level
+  // a tenth of the range in 256 levels: a 16-bit step is a tenth of a level
   const SectionStyle style{0.4, 0.5, 0.4, true, 256};
   SectionRenderer plain(model, style, SectionStorage::kModel), bricks(model, style);
   const auto expected = render(plain, plane).scan, got = render(bricks, plane).scan;
   for (std::size_t n = 0; n < expected.size(); ++n) ASSERT_NEAR(got[n], expected[n], 1.5);
-  // two bytes a voxel and the bricks' overlaps
+  // two bytes per voxel, including the overlaps
   EXPECT_EQ(plain.prepared_bytes(), 0u);
   EXPECT_EQ(bricks.prepared_bytes(), 9u * 9 * 3 * 512 * 2);
 }
 
-// more than a huge page of them, and not a whole number of pages
+// more than one huge page, and not a whole number of pages
 TEST(SectionRenderer, LargeBricksAreTheOracles) {
   std::mt19937 random(13);
   const GridGeometry grid = test::make_grid({120, 90, 131}, 2);
   const Model model = noise_model(grid, Values::kWhole, 5, random);
   const SectionStyle style = style_for(Values::kWhole);
   SectionRenderer renderer(model, style);
-  // voxels, bytes of scan and label
+  // voxels times the bytes of scan and label
   EXPECT_EQ(renderer.prepared_bytes(), std::size_t{17} * 13 * 19 * 512 * 3);
   for (int n = 0; n < 5; ++n) {
     const SectionPlane plane = random_plane(grid, random);
@@ -431,7 +431,7 @@ TEST(SectionRenderer, DrawsWhatThereIs) {
   }
 }
 
-// pictures of changing sizes and styles, copies, and a model that is gone
+// pictures of changing size and style, copies, and a model that no longer exists
 TEST(SectionRenderer, IsTheSameWhateverWasDrawnBefore) {
   std::mt19937 random(10);
   const GridGeometry grid = test::make_grid({30, 25, 20}, 2);

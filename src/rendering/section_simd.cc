@@ -1,18 +1,18 @@
 #include "rendering/section_simd.h"
 
-// A picture is sampled in tiles, because neighbouring rows read the same cache lines. A tile's row goes
-// through three loops, each short enough for the processor to work on many pixels at once:
+// A picture is sampled in tiles, because neighbouring rows read the same cache lines. Each row of a tile
+// passes three loops, each short enough for out-of-order execution across many pixels:
 //
-//     cells     where each pixel lies: its cell's first voxel, its fractions in the cell, its nearest voxel
-//     voxels    the eight around it and the nearest one's label, pixel by pixel: single loads beat gathers
+//     cells     position of each pixel: first voxel of its cell, fractions within the cell, nearest voxel
+//     voxels    loads the cell's eight voxels and the nearest one's label: scalar loads beat gathers
 //     greys     trilinear interpolation and window
 //
-// Before a tile, the cache lines of the next one are asked for: one that is left out is waited for. Pixels
-// are in float from the first one of a tile's row on, in double before. No operation is fused: the same bits
-// on every target.
+// The cache lines of the next tile are prefetched; a line that is not prefetched stalls. Within a tile's row,
+// positions relative to its first pixel are in float, the first pixel's in double. No fused operations are
+// used: bit-identical on every target.
 //
-// Compiled once per target by foreach_target.h; only what is marked HWY_INLINE and the functions at the end
-// live in the target's namespace, and nothing of the standard library is called there.
+// Compiled once per target by foreach_target.h; only functions marked HWY_INLINE and those at the end are in
+// the target's namespace, and none of them calls the standard library.
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "rendering/section_simd.cc"
@@ -37,7 +37,7 @@ constexpr int kBrickRow = kBrick, kBrickSlice = kBrick * kBrick;
 constexpr int kMostLanes = 16;
 static_assert(HWY_MAX_BYTES <= 4 * kMostLanes || HWY_TARGET == HWY_SCALAR);
 
-/// A tile's row of pixels on its way through the loops.
+/// A tile's row of pixels between the loops.
 struct alignas(64) Cells {
   static constexpr int kRoom = kTileColumns + kMostLanes;
   float fraction[3][kRoom];
@@ -54,7 +54,7 @@ struct alignas(64) FloatPairs {
 
 // ---- cells ------------------------------------------------------------------------------------------------
 
-/// The cells of pixels at start, start + step ...; places outside are moved to the border.
+/// Cells of pixels at start, start + step, ...; positions outside are clamped to the border.
 template <bool kBricks>
 HWY_INLINE void find_cells(const Lattice& lattice, const double (&start)[3], const double (&step)[3],
                            int count, Cells& cells) {
@@ -89,7 +89,7 @@ HWY_INLINE void find_cells(const Lattice& lattice, const double (&start)[3], con
 
 // ---- voxels -----------------------------------------------------------------------------------------------
 
-/// The cell's eight.
+/// Loads the cell's eight voxels.
 HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, int n, CodePairs& pairs) {
   const std::uint16_t* voxel = volume.codes + corner;
   hwy::CopyBytes<4>(voxel, &pairs.pair[0][n]);
@@ -98,7 +98,7 @@ HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, in
   hwy::CopyBytes<4>(voxel + kBrickSlice + kBrickRow, &pairs.pair[3][n]);
 }
 HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, int n, FloatPairs& pairs) {
-  // a volume one voxel thick has no second one
+  // a volume one voxel thick has no second voxel along that axis
   const Lattice& lattice = volume.lattice;
   const std::ptrdiff_t next = lattice.dims[0] > 1 ? 1 : 0, row = lattice.dims[1] > 1 ? lattice.stride[1] : 0,
                        slice = lattice.dims[2] > 1 ? lattice.stride[2] : 0;
@@ -109,7 +109,7 @@ HWY_INLINE void load_corners(const VolumeView& volume, std::ptrdiff_t corner, in
   }
 }
 
-/// Scan and labels in one loop, so that the processor waits for the cache lines of both at once.
+/// Scan and labels in one loop, so that the cache misses of both overlap.
 template <bool kScan, class Pairs, class Label>
 HWY_INLINE void load_voxels(const VolumeView& view, const Cells& cells, int count, Pairs& pairs,
                             LabelId* labels, const Label& label) {
@@ -141,7 +141,7 @@ HWY_INLINE VF lerp(VF a, VF b, VF t) {
   return hn::Add(a, hn::Mul(t, hn::Sub(b, a)));
 }
 
-/// A pair interpolated along i.
+/// Interpolates a pair along i.
 HWY_INLINE VF along_i(const CodePairs& pairs, int m, int n, VF t) {
   const DI di;
   const VI pair = hn::Load(di, pairs.pair[m] + n);
@@ -153,7 +153,7 @@ HWY_INLINE VF along_i(const FloatPairs& pairs, int m, int n, VF t) {
   return lerp(hn::Load(DF(), pairs.first[m] + n), hn::Load(DF(), pairs.second[m] + n), t);
 }
 
-/// Where all eight voxels are finite.
+/// Whether all eight voxels are finite.
 HWY_INLINE hn::Mask<DF> is_finite(const VolumeView& volume, const CodePairs& pairs, int n, VF) {
   const DI di;
   auto hole = hn::FirstN(di, 0);
@@ -167,7 +167,7 @@ HWY_INLINE hn::Mask<DF> is_finite(const VolumeView& volume, const CodePairs& pai
   return hn::RebindMask(DF(), hn::Not(hole));
 }
 HWY_INLINE hn::Mask<DF> is_finite(const VolumeView&, const FloatPairs&, int, VF value) {
-  // what is not finite keeps so through sums, zero times infinity included
+  // NaN and infinity propagate through sums, zero times infinity included
   return hn::Lt(hn::Abs(value), hn::Inf(DF()));
 }
 
@@ -189,7 +189,7 @@ HWY_INLINE void write_greys(const VolumeView& volume, const GreyScale& scale, co
     VF level = hn::Mul(hn::Sub(value, hn::Set(d, scale.zero)), hn::Set(d, scale.per_value));
     level = hn::Min(hn::Max(hn::IfThenElseZero(finite, level), hn::Zero(d)), top);
     level = hn::Add(level, half);
-    // fewer levels than 256 are spread evenly; a quotient is exact where it is a half
+    // fewer than 256 levels are spread uniformly; the quotient is exact where it is a half
     if (scale.top != 255) {
       level = hn::ConvertTo(d, hn::ConvertTo(di, level));
       level = hn::Add(hn::Div(hn::Mul(level, hn::Set(d, 255)), top), half);
@@ -206,7 +206,7 @@ struct Tile {
   int row, column;
 };
 
-/// What of a row lies in a tile.
+/// Part of a row within a tile.
 struct Piece {
   HWY_INLINE Piece(const Rows& rows, int y, int column) {
     const Row& row = rows.row[y];
@@ -218,7 +218,8 @@ struct Piece {
   double start[3];  ///< continuous index at `begin`
 };
 
-/// Asks for the cache lines around every second pixel each way: a cell's rows can lie in four.
+/// Prefetches the cache lines around every second pixel in each direction: a cell's rows may lie in four
+/// lines.
 HWY_INLINE void prefetch(const VolumeView& volume, const Rows& rows, const Tile& tile) {
   constexpr int kApart = 2;
   Cells cells;
@@ -267,7 +268,7 @@ HWY_INLINE void sample_tile(const VolumeView& volume, const GreyScale& scale, co
 template <bool kBricks, class Pairs>
 HWY_INLINE void sample_tiles(const VolumeView& volume, const GreyScale& scale, const Rows& rows,
                              const Band& band) {
-  // every other band's first tile was asked for by the band before
+  // the first tile of every later band was prefetched by the band before
   if (kBricks && band.first == 0) prefetch(volume, rows, {0, 0});
   for (int row = band.first; row < band.first + band.count; row += kTileRows) {
     for (int column = 0; column < rows.width; column += kTileColumns) {
@@ -295,7 +296,7 @@ using D8 = hn::Rebind<std::uint8_t, D16>;
 using V16 = hn::Vec<D16>;
 using V8 = hn::Vec<D8>;
 
-/// (under * (255 - alpha) + over * alpha) / 255, to the nearest.
+/// (under * (255 - alpha) + over * alpha) / 255, rounded to the nearest.
 HWY_INLINE V8 blended(V16 under, V8 over, V16 alpha) {
   const D16 d;
   const V16 rest = hn::Sub(hn::Set(d, 255), alpha);
@@ -306,11 +307,13 @@ HWY_INLINE V8 blended(V16 under, V8 over, V16 alpha) {
   return hn::DemoteTo(D8(), hn::BitCast(hn::RebindToSigned<D16>(), quotient));
 }
 
-/// Pixels that are blended in one go: every lane's paint is stored well before it is loaded.
+/// Number of pixels blended together: large enough that the stores of each lane's paint have completed before
+/// they are loaded.
 constexpr int kBlock = 64;
 static_assert(HWY_MAX_BYTES <= 2 * kBlock || HWY_TARGET == HWY_SCALAR);
 
-/// 1 for pixels whose label is not that of all four neighbours. Whether there is any structure.
+/// Sets 1 for pixels whose label differs from any of the four neighbours. Returns whether any structure is
+/// visible.
 HWY_INLINE bool find_outlines(const LabelId* labels, const LabelId* above, const LabelId* below, int count,
                               std::uint16_t* outline) {
   const D16 d;
@@ -326,7 +329,7 @@ HWY_INLINE bool find_outlines(const LabelId* labels, const LabelId* above, const
   return !hn::AllTrue(d, hn::Eq(any, hn::Zero(d)));
 }
 
-/// Up to kBlock pixels, written whole vectors at a time.
+/// Up to kBlock pixels, written in whole vectors.
 HWY_INLINE void grey_block(const std::uint8_t* grey, int count, std::uint8_t* rgb) {
   const D8 d8;
   for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d8))) {
@@ -355,7 +358,7 @@ HWY_INLINE void blend_block(const Paint* paints, const std::uint8_t* grey, const
   }
 }
 
-/// A row in blocks: block(x, count, rgb), which may write whole vectors.
+/// Writes a row in blocks: block(x, count, rgb) may write whole vectors.
 template <class Block>
 HWY_INLINE void write_row(int width, std::uint8_t* rgb, const Block& block) {
   int x = 0;

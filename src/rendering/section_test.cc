@@ -16,7 +16,7 @@ std::string letters(const SectionPlane& plane) {
   return l.left + " " + l.right + " " + l.top + " " + l.bottom;
 }
 
-/// The letters on picture right when `right` points to this patient direction.
+/// Letters on picture right if `right` points in this anatomical direction.
 std::string right_letters(const Vector<Patient>& direction) {
   SectionPlane plane;
   plane.right = direction.normalized();
@@ -26,7 +26,7 @@ std::string right_letters(const Vector<Patient>& direction) {
 
 TEST(Section, AnatomicalViewsHangRadiologically) {
   const Point<Patient> centre(10, -20, 30);
-  // axial from the feet, patient's left on picture right; the face of a sagittal looks left
+  // axial from the feet, patient's left on picture right; in a sagittal view the face points to the left
   EXPECT_EQ(letters(anatomical_section(AnatomicalPlane::kAxial, centre, 100, 64, 64)), "R L A P");
   EXPECT_EQ(letters(anatomical_section(AnatomicalPlane::kCoronal, centre, 100, 64, 64)), "R L S I");
   EXPECT_EQ(letters(anatomical_section(AnatomicalPlane::kSagittal, centre, 100, 64, 64)), "A P S I");
@@ -84,7 +84,7 @@ TEST(Section, PixelOfInvertsAt) {
     const auto pixel = plane.pixel_of(plane.at(column, row));
     EXPECT_NEAR(pixel[0], column, 1e-9);
     EXPECT_NEAR(pixel[1], row, 1e-9);
-    // what stands off the plane is projected along its normal
+    // a point off the plane is projected along the normal
     const Vector<Patient> normal = plane.right.cross(plane.down);
     const auto projected = plane.pixel_of(plane.at(column, row) + normal * 17.0);
     EXPECT_NEAR(projected[0], column, 1e-9);
@@ -121,7 +121,7 @@ Vector<Patient> random_direction(std::mt19937& random) {
   return Vector<Patient>(x, y, z).normalized();
 }
 
-/// How far two sections are turned against each other.
+/// Difference in orientation between two sections.
 double turned(const SectionPlane& a, const SectionPlane& b) {
   return std::max(
       {(a.right - b.right).norm(), (a.down - b.down).norm(), (normal_of(a) - normal_of(b)).norm()});
@@ -196,8 +196,8 @@ TEST(ObliqueSection, WithoutADirectionIsCoronalOrTheOneBefore) {
   }
 }
 
-// a direction that turns by an angle turns the picture by not much more, but near the one opposite to
-// coronal's
+// rotating the direction rotates the picture by not much more, except near the direction opposite to the
+// coronal one
 TEST(ObliqueSection, DoesNotSpin) {
   constexpr double kStep = 1e-4;
   SCOPED_TRACE("seed 4");
@@ -210,16 +210,16 @@ TEST(ObliqueSection, DoesNotSpin) {
           view == ObliqueView::kAlong ? Vector<Patient>(0, 0, 1) : Vector<Patient>(0, -1, 0);
       const double angle = std::acos(d.dot(opposite));
       if (angle < 20 * kPi / 180) continue;
-      // the turn about the direction itself, of what the direction's own turn leaves over
+      // rotation about the direction itself that the direction's own rotation induces
       EXPECT_LT(turned(oblique(d, view), oblique(moved, view)), (1 + 2 / std::tan(0.5 * angle)) * kStep) << n;
     }
   }
 }
 
-// with the section before, there is no such place
+// with the previous section given, no direction is singular
 TEST(ObliqueSection, FollowsADirectionAnywhere) {
   for (const ObliqueView view : kViews) {
-    // through the opposite direction, straight and close by
+    // through the opposite direction, exactly and nearby
     for (const double off : {0.0, 1e-6, 1e-3, 0.1}) {
       SectionPlane plane = oblique(Vector<Patient>(0, 1, -1), view);
       for (int n = 0; n <= 360; ++n) {

@@ -48,7 +48,7 @@ Lattice brick_lattice(const GridGeometry& grid) {
   return lattice;
 }
 
-/// Voxels i ... i + count - 1 of row (j, k).
+/// Copies voxels i ... i + count - 1 of row (j, k).
 void copy_row(const Volume<float>& scan, int i, int j, int k, int count, float* to) {
   std::copy_n(&scan.at(i, j, k), count, to);
 }
@@ -56,8 +56,7 @@ void copy_row(const palpate::Bricks<LabelId>& labels, int i, int j, int k, int c
   labels.copy_row(i, j, k, count, to);
 }
 
-/// The voxels of a volume in bricks, each as `code` makes it. What a brick has beyond the volume repeats the
-/// volume's last voxels.
+/// Volume in bricks, with each voxel converted by `code`. Beyond the volume a brick repeats the last voxels.
 template <class To, class From, class Source, class Code>
 Bricks<To> in_bricks(const Source& source, Code code) {
   const GridGeometry& grid = source.geometry();
@@ -83,7 +82,7 @@ Bricks<To> in_bricks(const Source& source, Code code) {
 
 struct Extent {
   double low = 0, high = 0;
-  bool whole = true;  ///< all are whole numbers
+  bool whole = true;  ///< Whether all are integers
   bool finite = true;
   bool any = false;
 };
@@ -121,7 +120,7 @@ void* allocate_huge_pages(std::size_t bytes) {
   if (bytes < kHugePage) return ::operator new(bytes, alignment(bytes));
   const std::size_t whole = (bytes + kHugePage - 1) / kHugePage * kHugePage;
   void* memory = ::operator new(whole, alignment(bytes));
-  // a hint: whether there are any does not matter
+  // only a hint: failure is harmless
   ::madvise(memory, whole, MADV_HUGEPAGE);
   return memory;
 }
@@ -174,7 +173,7 @@ void Volumes::make_scan_bricks() {
   double low = extent.low, high = extent.high;
   const bool exact = extent.whole && high - low <= kMostCode - kLeastCode;
   if (!exact) {
-    // a value far off must not take all codes
+    // an outlier must not take up the code range
     const auto window = automatic_window();
     const double room = kMostWindows * (window[1] - window[0]);
     if (window != std::array<double, 2>{0, 1}) {
@@ -213,7 +212,7 @@ GreyScale Volumes::grey_scale(const std::array<double, 2>& window, int levels) c
 }
 
 Band Pixels::sized(int width, int height) {
-  // every row has padding before it, and the last one behind it too
+  // every row has padding before it, and the last one also after it
   const std::size_t stride = static_cast<std::size_t>(width) + kPixelPadding;
   const std::size_t count = stride * (kRowsAbove + kBandRows) + kPixelPadding;
   if (grey_.size() < count) {
@@ -228,7 +227,7 @@ Band Pixels::sized(int width, int height) {
 bool PixelView::next() {
   if (++y == rows_.count) return false;
   const int sampled = band_.first + band_.count;
-  // the row below is needed too
+  // outlines need the row below
   if (y + 1 >= sampled && sampled < rows_.count) sample_next_band();
   grey = grey_of(y);
   labels = labels_of(y);
@@ -242,7 +241,7 @@ void PixelView::sample_next_band() {
   const std::ptrdiff_t kept = kRowsAbove * band_.stride;
   if (band_.count > 0) {
     const int end = band_.first + band_.count;
-    // the last two rows: one whose row below was missing, and that above it
+    // keep the last two rows: one without the row below yet, and the one above it
     std::copy_n(labels_of(end) - kept - 1, kept, band_.labels - kept - 1);
     std::copy_n(grey_of(end) - kept, kept, band_.grey - kept);
   }
@@ -253,7 +252,7 @@ void PixelView::sample_next_band() {
   const bool has_scan = volume_.scan != nullptr || volume_.codes != nullptr,
              has_labels = volume_.labels != nullptr || volume_.numbers != nullptr;
   for (int row = band_.first; row < band_.first + band_.count; ++row) {
-    // what no voxel was found for
+    // fill pixels outside the volume
     const auto fill = [&, inside = rows_.row[row]](bool sampled, auto* to, auto value) {
       std::fill(to, sampled ? to + inside.begin : to + width, value);
       if (sampled) std::fill(to + inside.end, to + width, value);
@@ -263,13 +262,13 @@ void PixelView::sample_next_band() {
     fill(has_labels, to, LabelId{0});
     for (; !moved_.empty() && moved_.front().row == row; moved_ = moved_.subspan(1))
       sample_at_rest(moved_.front());
-    // beyond the picture nothing differs
+    // repeat the end labels, so that no outline appears at the picture's border
     to[-1] = to[0];
     to[width] = to[width - 1];
   }
 }
 
-// by a picture of one pixel, which writes whole vectors
+// samples a one-pixel picture, since the kernel writes whole vectors
 void PixelView::sample_at_rest(const MovedPixel& moved) {
   alignas(64) std::uint8_t some_grey[3 * kPixelPadding]{};
   alignas(64) LabelId some_labels[3 * kPixelPadding]{};

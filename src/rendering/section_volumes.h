@@ -10,8 +10,8 @@
 
 namespace palpate::internal::section {
 
-/// Memory in huge pages where the kernel has some, else in any, for what is larger than one; aligned to cache
-/// lines in any case. A plane touches more small pages than a processor keeps the addresses of.
+/// Allocates memory in huge pages if available, for sizes above one of them; always cache-line aligned. With
+/// small pages, a plane through the volume would exceed the TLB.
 void* allocate_huge_pages(std::size_t bytes);
 void free_huge_pages(void* memory, std::size_t bytes) noexcept;
 template <class T>
@@ -27,7 +27,7 @@ struct HugePages {
 template <class T>
 using Bricks = std::vector<T, HugePages<T>>;
 
-/// A model's scan and labels as sections read them, in the model or in bricks. Immutable.
+/// A model's scan and labels in the layout for sections, in the model or in bricks. Immutable.
 class Volumes {
  public:
   Volumes(const Model& model, SectionStorage storage);
@@ -35,12 +35,12 @@ class Volumes {
   bool empty() const { return scan_ == nullptr && labels_ == nullptr; }
   bool has_scan() const { return scan_ != nullptr; }
   const GridGeometry& grid() const { return scan_ != nullptr ? scan_->geometry() : labels_->geometry(); }
-  /// scan_window(), found once; {0, 1} without a scan.
+  /// scan_window(), computed once; {0, 1} without a scan.
   std::array<double, 2> automatic_window() const;
   const VolumeView& view() const { return view_; }
   std::size_t prepared_bytes() const;
 
-  /// From what the scan is read as to grey.
+  /// Mapping of stored scan values to grey.
   GreyScale grey_scale(const std::array<double, 2>& window, int levels) const;
 
  private:
@@ -49,10 +49,10 @@ class Volumes {
 
   std::shared_ptr<const Volume<float>> scan_;
   std::shared_ptr<const palpate::Bricks<LabelId>> labels_;
-  Volume<LabelId> plain_labels_;  ///< where nothing is in bricks
+  Volume<LabelId> plain_labels_;  ///< Used without bricks
   Bricks<std::uint16_t> codes_;
   Bricks<LabelId> brick_labels_;
-  Bricks<std::uint8_t> numbers_;  ///< instead of them
+  Bricks<std::uint8_t> numbers_;  ///< Used instead of brick_labels_ if labels fit in a byte
   std::vector<LabelId> label_of_number_;
   double code_zero_ = 0, per_value_ = 1;  ///< code = (value - code_zero_) * per_value_
   VolumeView view_;
@@ -60,17 +60,16 @@ class Volumes {
   mutable std::array<double, 2> window_{0, 1};
 };
 
-/// A pixel that shows what lies elsewhere at rest: its one-pixel row there, without a pixel where that is
-/// beyond the volume.
+/// Pixel of displaced tissue, with a one-pixel row at its rest position; empty if that is outside the volume.
 struct MovedPixel {
   int row = 0, column = 0;
   Row at_rest;
 };
 
-/// Room for a picture's rows, and for the greys and labels of a band and of the two rows above it.
+/// Buffers for a picture's rows, and for the greys and labels of a band and the two rows above it.
 class Pixels {
  public:
-  /// Grows where it has to. The band begins below the two rows.
+  /// Grows the buffers if necessary. The band begins below the two rows.
   Band sized(int width, int height);
   std::vector<Row>& rows() { return rows_; }
   std::vector<MovedPixel>& moved() { return moved_; }
@@ -82,11 +81,11 @@ class Pixels {
   std::vector<MovedPixel> moved_;
 };
 
-/// A picture row by row, from the top: `while (next())`. A band of rows is sampled when its first one is
-/// looked at, over the band before, so that all stays in the cache.
+/// Iterates over a picture row by row, from the top: `while (next())`. A band of rows is sampled when its
+/// first row is reached, over the previous band, so that the data stay in the cache.
 struct PixelView {
-  /// @param volume  less the layers that nobody asked for
-  /// @param moved   by rows, in a row by columns
+  /// @param volume  without the layers that are not needed
+  /// @param moved   sorted by rows, then by columns
   PixelView(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
             const Band& band, std::span<const MovedPixel> moved)
       : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band), moved_(moved) {}
@@ -94,14 +93,14 @@ struct PixelView {
 
   int y = -1;
   const std::uint8_t* grey = nullptr;
-  const LabelId* labels = nullptr;  ///< one more beyond either end, the same as there
-  const LabelId* above = nullptr;   ///< the row itself where there is none
+  const LabelId* labels = nullptr;  ///< Readable one beyond either end, where it repeats the end
+  const LabelId* above = nullptr;   ///< The row itself at the border
   const LabelId* below = nullptr;
 
  private:
   void sample_next_band();
   void sample_at_rest(const MovedPixel& moved);
-  // of sampled rows and the two above them
+  // for sampled rows and the two above them
   LabelId* labels_of(int row) const { return band_.labels + (row - band_.first) * band_.stride; }
   std::uint8_t* grey_of(int row) const { return band_.grey + (row - band_.first) * band_.stride; }
 
@@ -110,7 +109,7 @@ struct PixelView {
   Rows rows_;
   std::uint8_t background_;
   Band band_;
-  std::span<const MovedPixel> moved_;  ///< that are still to come
+  std::span<const MovedPixel> moved_;  ///< Remaining ones
 };
 
 }  // namespace palpate::internal::section

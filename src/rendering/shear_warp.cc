@@ -7,13 +7,14 @@
 namespace palpate::internal::volume_picture {
 namespace {
 
-/// Intermediate pixels are as large as the picture's, but in these bounds, in the grid's shortest spacing:
-/// finer ones show nothing more, coarser ones would leave out voxels. Along a line, samples that are less
-/// than 1 apart are looked up by vectors, which is worth more than fewer of them; lines may be farther apart.
+/// Limits of the pixel size of the intermediate picture, in units of the grid's shortest spacing; within them
+/// it equals the final pixel size. Finer pixels show no more detail, coarser ones would skip voxels. Along a
+/// line, samples less than 1 apart can be looked up by vector permutation, which outweighs a lower number of
+/// samples; the distance between lines may be larger.
 constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995, kNearestLine = 0.95, kFarthestLine = 1.25;
-/// Planes nearer to the eye than this part of the way to the intermediate picture are not sampled.
+/// Planes nearer to the eye than this fraction of the distance to the intermediate picture are not sampled.
 constexpr double kNearest = 1e-3;
-/// Empty pixels around the intermediate picture.
+/// Empty margin of the intermediate picture; pixels.
 constexpr int kRim = 2;
 
 int class_of(const Eigen::Vector3d& way, const Eigen::Vector3d& spacing) {
@@ -59,7 +60,7 @@ std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& cam
   const auto class_at = [&](int column, int row) {
     return class_of(rays.along(column, row), grid.spacing_mm);
   };
-  // the rays of a class are a convex cone: where all corners are of one, all are
+  // the rays with a common principal axis form a convex cone: if all corners belong to it, all pixels do
   const int right = camera.width_px - 1, bottom = camera.height_px - 1, first = class_at(0, 0);
   const bool is_one =
       class_at(right, 0) == first && class_at(0, bottom) == first && class_at(right, bottom) == first;
@@ -96,7 +97,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   const double h = grid.min_spacing_mm();
   const int x = f.x, y = f.y, z = f.z;
 
-  // the slice in which the intermediate picture lies: in the middle of what is before the eye
+  // slice of the intermediate picture: the middle of the part in front of the eye
   const Bounds slices{rays.is_parallel || !region.is_ascending ? -1.0 : std::max(-1.0, eye[z]),
                       rays.is_parallel || region.is_ascending
                           ? static_cast<double>(grid.dims[static_cast<std::size_t>(z)])
@@ -104,7 +105,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   if (!(slices.low < slices.high)) return {};
   f.z_ref = 0.5 * (slices.low + slices.high);
 
-  // pixels to that slice, (x, y) = (U, V) / W
+  // projects pixels onto that slice, (x, y) = (U, V) / W
   const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& way, double one) {
     if (rays.is_parallel) {
       const double beyond = one * f.z_ref - start[z];
@@ -118,7 +119,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   f.warp_step = to_slice(rays.from_step, rays.way_step, 0);
   f.warp_line = to_slice(rays.from_line, rays.way_line, 0);
 
-  // what of it is seen, how large a pixel is there, and how far it is from slice to slice
+  // visible extent in that slice, pixel size there, and distance between slices along the rays
   Bounds xs, ys;
   double pixel_mm = std::numeric_limits<double>::infinity(), apart_mm = 0;
   for (const PixelRun& run : region.runs)
@@ -164,7 +165,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   to_pixels.row(1) << 0, 1 / f.y_ref_per_v, -f.y_ref_0 / f.y_ref_per_v;
   for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
 
-  // planes of samples: the slices, or as far apart as they may be
+  // sampling planes: the slices, subdivided if their distance along a ray is too large
   const double apart = std::min(1.0, most_apart * h / apart_mm),
                slice_count = grid.dims[static_cast<std::size_t>(z)];
   f.z_step = sign * apart;

@@ -14,7 +14,7 @@
 
 namespace palpate::internal::volume_picture {
 
-/// A box of a volume of its own, i fastest.
+/// Dense array over a box, i fastest.
 template <class T>
 struct Box {
   explicit Box(const std::array<int, 3>& box_size) : size(box_size) {
@@ -33,30 +33,30 @@ struct Box {
   std::vector<T> values;
 };
 
-/// How a voxel that is all of one structure looks, and what mixtures are made of.
+/// Appearance of a voxel that belongs to one structure entirely, and components of mixtures.
 struct Part {
   float opacity = 0;
-  float solid = 0;    ///< h / mm
-  float surface = 0;  ///< optical depth
-  float haze = 0;     ///< h / mm
+  float solid = 0;    ///< In units of h / mm
+  float surface = 0;  ///< Optical depth
+  float haze = 0;     ///< In units of h / mm
   Rgb colour;
 };
 
 struct VoxelLook {
-  float extinction = 0;  ///< h / mm
+  float extinction = 0;  ///< In units of h / mm
   float colour[3] = {};
-  float covered = 0;  ///< by structures that are drawn
+  float covered = 0;  ///< Coverage by structures that are drawn
 };
 
 namespace {
 
 constexpr int kTileSide = 64;
-/// That a tile puts, so that few are moved while they are gathered.
+/// Usual number of blocks per tile, to avoid reallocation while they are collected.
 constexpr std::size_t kUsualBlocks = 16384;
-/// Cubes. A leap that is no longer, so that what changes has an end.
+/// Maximum leap, in cubes, which bounds the region affected by a change.
 constexpr std::uint8_t kFarthestLeap = 12;
 
-/// A Gaussian after [1 2 1] / 4, one side.
+/// Gaussian convolved with [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
   const std::vector<float> gaussian = sample_normal_kernel(sigma_voxels).weights;
   const auto at = [&](int t) {
@@ -77,12 +77,12 @@ int blocks_along(int voxels) {
   return (voxels + kBlock - 1) / kBlock;
 }
 
-/// Rows of values, some of which are known to have one value throughout.
+/// Rows of values, with a flag for rows known to be constant.
 struct KnownRows {
   explicit KnownRows(const std::array<int, 3>& size)
       : values(size), is_constant(static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(size[2])) {}
   char& constant(int j, int k) { return is_constant[row_number(j, k)]; }
-  /// Of rows j - reach * dj ... j + reach * dj, and so along k.
+  /// Whether rows j - reach * dj ... j + reach * dj are constant, and correspondingly along k.
   bool are_constant(int j, int k, int dj, int dk, int reach) const {
     for (int t = -reach; t <= reach; ++t)
       if (!is_constant[row_number(j + t * dj, k + t * dk)]) return false;
@@ -97,13 +97,13 @@ struct KnownRows {
   std::vector<char> is_constant;
 };
 
-/// Sums rows around a row by a kernel.
+/// Weighted sums of neighbouring rows by a symmetric kernel.
 class KernelSum {
  public:
-  /// @param step  from a row to the next
+  /// @param step  distance between rows
   KernelSum(const std::vector<float>& kernel, std::size_t step)
       : kernel_(kernel), step_(step), pairs_(kernel.size() - 1) {}
-  /// @param constant  all of the row's sums are the same: one is made, by the same operations
+  /// @param constant  all sums of the row are equal: one is computed, by the same operations
   void sum(const float* centre, int length, bool constant, float* out) {
     const auto count = static_cast<std::size_t>(length);
     for (std::size_t t = 1; t <= pairs_.size(); ++t)
@@ -118,10 +118,10 @@ class KernelSum {
   std::vector<RowPair<float>> pairs_;
 };
 
-/// Smooths values of labels along all axes; what comes out is smaller by the kernels' reach on either side.
-/// One plane across j after another is smoothed along k, and one slice after another along i and j: each of
-/// these is in a core's cache.
-/// @param value  by label; the last one for all labels beyond
+/// Smooths values of labels along all axes; the result is smaller by the kernels' reach on either side.
+/// Processes plane after plane across j along k, then slice after slice along i and j, so that each fits in a
+/// core's cache.
+/// @param value  by label; the last entry applies to all labels beyond
 Box<float> smoothed(const Box<LabelId>& labels, const std::vector<float>& value,
                     const std::array<std::vector<float>, 3>& kernels) {
   const std::array<int, 3>& from = labels.size;
@@ -193,7 +193,7 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
       std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
   const auto at_place = [&](int n) { return voxels_.begin() + first_[group] + n; };
   if (is_empty) {
-    // its room stays, for what may come back
+    // capacity is retained, since the block may return
     if (is_there) std::copy(at_place(before + 1), at_place(count), at_place(before));
     word &= ~bit;
     return;
@@ -209,12 +209,12 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
 void BlockRows::make_room(std::size_t group, int count) {
   const std::size_t end = voxels_.size();
   if (count > 0 && first_[group] + static_cast<std::size_t>(count) == end) {
-    // the last one, as groups are while all is made
+    // the last group can grow in place, as groups do during the initial encoding
     voxels_.emplace_back();
     ++room_[group];
     return;
   }
-  // a group moves once at most, so what lies unused has an end
+  // a group moves at most once, so the wasted space is bounded
   room_[group] = count == 0 ? 1 : kGroup;
   voxels_.resize(end + room_[group]);
   std::copy_n(voxels_.begin() + first_[group], count, voxels_.begin() + static_cast<std::ptrdiff_t>(end));
@@ -244,7 +244,7 @@ std::size_t BlockRows::bytes() const {
 // ---- leaps ------------------------------------------------------------------------------------------------
 
 Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
-  // cells 0 ... voxels, and one more, to which a place at the border may be rounded
+  // cells 0 ... voxels, and one more, to which positions at the border may be rounded
   for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kCubeSide + 1;
   leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
   filled_.resize(leap_.size());
@@ -291,7 +291,7 @@ void Leaps::pass(const Cubes& region, int step) {
     return step > 0 ? n : region[axis][0] + region[axis][1] - n;
   };
   const int first = region[0][0], count = region[0][1] - first + 1;
-  // the least of rows that were passed before, from a cube before the first to one after the last
+  // minimum over the rows already visited, from one cube before the first to one after the last
   std::vector<std::uint8_t> least(static_cast<std::size_t>(count) + 2);
   const int from = std::max(0, first - 1), to = std::min(cubes_[0] - 1, first + count);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
@@ -322,7 +322,7 @@ void Leaps::pass(const Cubes& region, int step) {
 }
 
 void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
-  // cubes that the box fills or empties, and those whose leaps these bound
+  // cubes that the box may fill or empty, and those whose leaps depend on them
   Cubes looked{}, region{};
   for (std::size_t a = 0; a < 3; ++a) {
     looked[a] = {std::max(0, box.first[a] / kCubeSide),
@@ -335,7 +335,7 @@ void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
     for (int b = region[1][0]; b <= region[1][1]; ++b)
       for (int a = region[0][0]; a <= region[0][1]; ++a)
         leap_[index(a, b, c)] = filled_[index(a, b, c)] != 0 ? 0 : kFarthestLeap;
-  // distances, from what lies around the region, too: once there and back, as of a chessboard
+  // chessboard distance transform in two passes, including values around the region
   pass(region, 1);
   pass(region, -1);
 }
@@ -348,11 +348,11 @@ CubesView Leaps::view(int x, int y, int z) const {
 
 // ---- a tile -----------------------------------------------------------------------------------------------
 
-/// A box of voxels, and all that decides how they look.
+/// A box of voxels, with all data that determine their appearance.
 class Encoding::Tile {
  public:
-  /// @param changed  where voxels look otherwise than the encoding's blocks say
-  /// @param turned   where normals may differ; around `changed`
+  /// @param changed  voxels whose look differs from the stored blocks
+  /// @param turned   voxels whose normals may differ; includes `changed`
   Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box,
        const VoxelBox& changed, const VoxelBox& turned)
       : encoding_(encoding),
@@ -366,17 +366,17 @@ class Encoding::Tile {
     parts_.resize(std::max<std::size_t>(1, parts_.size()));
     parts_[0] = {};
     for (const Part& part : parts_) opacities_.push_back(part.opacity);
-    // of labels that have no look
+    // for labels without a look
     opacities_.push_back(parts_[0].opacity);
   }
   static std::array<int, 3> margins(const Encoding& encoding) {
     std::array<int, 3> margin{};
-    // a difference of smoothed values to either side
+    // central difference of the smoothed values
     for (std::size_t a = 0; a < 3; ++a) margin[a] = static_cast<int>(encoding.kernels_[a].size());
     return margin;
   }
 
-  /// Calls put(rows, i, j, k, block) for every block of both kinds of rows that may differ.
+  /// Calls put(rows, i, j, k, block) for every block of either kind of rows that may have changed.
   template <class Put>
   void for_each_block(const Put& put) {
     const LabelId first = labels_.values.front();
@@ -384,7 +384,7 @@ class Encoding::Tile {
                                      [&](LabelId label) { return label == first; });
     const std::array<int, 3>& size = box_.size;
     looks_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
-    // a block at the end is read as if it were whole
+    // padding, since a block at the end is read completely
     for (auto& rows : normals_)
       for (auto& component : rows) component.assign(looks_.size() + kBlock, 0);
     if (uniform)
@@ -427,7 +427,7 @@ class Encoding::Tile {
   }
 
  private:
-  using Region = std::array<std::array<int, 2>, 3>;  ///< first and end, from the box's first voxel
+  using Region = std::array<std::array<int, 2>, 3>;  ///< First and end relative to the box's first voxel
 
   static Region within(const VoxelBox& box, const VoxelBox& part) {
     Region region;
@@ -475,7 +475,7 @@ class Encoding::Tile {
         labels.copy_row(from, jj, kk, to - from, labels_.row(j, k) + (from - first[0]));
       }
   }
-  /// @return the labels of a row, from `first_label()` on
+  /// @return labels of a row, from `first_label()` on
   const LabelId* label_row(int j, int k) const {
     return labels_.row(j - turned_[1][0] + margin_[1], k - turned_[2][0] + margin_[2]);
   }
@@ -499,7 +499,7 @@ class Encoding::Tile {
         for (int i = changed_[0][0]; i < changed_[0][1]; ++i) looks_[offset(i, j, k)] = look;
   }
 
-  /// What find_normals() has to know of voxels whose look stays: whether anything is there.
+  /// Marks the voxels with an unchanged look that are not empty, as find_normals() needs it.
   void take_unchanged() {
     for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
       for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
@@ -520,7 +520,7 @@ class Encoding::Tile {
     std::vector<std::uint32_t> column(static_cast<std::size_t>(box_.size[0]) + 2);
     for (int k = changed_[2][0]; k < changed_[2][1]; ++k)
       for (int j = changed_[1][0]; j < changed_[1][1]; ++j) {
-        // the label that fills all nine voxels across a place of the row
+        // common label of the nine voxels across a position of the row
         const LabelId* rows[9];
         for (int r = 0; r < 9; ++r) rows[r] = label_row(j + r % 3 - 1, k + r / 3 - 1);
         const int first = first_label();
@@ -538,7 +538,7 @@ class Encoding::Tile {
       }
   }
 
-  /// Of the 27 voxels around.
+  /// Look of a voxel from its 27 neighbours.
   VoxelLook mixture(const LabelId* const* rows, int i) const {
     struct Share {
       LabelId label;
@@ -604,7 +604,7 @@ class Encoding::Tile {
   }
 
   void find_normals() {
-    // one voxel more than is asked for, on either side
+    // includes one voxel more on either side
     const Box<float> opacity = smoothed(labels_, opacities_, encoding_.kernels_);
     const Eigen::Matrix3d to_patient = encoding_.to_patient_ / 2;
     const double least = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
@@ -639,18 +639,18 @@ class Encoding::Tile {
 
   void fill_look(VoxelBlock& block, int place, std::size_t voxel) const {
     const VoxelLook& look = looks_[voxel];
-    // rounds what is not negative
+    // rounds non-negative values
     const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
     block.extinction[place] =
         static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
-    // of what is not seen, there is no colour
+    // an invisible voxel has a canonical colour
     for (std::size_t a = 0; a < 3; ++a)
       block.colour[a][place] =
           look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
   }
-  /// A block's normals, where these may differ: a component is eight bytes.
+  /// Normals of a block as eight-byte words per component, restricted to those that may differ.
   struct NormalWords {
-    std::uint64_t differing;  ///< bytes
+    std::uint64_t differing;  ///< Byte mask
     std::array<std::uint64_t, 3> made;
 
     static std::uint64_t word(const std::int8_t* bytes) {
@@ -671,9 +671,9 @@ class Encoding::Tile {
       }
     }
   };
-  /// @param along       the block's axis
+  /// @param along       axis of the block
   /// @param at          its first voxel
-  /// @param first, end  its voxels whose normals may differ
+  /// @param first, end  voxels whose normals may differ
   NormalWords normal_words(std::size_t along, const std::array<int, 3>& at, int first, int end) const {
     std::array<std::uint8_t, kBlock> differing{};
     for (int n = first; n < end; ++n) differing[static_cast<std::size_t>(n)] = 0xff;
@@ -698,10 +698,10 @@ class Encoding::Tile {
   Region changed_, turned_;
   std::array<int, 3> margin_;
   Box<LabelId> labels_;
-  std::vector<Part> parts_;       ///< by label
-  std::vector<float> opacities_;  ///< by label, and of those beyond
+  std::vector<Part> parts_;       ///< By label
+  std::vector<float> opacities_;  ///< By label, and one entry for all labels beyond
   std::vector<VoxelLook> looks_;
-  /// Of voxels in the order of both kinds of rows, by component; none where nothing is seen.
+  /// Normals in the order of either kind of rows, by component; 0 where nothing is visible.
   std::array<std::array<std::vector<std::int8_t>, 3>, 2> normals_;
 };
 
@@ -730,7 +730,8 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
-  // a voxel looks as the 27 around it say; that nothing of labels is where only the scan is seen is not kept
+  // a voxel's look depends on the 27 around it; emptiness is not stored for voxels that show the scan only,
+  // so everything is rebuilt with a scan
   VoxelBox changed, turned;
   const bool is_all = is_new_ || scan_.scan != nullptr;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -742,7 +743,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     widen(changed, 1);
     widen(turned, margin[a]);
   }
-  // what is too small to be a tile for each worker is cut in thinner ones
+  // a region too small for one tile per worker is cut into thinner tiles
   int thickness = kTileSide;
   const int workers = worker_count(threads, std::numeric_limits<int>::max()), columns = tiles[0] * tiles[1];
   if (columns > 0 && columns * tiles[2] < workers) {
@@ -756,7 +757,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     VoxelBlock block;
   };
   std::mutex putting;
-  // what others read is not changed yet
+  // data that other workers read are modified later
   std::vector<std::vector<Made>> later(is_new_ ? 0 : static_cast<std::size_t>(count));
   const auto put_all = [&](const std::vector<Made>& made) {
     for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
@@ -775,7 +776,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     made.reserve(kUsualBlocks);
     Tile(*this, labels, part, changed, turned)
         .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
-          // at first all are empty
+          // initially all blocks are empty
           const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
                                             [](auto e) { return e == 0; });
           if (!is_new_ || !is_empty) made.push_back({rows, i, j, k, block});
@@ -800,7 +801,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
   };
   for_each_index(2, std::min(workers, 2), [&](int, int rows) {
     put_later(rows);
-    // leaps look at rows along i
+    // leaps use the rows along i
     if (rows == 0) leaps_.find(rows_[0], changed);
     return true;
   });

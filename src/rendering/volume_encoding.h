@@ -9,15 +9,13 @@
 #include "rendering/section_volumes.h"
 #include "rendering/volume_simd.h"
 
-/// What is seen of a volume, in the order in which a view goes through it.
+/// Encoding of a volume's visible voxels in the traversal order of a view.
 ///
-///     labels, looks -> extinction, colour, normal of each voxel (volume_terms.h)     once, and where labels
-///     change
-///         -> rows of blocks of eight voxels along one axis; empty blocks are not stored
-///             -> lit blocks: extinction and light                                    for each direction of
-///             view, those that are met (volume_simd.h)
+///    labels, looks -> extinction, colour, normal of each voxel (volume_terms.h)     once, and on changes
+///        -> rows of blocks of eight voxels along one axis; empty blocks are not stored
+///            -> lit blocks: extinction and radiance      per viewing direction, on demand (volume_simd.h)
 ///
-/// A row never lies along the direction of view: rows along i serve the views along j and k, rows along j
+/// Rows are never parallel to the viewing direction: rows along i serve views along j and k, rows along j
 /// those along i. A block is a cache line.
 namespace palpate::internal::volume_picture {
 
@@ -25,15 +23,15 @@ namespace palpate::internal::volume_picture {
 class BlockRows {
  public:
   BlockRows() = default;
-  /// @param along  the rows' axis: 0 or 1
+  /// @param along  axis of the rows: 0 or 1
   BlockRows(const GridGeometry& grid, int along);
 
-  /// Puts a voxel block at its place, or takes it away where it is empty.
-  /// @param i, j, k  its first voxel
+  /// Stores a voxel block, or removes it if it is empty.
+  /// @param i, j, k  first voxel of the block
   void put(int i, int j, int k, const VoxelBlock& block);
-  /// @param into  away from the viewer, unit
+  /// @param into  unit vector away from the viewer
   RowsView view(const Vector<Patient>& into, const VolumeLight& light) const;
-  /// Its blocks, by their number; null where one is empty.
+  /// Blocks of a row by their number; null for an empty block.
   struct Row {
     const std::uint64_t* mask;
     const std::uint32_t* first;
@@ -44,7 +42,7 @@ class BlockRows {
       return place != 0 ? voxels + place : nullptr;
     }
   };
-  /// @param across  the voxel across the rows; @param k  the slice
+  /// @param across  voxel index across the rows; @param k  slice
   Row row(int across, int k) const {
     const std::size_t number = row_number(across, k);
     return {mask_.data() + number * static_cast<std::size_t>(words_),
@@ -59,38 +57,38 @@ class BlockRows {
     return static_cast<std::size_t>(across) +
            static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(k);
   }
-  /// For one block more of a group that has `count`.
+  /// Makes room for another block of a group that has `count`.
   void make_room(std::size_t group, int count);
 
-  int blocks_ = 0, words_ = 0, groups_ = 0;  ///< of a row
-  section::Bricks<std::uint32_t> first_;     ///< RowsView
-  section::Bricks<std::uint8_t> room_;       ///< for so many blocks there is room where a group lies
+  int blocks_ = 0, words_ = 0, groups_ = 0;  ///< Per row
+  section::Bricks<std::uint32_t> first_;     ///< As in RowsView
+  section::Bricks<std::uint8_t> room_;       ///< Capacity of each group, in blocks
   section::Bricks<std::uint64_t> mask_;
   section::Bricks<VoxelBlock> voxels_;
 };
 
-/// Where rays need not look.
+/// Empty-space skipping for rays.
 class Leaps {
  public:
   Leaps() = default;
   explicit Leaps(const GridGeometry& grid);
-  /// Looks at the voxels of a box, of rows along i.
+  /// Updates from the voxels of a box, using rows along i.
   void find(const BlockRows& rows, const VoxelBox& box);
-  /// @param x, y, z  the grid's axes that a view calls so
+  /// @param x, y, z  axes of the grid in the order of a view
   CubesView view(int x, int y, int z) const;
   std::size_t bytes() const { return leap_.size() * (sizeof(leap_[0]) + sizeof(filled_[0])); }
 
  private:
-  using Cubes = std::array<std::array<int, 2>, 3>;  ///< first ... last
+  using Cubes = std::array<std::array<int, 2>, 3>;  ///< First and last cube per axis
   std::size_t index(int a, int b, int c) const {
     return static_cast<std::size_t>(a) +
            static_cast<std::size_t>(cubes_[0]) *
                (static_cast<std::size_t>(b) +
                 static_cast<std::size_t>(cubes_[1]) * static_cast<std::size_t>(c));
   }
-  /// Which cells of these cubes have something.
+  /// Determines the non-empty cells of these cubes.
   void fill(const BlockRows& rows, const Cubes& cubes);
-  /// Lowers leaps to what those of the cubes allow that were passed before.
+  /// One pass of the distance transform: lowers the leaps to the bounds given by the cubes already visited.
   void pass(const Cubes& region, int step);
 
   std::array<int, 3> voxels_{}, cubes_{};
@@ -101,12 +99,12 @@ class Leaps {
 class Encoding {
  public:
   explicit Encoding(const GridGeometry& grid, std::span<const StructureLook> looks, ScanLook scan = {});
-  /// Makes the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
+  /// Rebuilds the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
   Result<void> encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
                       const Progress& progress);
 
   const GridGeometry& grid() const { return grid_; }
-  /// @param axis  along which one looks
+  /// @param axis  principal axis of the view
   const BlockRows& rows_for(int axis) const { return rows_[axis == 0 ? 1 : 0]; }
   const Leaps& leaps() const { return leaps_; }
   std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + leaps_.bytes(); }
@@ -117,8 +115,8 @@ class Encoding {
   GridGeometry grid_;
   std::vector<StructureLook> looks_;
   ScanLook scan_;
-  Eigen::Matrix3d to_patient_;                 ///< turns a gradient by voxels into one by mm
-  std::array<std::vector<float>, 3> kernels_;  ///< of the smoothed opacity along i, j, k
+  Eigen::Matrix3d to_patient_;                 ///< Transforms a gradient per voxel to one per mm
+  std::array<std::vector<float>, 3> kernels_;  ///< Smoothing of the opacity along i, j, k
   std::array<BlockRows, 2> rows_;
   Leaps leaps_;
   bool is_new_ = true;

@@ -9,13 +9,13 @@ namespace palpate {
 namespace {
 
 constexpr int kSamplesAcross = 2, kSamples = kSamplesAcross * kSamplesAcross;
-/// How long an arrow's head is, and how wide, by the radius of its shaft.
+/// Length and radius of an arrow's head, relative to the radius of its shaft.
 constexpr double kHeadLength = 7, kHeadRadius = 3;
 constexpr double kMarkAmbient = 0.35, kMarkDiffuse = 0.65;
 
 struct MarkRay {
   Point<Patient> from;
-  Vector<Patient> way;  ///< unit
+  Vector<Patient> way;  ///< Unit vector
 };
 
 MarkRay mark_ray(const VolumeCamera& camera, double column, double row) {
@@ -27,18 +27,18 @@ MarkRay mark_ray(const VolumeCamera& camera, double column, double row) {
 
 struct MarkHit {
   double mm = std::numeric_limits<double>::infinity();
-  double facing = 0;  ///< cosine between its surface and the ray
+  double facing = 0;  ///< Cosine between surface normal and ray
 };
 
-/// Where a ray enters a mark: the cone that touches both balls, between the circles in which it does, else
-/// the balls themselves.
+/// Intersection of a ray with a mark: with the cone tangent to both spheres between the circles of tangency,
+/// otherwise with the spheres.
 MarkHit enter(const MarkRay& ray, const VolumeMark& mark) {
   const Eigen::Vector3d a = (ray.from - mark.from).eigen(), b = (ray.from - mark.to).eigen(),
                         way = ray.way.eigen(), axis = (mark.to - mark.from).eigen();
   const double narrows = mark.from_mm - mark.to_mm, square = axis.squaredNorm() - narrows * narrows;
   const double along_way = axis.dot(way), along_a = axis.dot(a), a_way = a.dot(way);
   MarkHit hit;
-  // one ball within the other has no cone
+  // no cone if one sphere contains the other
   if (square > 1e-12) {
     const double k2 = square - along_way * along_way,
                  k1 = square * a_way - along_a * along_way + along_way * narrows * mark.from_mm,
@@ -67,7 +67,7 @@ MarkHit enter(const MarkRay& ray, const VolumeMark& mark) {
   return hit;
 }
 
-/// Columns and rows that a mark may cover, first ... last.
+/// Bounding box of a mark in the picture, inclusive.
 struct Reach {
   int left, right, top, bottom;
 };
@@ -79,11 +79,11 @@ Reach reach_of(const VolumeCamera& camera, const VolumeMark& mark) {
   for (const auto& [point, radius] : {std::pair{mark.from, mark.from_mm}, std::pair{mark.to, mark.to_mm}}) {
     const Vector<Patient> off = point - camera.focus;
     const double z = camera.eye_mm + off.dot(camera.into());
-    // what is around the eye may be anywhere
+    // a mark around the eye may cover any pixel
     if (!camera.is_parallel() && z <= 2 * radius) return anywhere;
     for (int a = 0; a < 2; ++a) {
       const double middle = 0.5 * (size[a] - 1), x = off.dot(axes[a]);
-      // parallel rays: a circle; from an eye: where the tangents to the ball meet the plane of the focus
+      // parallel rays: a circle; perspective: projection of the sphere's tangents onto the plane of the focus
       double least_mm = x - radius, most_mm = x + radius;
       if (!camera.is_parallel()) {
         const double square = z * z - radius * radius, root = radius * std::sqrt(x * x + square);
@@ -109,7 +109,7 @@ bool is_finite(const VolumeMark& mark) {
          std::isfinite(mark.to_mm);
 }
 
-/// What a sample of a pixel sees first.
+/// Nearest mark at a sample of a pixel.
 struct MarkSample {
   float mm = std::numeric_limits<float>::infinity();
   std::uint8_t rgb[3] = {};

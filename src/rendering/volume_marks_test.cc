@@ -27,7 +27,7 @@ VolumeCamera marks_camera(bool perspective) {
   return camera;
 }
 
-/// How far a place is outside a mark, by trying balls all along it: never less than it is.
+/// Upper bound of the distance of a point from a mark, by sampling spheres along it.
 double outside_mm(const VolumeMark& mark, const Point<Patient>& at) {
   double least = 1e9;
   for (int n = 0; n <= 60; ++n) {
@@ -66,7 +66,7 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
         for (double t = 0; t < 220; t += 0.5) nearest = std::min(nearest, outside_mm(mark, from + way * t));
         const bool drawn = image.rgb[3 * static_cast<std::size_t>(60 * row + column)] > 0;
         covered += drawn ? 1 : 0;
-        // a pixel is a mm wide, and a ball along the axis is smaller than the cone that touches both
+        // a pixel is 1 mm wide, and sampled spheres are smaller than the tangent cone
         if (nearest < -0.8 && !drawn) ++wrong;
         if (nearest > 1.6 && drawn) ++wrong;
       }
@@ -75,7 +75,7 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
   EXPECT_GT(covered, 30);
 }
 
-/// A ball that an eye sees at a slant is an ellipse, which reaches farther outwards than inwards.
+/// In perspective, an off-axis sphere projects to an ellipse that extends farther outwards than inwards.
 TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
@@ -102,7 +102,7 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
         const double beside = way.cross(middle - eye).norm();
         const bool drawn = image.rgb[3 * static_cast<std::size_t>(kSide * row + column)] > 0;
         covered += drawn ? 1 : 0;
-        // within a pixel of the rim either may be
+        // ambiguous within a pixel of the rim
         const double pixel_mm = camera.mm_per_px() * std::hypot(x, y, z) / camera.eye_mm;
         if (beside < radius - pixel_mm && !drawn) ++wrong;
         if (beside > radius + pixel_mm && drawn) ++wrong;
@@ -125,7 +125,7 @@ TEST(VolumeMarks, AreBeforeWhatIsDeeperAndFaintBehindWhatIsNot) {
     return std::array{image.rgb[middle], image.rgb[middle + 1], image.rgb[middle + 2]};
   };
   using Pixel = std::array<std::uint8_t, 3>;
-  // the surface, the first ball, the second
+  // the surface, the first sphere, the second
   EXPECT_EQ(drawn(20, 30, 10, 0), (Pixel{100, 100, 100}));
   const Pixel first = drawn(0, 30, 10, 0), second = drawn(30, 0, 10, 0), faint = drawn(20, 30, 10, 0.5);
   EXPECT_LT(first[0], 5);

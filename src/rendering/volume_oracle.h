@@ -9,8 +9,8 @@
 #include "palpate/volume/gaussian_kernel.h"
 #include "rendering/volume_terms.h"
 
-/// A picture of a volume ray by ray in double, as one would write it first: what VolumeRenderer is compared
-/// with. volume_terms.h says what is computed.
+/// Reference implementation of volume rendering: ray by ray, in double, without optimisation. volume_terms.h
+/// defines the optical model.
 namespace palpate::testing {
 
 struct OracleVoxel {
@@ -60,7 +60,7 @@ class VolumeOracle {
       }
       if (voxel.extinction == 0) return add_scan(voxel, scan, all, i, j, k);
       voxel.colour /= voxel.extinction;
-      // the smoothed opacity is known one voxel beyond the grid, too
+      // the smoothed opacity is available one voxel beyond the grid
       const Eigen::Vector3d rise(smooth[wide(i + 1, j, k)] - smooth[wide(i - 1, j, k)],
                                  smooth[wide(i, j + 1, k)] - smooth[wide(i, j - 1, k)],
                                  smooth[wide(i, j, k + 1)] - smooth[wide(i, j, k - 1)]);
@@ -76,7 +76,7 @@ class VolumeOracle {
     std::vector<double> covered;       ///< 0 ... 1
     std::vector<double> depth_mm;
   };
-  /// @param steps  for a voxel's shortest edge
+  /// @param steps  samples per shortest voxel edge
   Picture render(const VolumeCamera& camera, const VolumeStyle& style, double steps = 8) {
     light(camera, style);
     const auto X_VoxelPatient = grid_.X_PatientVoxel().inverse();
@@ -122,7 +122,7 @@ class VolumeOracle {
   double opacity(LabelId label) const {
     return label > 0 && label < looks_.size() ? looks_[label].opacity : 0;
   }
-  // of the grid with one voxel more on every side
+  // index in the grid padded by one voxel on every side
   std::size_t wide(int i, int j, int k) const {
     const std::array<int, 3>& n = grid_.dims;
     return static_cast<std::size_t>(i + 1) +
@@ -171,11 +171,11 @@ class VolumeOracle {
     }
   }
 
-  /// @param origin, along  voxels, for a mm
+  /// @param origin, along  voxel coordinates; `along` per mm
   void cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& along, const Point<Patient>& from,
             const Vector<Patient>& way, double least_mm, double step_mm, const VolumeStyle& style,
             Picture& picture) const {
-    // the way through the volume and one voxel beyond, in which it fades
+    // path through the volume and one voxel beyond, where extinction fades
     double begin = least_mm, end = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
       if (along[axis] == 0) {
@@ -186,7 +186,7 @@ class VolumeOracle {
       begin = std::max(begin, std::min(a, b));
       end = std::min(end, std::max(a, b));
     }
-    // and as far as the clip plane, exactly: a solid is opaque within less than a step
+    // exactly to the clip plane, since an opaque structure absorbs everything within less than a step
     if (style.clip) {
       const double rise = way.dot(style.clip->away), here = (from - style.clip->at).dot(style.clip->away);
       if (rise == 0 && here > 0) end = begin;

@@ -9,12 +9,12 @@
 namespace palpate {
 namespace {
 
-/// The picture's right and down before it is turned and tilted.
+/// Right and down directions of the picture before rotation and tilt.
 std::array<Vector<Patient>, 2> right_and_down(ViewFrom from) {
   const Vector<Patient> inferior(0, 0, -1), posterior(0, 1, 0);
   const bool along_body = from == ViewFrom::kSuperior || from == ViewFrom::kInferior;
   const Vector<Patient> down = along_body ? posterior : inferior;
-  // away from the viewer is right x down
+  // right x down points away from the viewer
   return {down.cross(-direction_to(from)), down};
 }
 
@@ -46,7 +46,7 @@ std::string view_text(const VolumePictureRequest& request) {
   return text;
 }
 
-/// The structures that are drawn, the largest first.
+/// Visible structures by descending volume.
 std::vector<LabelId> drawn_structures(const Model& model, std::span<const StructureLook> looks) {
   const std::vector<std::size_t> counts = label_counts(*model.labels);
   std::vector<LabelId> drawn;
@@ -106,7 +106,7 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
       };
       const Vector<Patient> off = grid.X_PatientVoxel() * Point<Voxel>(end(0), end(1), end(2)) - camera.focus;
       const double aside = std::max(std::abs(off.dot(camera.right)), std::abs(off.dot(camera.down)));
-      // of a picture of that width, seen from kEyeDistance times it: what is nearer is larger
+      // width needed in perspective with the eye at kEyeDistance times the width: nearer points appear larger
       const double nearer = request.perspective ? std::max(0.0, -off.dot(camera.into())) / kEyeDistance : 0;
       most = std::max(most, kRim * (2 * aside + nearer));
     }

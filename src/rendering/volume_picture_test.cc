@@ -30,11 +30,12 @@ TEST(VolumePicture, HangsAsInRadiology) {
     expect_near(camera.into(), -direction_to(from));
     EXPECT_NEAR(camera.right.dot(camera.down), 0, 1e-12);
   }
-  // the patient's left on the right from the front and from the feet, anterior on the left from the left
+  // the patient's left is on the right from the front and from the feet; anterior is on the left from the
+  // left
   expect_near(camera_of(grid, request_from(ViewFrom::kAnterior)).right, {1, 0, 0});
   expect_near(camera_of(grid, request_from(ViewFrom::kInferior)).right, {1, 0, 0});
   expect_near(camera_of(grid, request_from(ViewFrom::kLeft)).right, {0, 1, 0});
-  // from the front a quarter turn leads to the left, and half of one up to the head
+  // from the front, a quarter turn leads to the left, and a tilt by 90 degrees to the head
   expect_near(camera_of(grid, request_from(ViewFrom::kAnterior, 90)).into(), {-1, 0, 0});
   expect_near(camera_of(grid, request_from(ViewFrom::kAnterior, 0, 90)).into(), {0, 0, -1});
 }
@@ -61,7 +62,7 @@ TEST(VolumePicture, ShowsAllOfTheVolume) {
   }
 }
 
-/// A block in the patient's left half, seen where it is; what is cut away is not.
+/// A block in the patient's left half appears at its position; clipped parts do not.
 TEST(VolumePicture, DrawsStructuresWhereTheyAre) {
   GridGeometry grid = test::make_grid({40, 40, 40}, 0);
   Volume<LabelId> labels(grid);

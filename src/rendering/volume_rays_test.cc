@@ -32,14 +32,14 @@ using internal::volume_picture::trace_rays;
 using internal::volume_picture::TracedRay;
 using internal::volume_picture::VoxelBlock;
 
-/// Rows along i, of which some blocks are filled evenly; vectors no longer than they must be, so that a
-/// sanitizer sees what is read beyond.
+/// Rows along i with some uniformly filled blocks; buffers of minimal size, so that a sanitizer detects reads
+/// beyond them.
 struct Grid {
   std::array<int, 3> count;
   int blocks, words, groups;
   std::vector<std::uint64_t> mask;
   std::vector<std::uint32_t> first;
-  std::vector<VoxelBlock> voxels = std::vector<VoxelBlock>(1 + kGroup);  ///< all but the first one alike
+  std::vector<VoxelBlock> voxels = std::vector<VoxelBlock>(1 + kGroup);  ///< All equal but the first
   std::unique_ptr<LitBlocks> lit = std::make_unique<LitBlocks>();
 
   Grid(const std::array<int, 3>& size, std::uint16_t extinction)
@@ -77,7 +77,7 @@ TracedRay ray_from(float x, float x_per_plane, float y, float y_per_plane) {
   return ray;
 }
 
-/// In `float`, places on a border may be rounded to beyond it.
+/// In `float`, positions on the boundary may be rounded to beyond it.
 TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
@@ -87,7 +87,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
        {std::array{767, 4, 4}, {1023, 4, 4}, {1024, 4, 4}, {2048, 3, 3}, {4, 1023, 4}, {4, 2048, 3}}) {
     const int axis = count[0] > count[1] ? 0 : 1;
     const auto length = static_cast<std::size_t>(count[static_cast<std::size_t>(axis)]);
-    // what is read beyond a row's end is the next one's beginning
+    // a read beyond a row's end returns the next row's beginning
     Grid grid(count, 4000);
     if (axis == 0)
       for (std::size_t row = 0; row < grid.mask.size(); row += static_cast<std::size_t>(grid.words))
@@ -96,7 +96,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     GridGeometry geometry;
     geometry.dims = count;
     const Leaps leaps(geometry);
-    // nowhere to leap: every plane is looked at
+    // no leaps: every plane is sampled
     const std::size_t cubes = (static_cast<std::size_t>(count[0] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[1] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[2] + 1) / 4 + 1);
@@ -112,8 +112,8 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     int seen = 0;
     std::vector<TracedRay> rays(20'000);
     for (std::size_t n = 0; n < rays.size(); ++n) {
-      // at the border on a whole plane, from outside or from inside, and at most 8 voxels from it
-      // or a little before it
+      // at the boundary on an integer plane, from outside or inside, at most 8 voxels away, or slightly
+      // before it
       const float border =
           n % 5 == 4 ? -1.0f + short_of(random) : static_cast<float>(length) - short_of(random);
       const auto plane = static_cast<float>(8 + random() % 580),
@@ -134,7 +134,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
   }
 }
 
-/// In what is the same everywhere light falls to one half after ln 2 / extinction, not at the next plane.
+/// In a homogeneous medium transmittance reaches one half after ln 2 / extinction, not at the next plane.
 TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
   for (const std::uint16_t extinction :
        std::initializer_list<std::uint16_t>{600, 1500, 5000, 20'000, 60'000}) {
@@ -157,7 +157,7 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
                    *grid.lit);
         const float expected =
             before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);
-        // a plane that cuts a sample's stretch spreads what is left of it over all of it
+        // a clip plane within a sample's interval spreads the rest over the whole interval
         EXPECT_NEAR(clipped.met, expected, first < 0 ? 2e-3f : 1.0f)
             << extinction << " " << first << " " << step;
         EXPECT_LT(clipped.clear, 0.5f);
@@ -165,7 +165,7 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
   }
 }
 
-/// Against a search through all voxels around each cell, and all cubes around each cube.
+/// Compared with exhaustive search over all voxels around each cell and all cubes around each cube.
 TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
@@ -179,7 +179,7 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
   const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1,
                                  (71 + 1) / kCubeSide + 1};
   for (int change = 0; change < 6; ++change) {
-    // first all of it, then boxes that are filled or emptied
+    // first the whole grid, then boxes that are filled or emptied
     VoxelBox box{{0, 0, 0}, grid.dims};
     if (change > 0) {
       for (std::size_t a = 0; a < 3; ++a) box.size[a] = 1 + below(9), box.first[a] = below(grid.dims[a] - 9);

@@ -25,37 +25,36 @@ using internal::volume_picture::TracedRay;
 
 namespace internal::volume_picture {
 
-/// A line of intermediate pixels.
+/// Line of intermediate pixels.
 struct Line {
   std::vector<float> floats;
   std::vector<std::uint64_t> open;
 };
-/// Room that is kept from picture to picture.
+/// Buffers reused from picture to picture.
 struct Scratch {
-  std::vector<Line> lines;                   ///< kMostLines of each thread
-  std::vector<std::vector<float>> mixing;    ///< of each thread
-  std::vector<LitBlocks> lit;                ///< of each thread
-  std::vector<std::vector<TracedRay>> rays;  ///< of each thread
+  std::vector<Line> lines;                   ///< kMostLines per thread
+  std::vector<std::vector<float>> mixing;    ///< Per thread
+  std::vector<LitBlocks> lit;                ///< Per thread
+  std::vector<std::vector<TracedRay>> rays;  ///< Per thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
   std::vector<float> met, begun;
-  std::vector<std::vector<float>> row_met;  ///< of each thread
+  std::vector<std::vector<float>> row_met;  ///< Per thread
 };
 
 }  // namespace internal::volume_picture
 
 namespace {
 
-/// Samples along a ray, in the grid's shortest spacing, are at most so far apart; where a clip plane cuts
-/// between two of them, nearer.
+/// Maximum distance between samples along a ray, in units of the grid's shortest spacing; smaller if a clip
+/// plane cuts between two of them.
 constexpr double kMostApart = 1, kMostApartClipped = 0.5;
 using internal::volume_picture::kMostLines;
 using internal::volume_picture::kNoPlane;
-/// Rays of a row that are traced together.
+/// Number of rays of a row that are traced together.
 constexpr std::size_t kMostRays = 64;
 
-/// Where along its ray each pixel of an intermediate line enters and leaves what is not clipped away, and how
-/// far it is from plane to plane.
+/// Per intermediate pixel: visible range of planes under clipping, and distance between planes along its ray.
 class Ways {
  public:
   Ways(const GridGeometry& grid, const Rays& rays, const Factored& view, const std::optional<ClipPlane>& clip)
@@ -67,13 +66,13 @@ class Ways {
   }
   bool is_clipped() const { return is_clipped_; }
 
-  /// From an intermediate pixel: from plane to plane, voxels.
+  /// Step of an intermediate pixel's ray from plane to plane; voxels.
   Eigen::Vector3d pace(const Eigen::Vector3d& at) const {
     const Eigen::Vector3d way = rays_.is_parallel ? rays_.way : Eigen::Vector3d(at - rays_.from);
     return way * (view_.z_step / way[view_.z]);
   }
   float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
-  /// The planes that are seen.
+  /// Range of visible planes.
   std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& pace) const {
     if (!is_clipped_) return {-kNoPlane, kNoPlane};
     const double rise = normal_.dot(pace), here = normal_.dot(at) - offset_;
@@ -108,13 +107,13 @@ class Ways {
   Eigen::Matrix3d linear_;
   double h_;
   bool is_clipped_ = false;
-  Eigen::Vector3d normal_ = Eigen::Vector3d::Zero();  ///< for a voxel
+  Eigen::Vector3d normal_ = Eigen::Vector3d::Zero();  ///< Per voxel
   double offset_ = 0;
 };
 
 RowsView rows_of(RowsView rows, const GridGeometry& grid, const Factored& view) {
   const int axes[3] = {view.x, view.y, view.z};
-  // from a row to the next: first across the rows, then along k
+  // distances between rows: first across the rows, then along k
   const std::ptrdiff_t across = 1, along_k = grid.dims[view.x == 0 ? 1 : 0];
   for (int a = 0; a < 3; ++a) {
     rows.count[a] = grid.dims[static_cast<std::size_t>(axes[a])];
@@ -159,14 +158,14 @@ MixingRoom mixing_room(std::vector<float>& floats, LitBlocks& lit, int row_voxel
   return rows;
 }
 
-/// What rays of a picture begin with.
+/// Initialisation of a picture's rays.
 struct RayStart {
   const Ways& ways;
   const Factored& view;
-  const float* begun;  ///< of the intermediate pixels, `stride` a line
+  const float* begun;  ///< First non-empty plane of the intermediate pixels, `stride` per line
   std::ptrdiff_t stride;
 
-  /// At intermediate pixel (u, v), and not before what the four around it met.
+  /// Ray at intermediate position (u, v), starting at the first non-empty plane of the four pixels around it.
   TracedRay at(double u, double v) const {
     Eigen::Vector3d at;
     at[view.x] = view.x_ref_0 + view.x_ref_per_u * u;
@@ -191,7 +190,7 @@ struct RayStart {
   }
 };
 
-/// Pixels of a row, each by a ray of its own through the same planes.
+/// Traces individual rays for some pixels of a row, through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
            LitBlocks& lit, std::uint8_t* rgb, float* met) {
@@ -298,7 +297,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;
     const std::size_t all = stride * static_cast<std::size_t>(view->height);
-    // one more at either end, beside the first and the last pixel
+    // one more at either end, read beside the first and the last pixel
     scratch_->pixels.resize(all + 2);
     scratch_->pixels.front() = scratch_->pixels.back() = 0;
     scratch_->marked.resize(all);
@@ -376,7 +375,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
         const float plane = met[static_cast<std::size_t>(x)];
-        // the first plane's stretch begins half a plane before it
+        // the first plane's sample extends half a plane before it
         if (plane < -0.5f) continue;
         const Eigen::Vector3d way = rays.along(x, run.row);
         const double slice = view->z_first + view->z_step * plane,

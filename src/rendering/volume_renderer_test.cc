@@ -27,7 +27,7 @@ std::vector<StructureLook> some_looks() {
       {{0, 0, 0}, 0}, {{230, 220, 190}, 1}, {{200, 90, 80}, 0.35}, {{90, 160, 220}, 1}, {{80, 220, 120}, 0}};
 }
 
-/// Balls and sheets of several structures, some cut by the border.
+/// Balls and sheets of several structures, some of them cut by the border.
 Volume<LabelId> some_shapes(const GridGeometry& grid, std::mt19937& random) {
   std::uniform_real_distribution<double> part(0, 1);
   std::normal_distribution<double> normal;
@@ -60,7 +60,7 @@ Volume<LabelId> some_shapes(const GridGeometry& grid, std::mt19937& random) {
   return labels;
 }
 
-/// Along an axis of the grid, just before and after the view goes over to another, or from anywhere.
+/// Along an axis of the grid, on either side of a change of the principal axis, or from a random direction.
 VolumeCamera some_camera(const GridGeometry& grid, int number, std::mt19937& random) {
   std::normal_distribution<double> normal;
   const auto direction = [&] {
@@ -88,7 +88,7 @@ VolumeCamera some_camera(const GridGeometry& grid, int number, std::mt19937& ran
 
 struct Difference {
   double rms = 0, p999 = 0, most = 0, coverage = 0;
-  double too_deep = 0;  ///< of pixels that are deep in both: more than a voxel apart
+  double too_deep = 0;  ///< Share of pixels, deep in both, that differ by more than a voxel
 };
 
 Difference compare(const VolumeOracle::Picture& oracle, const std::vector<std::uint8_t>& rgb,
@@ -152,7 +152,7 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
-  // pixels of half a voxel to a whole one; in the second twelve views, of 1 to 1.6
+  // pixels of half a voxel to one voxel; in the last twelve views, of 1 to 1.6
   for (int number = 0; number < 24; ++number) {
     const GridGeometry grid = some_grid(number % 4);
     const Volume<LabelId> labels = some_shapes(grid, random);
@@ -173,7 +173,7 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
   }
 }
 
-/// Waves of a few voxels' length over the whole window and beyond it, and what is no number.
+/// Waves with a length of a few voxels over the whole window and beyond it, and values that are not finite.
 ScanLook some_scan(const GridGeometry& grid, std::mt19937& random) {
   std::uniform_real_distribution<double> part(0, 1);
   const double x = part(random), y = part(random), z = part(random);
@@ -207,10 +207,10 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
     EXPECT_LE(difference.rms, 2) << number;
     EXPECT_LE(difference.p999, 12) << number;
     EXPECT_GE(difference.coverage, 0.5) << number;
-    // it is seen, and not through what is solid
+    // visible, but not through opaque structures
     VolumeRenderer without = made(labels, looks);
     EXPECT_NE(draw(without, camera, style), drawn) << number;
-    // what a box of labels uncovers shows the scan
+    // a box that the labels uncover shows the scan
     const VoxelBox box{{10, 12, 8}, {18, 15, 14}};
     for (int k = 8; k < 22; ++k)
       for (int j = 12; j < 27; ++j)
@@ -221,7 +221,7 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
   }
 }
 
-/// Where structures reach the volume's border they begin on the first plane of samples.
+/// Structures that reach the volume's border begin on the first sampling plane.
 TEST(VolumeRenderer, SaysDepthsOfWhatTheBorderCuts) {
   const GridGeometry grid = test::make_grid({20, 24, 28}, 0);
   const Volume<LabelId> labels(grid, 1);
@@ -276,7 +276,7 @@ TEST(VolumeRenderer, ABallIsLitAsABallIs) {
       for (int row = 0; row < camera.height_px; ++row)
         for (int column = 0; column < camera.width_px; ++column) {
           const double off = (camera.at(column, row) - camera.focus).norm() / radius;
-          // at the rim a pixel sees what lies beside the ball, too
+          // at the rim a pixel also covers what is beside the ball
           if (off > 1 - 1.5 * grid.spacing_mm.maxCoeff() / radius) continue;
           const std::size_t n = static_cast<std::size_t>(row) * 200 + static_cast<std::size_t>(column);
           const double lambert = std::sqrt(1 - off * off), error = drawn.rgb[3 * n] / 255.0 - lambert;
@@ -343,7 +343,7 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
   const VoxelBox all{{0, 0, 0}, grid.dims};
   std::array<std::size_t, 8> bytes{};
   for (std::size_t number = 0; number < bytes.size(); ++number) {
-    // a comb, whose teeth lie elsewhere each time
+    // a comb whose teeth are shifted each time
     for (std::size_t n = 0; n < before.size(); ++n)
       labels.voxels()[n] = n % 100 / 5 % 4 == number % 4 ? LabelId{1} : before[n];
     renderer.change(*label_bricks(labels), all);
@@ -355,7 +355,7 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
   EXPECT_EQ(draw(renderer, camera), draw(anew, camera));
 }
 
-/// Blocks of two slices beside each other that a thread's lit blocks have but one slot for.
+/// Blocks of two adjacent slices that share a slot in a thread's cache of lit blocks.
 TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
   const GridGeometry grid = test::make_grid({64, 64, 30}, 1);
   Volume<LabelId> labels(grid);
@@ -363,7 +363,7 @@ TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
     for (int j = 0; j < 64; ++j)
       for (int i = 0; i < 64; ++i) labels.at(i, j, k) = label;
   };
-  // 512 blocks each, so far apart that nothing is seen between them: what is filled later lies 4096 places on
+  // 512 blocks each, separated by empty slices: blocks filled later have indices 4096 higher
   for (const int k : {0, 5, 8, 11, 14, 17, 20, 23}) fill(k, 1);
   const std::vector<StructureLook> solid{{{}, 0}, {{220, 30, 30}, 1}, {{30, 30, 220}, 1}};
   VolumeRenderer renderer = made(labels, solid, 1);
@@ -373,7 +373,7 @@ TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
   std::mt19937 random(3);
   VolumeCamera camera = some_camera(grid, 0, random);
   camera.eye_mm = std::numeric_limits<double>::infinity();
-  // along the slices' normal but for a slant, from either side
+  // slightly oblique to the slices' normal, from either side
   const Vector<Patient> normal(grid.direction.col(2)), beside(grid.direction.col(0));
   for (const double side : {1.0, -1.0}) {
     const Vector<Patient> into = (normal * side + beside * 0.1).normalized();
@@ -383,7 +383,7 @@ TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
   }
 }
 
-/// As an image would tell it: how much the pixels of two views that are nearly the same differ.
+/// Image difference between two nearly identical views.
 TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
   const GridGeometry grid = some_grid(1);
   std::mt19937 random(3);
@@ -397,7 +397,7 @@ TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
     camera.eye_mm = std::numeric_limits<double>::infinity();
     return draw(renderer, camera);
   };
-  // half a thousandth of a degree each time: over the switch, and beside it
+  // steps of half a thousandth of a degree: across the switch, and beside it
   const auto step = [&](double from) {
     const Drawn a = turned(from), b = turned(from + 1e-5);
     double sum = 0;
@@ -429,7 +429,7 @@ TEST(VolumeRenderer, DrawsBackgroundWhereThereIsNothing) {
   EXPECT_TRUE(is_background(draw(hidden, camera, style)));
   VolumeRenderer full = made(Volume<LabelId>(grid, 1), some_looks());
   EXPECT_FALSE(is_background(draw(full, camera, style)));
-  // all of it cut away, beside the picture, behind the eye
+  // everything clipped, outside the picture, behind the eye
   style.clip = ClipPlane{grid.centre() - Vector<Patient>(500, 0, 0), {1, 0, 0}};
   EXPECT_TRUE(is_background(draw(full, camera, style)));
   style.clip.reset();
@@ -441,7 +441,7 @@ TEST(VolumeRenderer, DrawsBackgroundWhereThereIsNothing) {
 }
 
 TEST(VolumeRenderer, SeesFromWithinAndWideAngles) {
-  // an eye in the middle of a hollow box sees its walls all around, by rays along several axes
+  // an eye at the centre of a hollow box sees its walls all around, by rays with several principal axes
   const GridGeometry grid = test::make_grid({40, 40, 40}, 0);
   Volume<LabelId> labels(grid, 1);
   for (int k = 6; k < 34; ++k)

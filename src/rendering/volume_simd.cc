@@ -1,16 +1,15 @@
 #include "rendering/volume_simd.h"
 
-// Lines of intermediate pixels that lie beside each other gather from one plane of samples after another. On
-// each:
+// Neighbouring lines of intermediate pixels are accumulated over the sampling planes together. On each plane:
 //
-//     blocks   which are there of the rows of voxels around the lines, by bits: runs of them
-//     pixels   of a run, in chunks, those that still see something
-//     rows     of each of the lines' rows the two before and behind the plane become one, in float
-//     samples  between the two of these around the line, by weights that are the same all along it, and
-//              between two voxels of that; and what each adds
+//     blocks   runs of stored blocks in the voxel rows around the lines, by bit operations
+//     pixels   chunks of a run in which some pixel is not opaque yet
+//     rows     the two voxel rows before and behind the plane are mixed to one, in float
+//     samples  interpolation between the two mixed rows around the line, with constant weights, and between
+//              two voxels along it; accumulation
 //
-// These are functions of their own, not inlined: in one body there are too few registers for any of them, and
-// it takes a tenth longer. No operation is fused: the same bits on every target. Compiled once per target by
+// These are separate functions that are not inlined: a single body would exceed the registers, and takes a
+// tenth longer. No fused operations are used: bit-identical on every target. Compiled once per target by
 // foreach_target.h.
 
 #include <cmath>
@@ -41,14 +40,15 @@ HWY_INLINE int lanes() {
 }
 static_assert(kChunk == kBlock);
 
-/// What still sees so little is done.
+/// Transmittance below which a pixel counts as opaque.
 constexpr float kDone = 1.0f / 400;
 constexpr float kTiny = 1e-7f;
-/// Between two intermediate pixels there is an edge where the light bends by more than this at both, of 1023:
-/// by a second difference. A slope of light has none, a crease bends it at both by more than what is mixed is
-/// off.
+/// An edge lies between two intermediate pixels if the second difference of radiance, of 1023, exceeds this
+/// at both. A linear gradient has none; a crease exceeds it at both, by more than the error of the
+/// interpolation.
 constexpr std::int32_t kBend = 50;
-/// And between four which differ by more than this, where it bends at one of them.
+/// An edge also lies between four pixels that differ by more than this if the second difference is large at
+/// one of them.
 constexpr float kApart = 50;
 
 // ---- light ------------------------------------------------------------------------------------------------
@@ -111,14 +111,15 @@ HWY_INLINE bool is_lit(std::uint32_t place, const LitBlocks& lit) {
   return lit.place[place % LitBlocks::kCount] == place;
 }
 
-/// A block, lit: until the next one is asked for.
+/// Returns a lit block, valid until the next call.
 HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
   const std::uint32_t slot = place % LitBlocks::kCount;
   if (HWY_UNLIKELY(!is_lit(place, lit))) light_now(rows, place, lit);
   return lit.lit[slot];
 }
 
-/// Asks for a block, lit or to be lit. Which of the two is no branch: it would be guessed wrongly too often.
+/// Prefetches a block, in its lit or unlit form. Selected without a branch, which would often be
+/// mispredicted.
 HWY_INLINE void ask_for_block(const RowsView& rows, std::uint32_t place, const LitBlocks& lit) {
   const std::uint32_t slot = place % LitBlocks::kCount;
   const auto there = reinterpret_cast<std::uintptr_t>(&lit.lit[slot]),
@@ -129,7 +130,7 @@ HWY_INLINE void ask_for_block(const RowsView& rows, std::uint32_t place, const L
 
 // ---- a line -----------------------------------------------------------------------------------------------
 
-/// e^-t for t >= 0, to 1e-4: the sixteenth power of a series.
+/// e^-t for t >= 0, to 1e-4: sixteenth power of a truncated series.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V exp_of_minus(D d, V t) {
   const V y = hn::Min(hn::Mul(t, hn::Set(d, 1.0f / 16)), hn::Set(d, 1.0f));
@@ -144,7 +145,7 @@ HWY_INLINE V exp_of_minus(D d, V t) {
   return hn::Mul(p, p);
 }
 
-/// The rows of voxels before and behind a plane, at one place across them: those that count.
+/// The voxel rows before and behind a plane, at one position across them; only those with a non-zero weight.
 struct RowPair {
   int count = 0;
   const std::uint64_t* mask[2];
@@ -166,9 +167,8 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
   }
 }
 
-/// Asks for blocks begin ... end - 1 of a pair of rows while there is something else to do: they are far
-/// away.
-/// @returns whether there are any
+/// Prefetches blocks begin ... end - 1 of a pair of rows early, since they are usually not cached.
+/// @returns whether any of them is stored
 HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begin, int end,
                              const LitBlocks& lit) {
   bool any = false;
@@ -182,8 +182,8 @@ HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begi
   return any;
 }
 
-/// Blocks begin ... end - 1 of a pair of rows as one, `to` being block `first`; those beyond either end are
-/// empty.
+/// Mixes blocks begin ... end - 1 of a pair of rows, with `to` starting at block `first`; blocks beyond
+/// either end count as empty.
 HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, int first,
                            LitBlocks& lit, float* const* to) {
   const DF d;
@@ -198,7 +198,7 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
       for (int n = 0; n < pair.count; ++n) {
         const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
         if (place == 0) continue;
-        // the second may take the first one's slot
+        // the second block may evict the first from its slot
         if (count == 1 && (places[0] - place) % LitBlocks::kCount == 0) {
           aside = *blocks[0];
           blocks[0] = &aside;
@@ -227,20 +227,19 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
   }
 }
 
-/// A line between two mixed rows, which weigh so much: the same all along it.
+/// Line between two mixed rows, with constant weights.
 struct MixedLine {
   const float* const* near;
   const float* const* far;
   float near_weight, far_weight;
 };
 
-/// So far from sample to sample, in voxels, that the cells of a vector's samples begin within a vector of
-/// voxels.
+/// Sample distance in voxels below which the cells of a vector of samples begin within one vector of voxels.
 constexpr float kClose = 0.999f;
 
-/// A chunk's pixels that still see something take a sample each. @param place  of the first one in the mixed
-/// row
-/// @returns whether nothing more is seen by any
+/// Samples a chunk's pixels that are not opaque.
+/// @param place  position of the first one in the mixed row
+/// @returns whether all pixels are opaque now
 template <bool kIsClose>
 HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int at, float place, float step,
                                float plane) {
@@ -258,7 +257,7 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int
         hn::IndicesFromVec(d, hn::Min(hn::Sub(low, hn::Set(di, first)), hn::Set(di, lanes() - 1)));
     const auto mix = [&](VF near, VF far)
                          HWY_ATTR { return hn::Add(hn::Mul(near, near_weight), hn::Mul(far, far_weight)); };
-    // nothing of a channel is read before it is known to be seen
+    // a channel is read only if extinction is non-zero
     const auto between = [&](int channel) HWY_ATTR {
       const float *near = mixed.near[channel], *far = mixed.far[channel];
       VF a, b;
@@ -274,7 +273,7 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
     const VF before = hn::LoadU(d, line.clear + at + n);
-    // around the others nothing may have been mixed
+    // rows around the other pixels may not have been mixed
     const auto sees = hn::Ge(before, hn::Set(d, kDone));
     const VF extinction = hn::IfThenElseZero(sees, hn::Mul(between(3), scale));
     const auto is_there = hn::Gt(extinction, hn::Zero(d));
@@ -306,7 +305,7 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int
     const VF middle = hn::Set(d, 0.5f);
     const auto meets = hn::And(hn::Gt(before, middle), hn::Le(after, middle));
     if (!hn::AllFalse(d, meets)) {
-      // in a sample's stretch extinction is the same all along
+      // extinction is constant within a sample's interval
       HWY_ALIGN float was[kChunk], through[kChunk], is[kChunk];
       hn::Store(before, d, was);
       hn::Store(depth, d, through);
@@ -319,7 +318,8 @@ HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int
   return hn::AllFalse(d, any);
 }
 
-/// From place `from` on the first bit that is set, or `end`. @param word  gives 64 bits
+/// First set bit from position `from` on, or `end`.
+/// @param word  returns 64 bits
 template <class Word>
 HWY_INLINE int next_bit(int from, int end, const Word& word) {
   while (from < end) {
@@ -333,18 +333,18 @@ HWY_INLINE int next_bit(int from, int end, const Word& word) {
   return from < end ? from : end;
 }
 
-/// Lines that lie beside each other on a plane.
+/// Neighbouring lines on a plane.
 struct LinesOnPlane {
-  int first = 0;  ///< the row of voxels before the first of them; and those after it
+  int first = 0;  ///< First voxel row, the one before the first line; the others follow
   int row_count = 0;
   RowPair rows[kMostRows];
   int line_count = 0;
   const Gathered* line[kMostLines];
-  int before[kMostLines];  ///< of `rows`, before the line
-  float part[kMostLines];  ///< how far the line is beyond that one
+  int before[kMostLines];  ///< Per line: index in `rows` of the row before it
+  float part[kMostLines];  ///< Per line: fraction beyond that row
 };
 
-/// The block of a row in which voxel x lies, which may lie before it.
+/// Block of a row that contains voxel x; may be negative.
 HWY_INLINE int block_of_voxel(int x) {
   return x >= 0 ? x / kBlock : -1 - (-x - 1) / kBlock;
 }
@@ -363,31 +363,31 @@ struct BlockRange {
   }
 };
 
-/// The blocks around samples of pixels first ... last.
+/// Blocks around the samples of pixels first ... last.
 HWY_INLINE BlockRange blocks_around(const SamplePlane& plane, int first, int last) {
   return {block_of_voxel(static_cast<int>(std::floor(plane.x_per_u * first + plane.x_0))),
           block_of_voxel(static_cast<int>(std::floor(plane.x_per_u * last + plane.x_0)) + 1) + 1};
 }
 
-/// Those around the pixels of a line's chunks begin ... end - 1 that still see something.
+/// Blocks around the non-opaque pixels of a line's chunks begin ... end - 1.
 HWY_INLINE BlockRange blocks_seen(const Gathered& line, const SamplePlane& plane, int begin, int end) {
   const auto is_open = [&](int chunk) { return (line.open[chunk / 64] >> chunk % 64 & 1) != 0; };
   while (begin < end && !is_open(begin)) ++begin;
   while (begin < end && !is_open(end - 1)) --end;
   if (begin == end) return {};
-  // an open chunk has one
+  // an open chunk contains a non-opaque pixel
   int first = begin * kChunk, last = end * kChunk - 1;
   while (line.clear[first] < kDone) ++first;
   while (line.clear[last] < kDone) --last;
   return blocks_around(plane, first, last);
 }
 
-/// Takes samples of pixels begin ... end - 1, whole chunks, of the lines that are open there.
+/// Samples pixels begin ... end - 1, in whole chunks, of the lines with open chunks there.
 HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
                                  float number, int begin, int end, const MixingRoom& room) {
   // beyond these blocks the row is empty, and pixels farther out read its padding
   const int origin = blocks_around(plane, begin, begin).first;
-  // only what somebody sees is mixed: much of what lies around is behind something
+  // only visible parts are mixed, since much of the surroundings is occluded
   BlockRange of_line[kMostLines], of_row[kMostRows];
   for (int n = 0; n < lines.line_count; ++n) {
     of_line[n] = blocks_seen(*lines.line[n], plane, begin / kChunk, end / kChunk);
@@ -410,7 +410,7 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
     MixedLine between{mixed[lines.before[n]], part > 0 ? mixed[lines.before[n] + 1] : nullptr, 1 - part,
                       part};
     if (between.near == nullptr && between.far == nullptr) continue;
-    // a row of which nothing is there was not mixed
+    // a row without stored blocks was not mixed
     if (between.near == nullptr) between.near = between.far, between.near_weight = 0;
     if (between.far == nullptr) between.far = between.near, between.far_weight = 0;
     const Gathered& line = *lines.line[n];
@@ -443,14 +443,14 @@ HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane
   };
   const auto not_open = [&](int w) { return ~open(w); };
   const int chunks = (width + kChunk - 1) / kChunk;
-  int next = 0;  // chunk that has not been sampled on this plane
+  int next = 0;  // next chunk to be sampled on this plane
   for (int block = 0; next < chunks;) {
-    // a run of blocks, one of which is there in any of the rows
+    // run of blocks that are stored in any of the rows
     block = next_bit(block, rows.blocks, there);
     if (block == rows.blocks) return;
     const int end = next_bit(block, rows.blocks, not_there);
 
-    // the pixels between the voxel before it and the one after it
+    // pixels between the voxel before the run and the one after it
     const double from = (block * kBlock - 1 - plane.x_0) * plane.u_per_x,
                  to = (end * kBlock - plane.x_0) * plane.u_per_x;
     block = end;
@@ -465,7 +465,7 @@ HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane
   }
 }
 
-/// Lines v ... v + count - 1, those that are open, on a plane.
+/// Processes the open ones among lines v ... v + count - 1 on a plane.
 HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
                                int width, const Gathered* lines, const bool* is_open,
                                const MixingRoom& room) {
@@ -475,7 +475,7 @@ HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, f
     if (!is_open[n] || !(y > -1 && y < rows.count[1])) continue;
     const int below = static_cast<int>(y + 1) - 1;
     if (near.line_count > 0 && below + 1 - near.first >= kMostRows) {
-      // as far apart as that they have no rows in common, but for a few
+      // lines so far apart that they share few rows are processed separately
       gather_lines_on_plane(rows, near, plane, number, width, room);
       near.line_count = near.row_count = 0;
     }
@@ -497,7 +497,7 @@ void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_cou
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
     gather_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, room);
-    // all of a line is seldom done, and looking costs
+    // checked rarely, since a whole line is seldom opaque and the check costs time
     if (++since < 16) continue;
     since = 0;
     bool any = false;
@@ -529,10 +529,10 @@ void pack_line(const Gathered& line, int width, const float* background, std::ui
 
 // ---- rays -------------------------------------------------------------------------------------------------
 
-/// Four numbers on every target, the one without vectors included: hence not Highway's.
+/// Vector of four numbers on every target, including the scalar one, so Highway's types are not used.
 using V4 = float __attribute__((vector_size(16)));
 
-/// Four whole numbers of 16 bits.
+/// Loads four 16-bit integers.
 HWY_INLINE V4 load_four(const std::uint32_t* two_pairs) {
   using I4 = std::int32_t __attribute__((vector_size(16)));
   std::uint64_t bits;
@@ -547,7 +547,7 @@ HWY_INLINE V4 all_four(float value) {
   return V4{value, value, value, value};
 }
 
-/// As of vectors.
+/// Scalar version of the same function.
 HWY_INLINE float exp_of_minus(float t) {
   const float part = t * (1.0f / 16), y = part < 1 ? part : 1.0f;
   float p = 1.0f / 24;
@@ -561,17 +561,17 @@ HWY_INLINE float exp_of_minus(float t) {
   return p * p;
 }
 
-/// A place on a ray: the voxels before it.
+/// Position on a ray: the voxels before it.
 struct Place {
   int x, y;
-  float x_part, y_part;  ///< how far it is beyond them
+  float x_part, y_part;  ///< Fractions beyond them
 };
 
 HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
   Place place;
-  // beyond the first voxel, places are above -1
+  // inside the grid, coordinates are above -1
   place.x = static_cast<int>(x + 1) - 1;
-  // x + 1 may be rounded to a border that x is before
+  // x + 1 may be rounded up to the border
   if (place.x >= rows.count[0]) place.x = rows.count[0] - 1;
   place.x_part = x - static_cast<float>(place.x);
   place.y = static_cast<int>(y + 1) - 1;
@@ -579,16 +579,17 @@ HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
   return place;
 }
 
-/// The eight voxels around a place on a ray: two of each of four rows, in one block or at the border of two.
+/// The eight voxels around a position on a ray: two in each of four rows, in one block or two adjacent ones.
 struct AroundPlace {
   float plane;
-  int in_block;  ///< the voxel before the place; the last one of a block: the other one lies in the next
-  float part;    ///< how far the place is beyond it
+  int in_block;  ///< Voxel before the position; if it is a block's last one, the other is in the next block
+  float part;    ///< Fraction beyond it
   std::uint32_t places[4][2];
   float weight[4];
 };
 
-/// Asks for the blocks, too: nobody has met lately what lies around a ray. @returns whether there are any
+/// Also prefetches the blocks, since those around a single ray are rarely cached.
+/// @returns whether any is stored
 HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
                             const LitBlocks& lit, AroundPlace& around) {
   const int block = block_of_voxel(place.x);
@@ -614,9 +615,9 @@ HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const Samp
   return any != 0;
 }
 
-/// Red, green, blue and extinction of them.
+/// Mixes their red, green, blue and extinction.
 HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlocks& lit) {
-  // of two voxels: red and green; blue and extinction
+  // two voxels each: red and green; blue and extinction
   V4 first{}, second{};
   for (int n = 0; n < 4; ++n) {
     const auto& places = around.places[n];
@@ -643,17 +644,17 @@ HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlo
          __builtin_shufflevector(first, second, 2, 3, 6, 7);
 }
 
-/// How a ray leaves cubes along x, y and z; the fourth number is as the third.
+/// Exit of a ray from cubes along x, y and z; the fourth component repeats the third.
 struct Leaving {
-  V4 planes_per;       ///< for a voxel
-  V4 towards, beyond;  ///< the border that it leaves by is so many times `leap` and so many cubes farther on
+  V4 planes_per;       ///< Planes per voxel
+  V4 towards, beyond;  ///< The exit border is `towards` times `leap` plus `beyond` cubes away
 };
 
 HWY_INLINE Leaving leaving_of(const float* pace) {
   Leaving leaving;
   for (int n = 0; n < 4; ++n) {
     const float by = pace[n < 3 ? n : 2];
-    // what hardly moves along an axis never leaves by it
+    // with almost no motion along an axis the ray never exits along it
     leaving.planes_per[n] = std::abs(by) < 1e-6f ? 1e6f : 1 / by;
     leaving.towards[n] = leaving.planes_per[n] > 0 ? 1.0f : -1.0f;
     leaving.beyond[n] = leaving.planes_per[n] > 0 ? 0.0f : 1.0f;
@@ -661,7 +662,7 @@ HWY_INLINE Leaving leaving_of(const float* pace) {
   return leaving;
 }
 
-/// The next plane on which a ray has left, along each axis, the cubes that are empty around a cell.
+/// Next plane on which the ray has left the empty cubes around a cell.
 /// @param place  voxels
 HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const V4& place,
                          const Leaving& leaving, int plane) {
@@ -676,9 +677,9 @@ HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int
   return plane + (by > 1 ? by : 1);
 }
 
-/// The planes on which a ray is in the grid or less than a voxel beside it, along one axis.
+/// Range of planes on which a ray is inside the grid or less than a voxel outside, along one axis.
 HWY_INLINE void bound_planes(float start, float per_plane, int count, float& begin, float& end) {
-  // a little off the borders, where nothing is seen: by more than what is rounded on the way there
+  // excludes a margin at the border, where nothing is visible, larger than the accumulated rounding error
   const auto border = static_cast<float>(count);
   const float off = 1e-4f + 4e-7f * (std::abs(start) + border), low = off - 1, high = border - off;
   if (std::abs(per_plane) < 1e-9f) {
@@ -730,13 +731,14 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
     }
     return false;
   };
-  // the next place is found, and its voxels asked for, while this one's are on their way
+  // software pipelining: find the next position and prefetch its voxels while the current ones are being
+  // loaded
   AroundPlace found[2];
   bool is_found = find_next(found[0]);
   for (int n = 0; is_found && clear >= kDone; n = 1 - n) {
     is_found = find_next(found[1 - n]);
     const V4 mixed = mix_voxels(rows, found[n], lit);
-    // what a place is just beside counts for nothing
+    // voxels with zero weight contribute nothing
     if (mixed[3] == 0) continue;
     const float plane = found[n].plane, q = plane + 0.5f;
     float begun = q - ray.first, left = ray.last + 1 - q;
@@ -818,7 +820,7 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
              e = hn::GatherIndex(di, pixels, hn::Add(at, stride)),
              f = hn::GatherIndex(di, pixels, hn::Add(hn::Add(at, stride), one));
     const int count = end - x < lanes() ? end - x : lanes();
-    // more than half of a picture is background as a rule: no light differs, and none bends
+    // usually more than half of a picture is uniform background, without differences and edges
     const auto word = static_cast<std::uint32_t>(hn::GetLane(a));
     const VI same = hn::Set(di, hn::GetLane(a));
     const VI differ_from =
@@ -845,7 +847,7 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
     }
     for (int n = 0; n < count; ++n)
       for (int c = 0; c < 3; ++c) rgb[3 * (x + n) + c] = bytes[c][n];
-    // marks of the four, in the uppermost bit
+    // marks of the four pixels, in the most significant bit
     const auto either = [&](VI along, VI across) HWY_ATTR { return hn::Or(along, hn::ShiftLeft<1>(across)); };
     const VI any = hn::Or(hn::Or(a, b), hn::Or(e, f));
     const VI bends = either(hn::Or(hn::And(a, b), hn::And(e, f)), hn::Or(hn::And(a, e), hn::And(b, f)));

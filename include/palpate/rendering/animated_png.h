@@ -7,18 +7,18 @@
 
 namespace palpate {
 
-/// Makes an animated PNG (APNG, https://wiki.mozilla.org/APNG_Specification; since 2025 in the PNG
-/// specification) frame by frame, of which only what is compressed is kept. It plays without end; what knows
-/// no APNG shows the first frame. No text and no time: the same frames make the same bytes.
+/// Encoder for animated PNG (APNG, https://wiki.mozilla.org/APNG_Specification; since 2025 part of the PNG
+/// specification) that stores frames in compressed form only. The animation loops forever; viewers without
+/// APNG support show the first frame. Contains no text and no time: equal frames give equal bytes.
 class AnimatedPng {
  public:
-  /// @param frames    1 and more: so many will be added
-  /// @param delay_ms  that each is shown, 1 ... 65535
+  /// @param frames    number of frames to be added, at least 1
+  /// @param delay_ms  duration of each frame, 1 ... 65535
   AnimatedPng(int width, int height, int frames, int delay_ms);
-  /// Of the width and height; after the first one only the box is kept in which it differs from the one
-  /// before.
+  /// Adds a frame of the given width and height. After the first frame, only the bounding box of the changes
+  /// is stored.
   void add(Image frame);
-  /// After the last frame.
+  /// Returns the file after the last frame.
   std::vector<std::uint8_t> finish();
 
  private:

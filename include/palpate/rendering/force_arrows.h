@@ -6,39 +6,38 @@
 
 #include "palpate/rendering/rendering.h"
 
-/// A force method's picture in parts: what is sampled in a section, and how it is laid out on the page.
+/// Parts of the picture of a force method: sampling in a section, and page layout.
 namespace palpate::force_arrows {
 
-using Pixel = std::array<double, 2>;  ///< of the section, or of the page: across, down
+using Pixel = std::array<double, 2>;  ///< Section or page coordinates: right, down; px
 
-/// The force at one point of a section.
+/// Force at a point of a section.
 struct Arrow {
   Pixel at{};
   double right_N = 0, down_N = 0;
-  double away_N = 0;  ///< out of the plane, away from the viewer
-  double value = 0;   ///< of the field, 0 ... 1
+  double away_N = 0;  ///< Component out of the plane, away from the viewer
+  double value = 0;   ///< Value of the field, 0 ... 1
 
   double force_N() const;
   double in_plane_N() const;
 };
 
-/// Forces on a grid that is centred in the section, row by row; a grid has an arrow in the middle where an
-/// odd number of them fits.
-/// Interrupted, it has fewer.
+/// Forces on a grid centred in the section, row by row; an odd number of arrows per side puts one in the
+/// centre. If interrupted, the result is incomplete.
 std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& plane, double spacing_mm,
                                  const Progress& progress = {});
 
-/// How many arrows fit along a side of the section, at least one; may be too many to draw.
+/// Number of arrows along a side of the section, at least one; may be too many to draw.
 double arrows_per_side(double size_mm, double spacing_mm);
 
 struct Stretch {
   Pixel from{}, to{};
 };
-/// Values at the corners of square cells over a section.
+/// Field values at the corners of square cells over a section.
 class ValueGrid {
  public:
   ValueGrid(const ForceField& field, const SectionPlane& plane, int cells, const Progress& progress = {});
-  /// Where the value crosses a level, a stretch or two for every cell it crosses.
+  /// Contour line of a level by marching squares: one or two segments for every cell that it crosses.
   std::vector<Stretch> contour(double level) const;
 
  private:
@@ -52,7 +51,7 @@ class ValueGrid {
   std::vector<double> values_;
 };
 
-/// Everything that the page shows.
+/// Content of the page.
 struct Picture {
   const Model& model;
   const ForceField& field;
@@ -60,10 +59,10 @@ struct Picture {
   SectionPlane section;
   double spacing_mm = 1;
 };
-/// The page, as SVG.
+/// Page as SVG.
 std::string draw(const Picture& picture, const Progress& progress);
 
-/// Side of the section on the page.
+/// Side length of the section on the page.
 inline constexpr int kSection_px = 540;
 
 }  // namespace palpate::force_arrows

@@ -8,18 +8,18 @@
 
 #include "palpate/haptics/haptics.h"
 
-/// Text that is safe to put into a page or a picture of markup, and words that pictures of a patient bear.
+/// Escaping of text for markup, and captions for pictures of a patient.
 namespace palpate::markup {
 
-/// For element content and quoted attributes. Control characters become spaces.
+/// Escapes text for element content and quoted attributes. Control characters become spaces.
 std::string escape(std::string_view text);
 std::string base64(std::span<const std::uint8_t> bytes);
 /// "#rrggbb"
 std::string css_colour(const Rgb& colour);
 
-/// The side of the patient that was scanned: "LEFT", "RIGHT", "SIDE UNKNOWN", empty for both sides.
+/// Scanned side of the patient: "LEFT", "RIGHT", "SIDE UNKNOWN"; empty for both sides.
 std::string side_text(Side side);
-/// The same as a mark in a picture: "Side: LEFT". Without orientation a mark that says so.
+/// Caption with the side: "Side: LEFT". Without orientation, a caption that says so.
 std::string side_mark(Side side, bool oriented);
 /// What a picture says of a model's caveats of placement and side: "PLACEMENT IN DOUBT", "SIDE IN DOUBT",
 /// each at most once.

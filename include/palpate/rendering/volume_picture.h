@@ -9,39 +9,40 @@
 #include "palpate/rendering/volume_marks.h"
 #include "palpate/rendering/volume_renderer.h"
 
-/// Pictures of a model in three dimensions, to look at on their own.
+/// Annotated three-dimensional pictures of a model for standalone use.
 namespace palpate {
 
-/// Where the viewer stands.
+/// Viewing side.
 enum class ViewFrom { kAnterior, kPosterior, kLeft, kRight, kSuperior, kInferior };
-/// Away from the patient, towards that viewer; unit.
+/// Unit vector from the patient towards that viewer.
 Vector<Patient> direction_to(ViewFrom from);
 
 struct VolumePictureRequest {
   ViewFrom from = ViewFrom::kAnterior;
-  double turn_deg = 0;  ///< the viewer goes so far around superior: from anterior over left to posterior
-  double tilt_deg = 0;  ///< and then so far up, -90 ... 90
-  std::optional<Point<Patient>> focus;  ///< in the middle of the picture; none: the volume's centre
-  double size_mm = 0;                   ///< width and height, at the focus; 0: whole_picture_mm()
-  int pixels = 768;                     ///< width and height; kLeastSectionPixels ... kMostSectionPixels
-  bool perspective = false;             ///< from an eye kEyeDistance pictures off, instead of parallel rays
-  std::optional<ViewFrom> cut;          ///< what lies on this side of the focus is taken away
+  double turn_deg = 0;  ///< Azimuth of the viewer about superior: from anterior over left to posterior
+  double tilt_deg = 0;  ///< Elevation of the viewer, -90 ... 90, applied after turn_deg
+  std::optional<Point<Patient>> focus;  ///< Centre of the picture; none: the volume's centre
+  double size_mm = 0;                   ///< Width and height at the focus; 0: whole_picture_mm()
+  int pixels = 768;                     ///< Width and height; kLeastSectionPixels ... kMostSectionPixels
+  /// Perspective with the eye at kEyeDistance picture widths, instead of parallel rays
+  bool perspective = false;
+  std::optional<ViewFrom> cut;  ///< Side of the focus that is cut away
 };
 inline constexpr double kEyeDistance = 2.2;
 
 VolumeCamera camera_of(const GridGeometry& grid, const VolumePictureRequest& request);
-/// So large that all of the volume's box is seen, from any of the requests; their own size does not count.
+/// Picture size at which the volume's bounding box is visible in all requests; their own sizes are ignored.
 double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureRequest> requests);
 
-/// The structures, orientation letters on the edges, the side of the patient or that nobody knows it, whence
-/// one looks, a scale bar where rays are parallel, names of the largest structures, and that it is for
-/// research and education. No title and no path.
-/// @param renderer  of the model's labels, with these looks
+/// Renders the structures with orientation letters at the edges, the side of the patient or that it is
+/// unknown, the viewing side, a scale bar for parallel rays, names of the largest structures, and the note
+/// that it is for research and education. No title and no path.
+/// @param renderer  prepared for the model's labels with these looks
 /// @param marks     drawn among the structures
 Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
                      const VolumePictureRequest& request, std::span<const VolumeMark> marks = {});
 
-/// A PNG of a model as it looks from the front, for lists and tables. Errors: kInterrupted.
+/// PNG of a model from the front, for lists and tables. Errors: kInterrupted.
 /// @param model  with labels
 Result<std::vector<std::uint8_t>> volume_thumbnail(const Model& model, int pixels,
                                                    const Progress& progress = {});

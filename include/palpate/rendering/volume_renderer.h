@@ -14,55 +14,58 @@
 #include "palpate/haptics/haptics.h"
 #include "palpate/volume/bricks.h"
 
-/// Pictures of structures in three dimensions, by the processor alone.
+/// Volume rendering of structures on the CPU.
 namespace palpate {
 
-/// How a structure is drawn.
+/// Appearance of a structure.
 struct StructureLook {
   Rgb colour;
-  double opacity = 1;  ///< 0: not at all; 1: solid; between: its surface is seen, and what lies behind
+  double opacity = 1;  ///< 0: invisible; 1: opaque; between: its surface is visible, and what lies behind it
 };
-/// By LabelId, as the scene says (palpate/haptics/colours.h); what belongs to no tissue is solid.
+/// Looks by LabelId as the scene defines them (palpate/haptics/colours.h); labels without a tissue are
+/// opaque.
 std::vector<StructureLook> structure_looks(const Model& model);
 
-/// The scan as a haze around the structures: the brighter, the denser. Where they cover more than half of a
-/// voxel it is not seen.
+/// Appearance of the scan as a haze around the structures: the brighter, the denser. Invisible in voxels that
+/// structures cover by more than half.
 struct ScanLook {
-  std::shared_ptr<const Volume<float>> scan;  ///< on the grid of the labels; null: not drawn
-  std::array<double, 2> window{0, 1};         ///< from black to white, the first below the second
+  std::shared_ptr<const Volume<float>> scan;  ///< On the grid of the labels; null: not drawn
+  std::array<double, 2> window{0, 1};         ///< Values for black and white, ascending
   double opacity = 1;                         ///< 0 ... 1
 };
-/// Each voxel that is drawn is prepared: of a scan nearly all are, 32 bytes each.
+/// Maximum size of a scan: nearly all its voxels are prepared, 32 bytes each.
 inline constexpr std::size_t kMostScanVoxels = std::size_t{64} << 20;
 
-/// What is seen: rays through the middles of a picture's pixels.
+/// Camera: rays through the centres of a picture's pixels.
 struct VolumeCamera {
-  Point<Patient> focus;   ///< shown in the middle of the picture
-  Vector<Patient> right;  ///< unit, to the picture's right
-  Vector<Patient> down;   ///< unit, to the picture's bottom, orthogonal to `right`
-  double width_mm = 200;  ///< of the picture, at the focus
+  Point<Patient> focus;   ///< Centre of the picture
+  Vector<Patient> right;  ///< Unit vector to the picture's right
+  Vector<Patient> down;   ///< Unit vector to the picture's bottom, orthogonal to `right`
+  double width_mm = 200;  ///< Width of the picture at the focus
   int width_px = 512, height_px = 512;
-  /// From the eye to the focus, above 0; infinite: rays are parallel. What lies behind the eye is not seen.
+  /// Distance from the eye to the focus, positive; infinite: parallel rays. Anything behind the eye is
+  /// invisible.
   double eye_mm = std::numeric_limits<double>::infinity();
 
   bool is_parallel() const { return eye_mm == std::numeric_limits<double>::infinity(); }
   double mm_per_px() const { return width_mm / width_px; }
-  Vector<Patient> into() const { return right.cross(down); }  ///< unit, away from the viewer
-  /// Where a pixel (centre 0, 0) lies in the plane through the focus that faces the viewer.
+  Vector<Patient> into() const { return right.cross(down); }  ///< Unit vector away from the viewer
+  /// Position of a pixel (centre 0, 0) in the plane through the focus that faces the viewer.
   Point<Patient> at(double column, double row) const;
 };
 
-/// What lies on the side to which `away` points is not drawn.
+/// Clip plane: the half-space to which `away` points is not drawn.
 struct ClipPlane {
   Point<Patient> at;
-  Vector<Patient> away;  ///< any length but 0
+  Vector<Patient> away;  ///< Any length but 0
 };
 
-/// How much light surfaces give back, 0 ... 1 each. The light shines along the picture's middle ray.
+/// Reflection coefficients of surfaces, 0 ... 1 each. The light is a headlight along the picture's central
+/// ray.
 struct VolumeLight {
-  double ambient = 0.28;   ///< wherever they face
-  double diffuse = 0.68;   ///< by the cosine to the light
-  double specular = 0.08;  ///< white, by its 20th power
+  double ambient = 0.28;   ///< Independent of the normal
+  double diffuse = 0.68;   ///< Proportional to the cosine between normal and light
+  double specular = 0.08;  ///< White, proportional to the 20th power of the cosine
 };
 
 struct VolumeStyle {
@@ -76,15 +79,15 @@ class Encoding;
 struct Scratch;
 }  // namespace internal::volume_picture
 
-/// Draws the structures of a label volume by shear-warp (Lacroute & Levoy 1994) from any side, parallel or in
-/// perspective. What a picture shows is said in docs/guide/render.md, how it is made and how far it is off in
-/// docs/decisions/0045-shear-warp.md. For one thread at a time; the work itself is done by several. The same
-/// bits on every SIMD target and with any number of threads.
+/// Renders the structures of a label volume by shear-warp factorisation (Lacroute & Levoy 1994), from any
+/// direction, in parallel or perspective projection. docs/guide/render.md describes the pictures,
+/// docs/decisions/0045-shear-warp.md the method and its errors. Not thread-safe; uses several threads
+/// internally. Bit-identical on every SIMD target and for any number of threads.
 class VolumeRenderer {
  public:
-  /// @param looks    by LabelId; labels beyond have none and are not drawn
-  /// @param threads  0: as many as there are processors
-  /// @param scan     is kept as long as the renderer is
+  /// @param looks    by LabelId; labels beyond it are not drawn
+  /// @param threads  0: one per CPU
+  /// @param scan     shared for the lifetime of the renderer
   /// Errors: kInterrupted.
   static Result<VolumeRenderer> make(const Bricks<LabelId>& labels, std::span<const StructureLook> looks,
                                      int threads = 0, const Progress& progress = {}, ScanLook scan = {});
@@ -92,13 +95,14 @@ class VolumeRenderer {
   VolumeRenderer& operator=(VolumeRenderer&&) noexcept;
   ~VolumeRenderer();
 
-  /// Labels that differ from those before in a box of the grid and nowhere else: costs what the box does.
+  /// Updates the labels within a box, outside of which nothing may have changed; costs in proportion to the
+  /// box.
   void change(const Bricks<LabelId>& labels, const VoxelBox& box);
 
-  /// @param rgb       3 * width_px * height_px, row 0 on top
-  /// @param depth_mm  width_px * height_px, or empty: how far along its ray, from the eye or, of parallel
-  ///                  rays, from the plane through the focus, a pixel becomes more covered than not; infinite
-  ///                  where it does not
+  /// @param rgb       3 * width_px * height_px, row 0 at the top
+  /// @param depth_mm  width_px * height_px, or empty: distance along its ray, from the eye or, for parallel
+  /// rays, from the plane through the focus, at which a pixel's accumulated opacity exceeds one half;
+  /// infinite if it does not
   void render(const VolumeCamera& camera, const VolumeStyle& style, std::span<std::uint8_t> rgb,
               std::span<float> depth_mm = {});
 
