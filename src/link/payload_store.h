@@ -15,6 +15,7 @@
 
 namespace palpate::link {
 
+/// Identifies a volume payload: scan or labels, resolution and encoding.
 struct PayloadKey {
   bool labels = false;
   int shrink = 1;

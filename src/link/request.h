@@ -17,6 +17,7 @@ inline constexpr std::size_t kMostMessage_bytes = 4096;
 /// Maximum pose rate of a viewer; the minimum is 1/s.
 inline constexpr double kMostPoses_hz = 120;
 
+/// First message of a viewer: protocol version, authentication and subscriptions.
 struct Hello {
   int protocol = 0;
   std::string token;  ///< Empty: none
@@ -27,10 +28,13 @@ struct Hello {
   bool near = false;        ///< Subscribes to distances and no-go regions
   bool navigation = false;  ///< Subscribes to the error estimate of a tracked tip
 };
+/// Emergency stop.
 struct StopRequest {};
+/// Takes or releases control of the pointer.
 struct PointerRequest {
   bool take = false;
 };
+/// Target position of the pointer's tip; patient frame, mm.
 struct TipMessage {
   std::array<double, 3> tip_patient_mm{};
 };

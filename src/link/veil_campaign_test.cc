@@ -152,7 +152,8 @@ struct Draw {
   Eigen::Vector3d centre, blind;
 };
 
-/// Probability that at least as many fair coins fall on one side (two-sided sign test).
+/// Probability that at least `better` of better + worse fair coins fall on one given side (one-sided sign
+/// test).
 double sign_test(int better, int worse) {
   const int all = better + worse;
   double p = 0;

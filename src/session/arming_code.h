@@ -12,8 +12,8 @@ namespace palpate {
 /// Six-digit code by which a page re-arms a physical device. It is displayed where palpate runs and is valid
 /// for one rearm after one stop, so that whoever enters it is in touch with somebody who sees the device.
 ///
-///     shown() ── a code of this stop, for kLasts ──► take() ── right: used up
-///                                                     └─ kMostWrong wrong ones: none for kPause
+///    shown() ── code for this stop, valid for kLasts ──► take() ── correct: used up
+///                                                            └─ kMostWrong wrong ones: none for kPause
 ///
 /// At kMostWrong guesses per kPause, each at a fresh code, a guesser needs 27 days for an even chance.
 /// Thread-safe.

@@ -16,9 +16,8 @@ namespace palpate {
 
 /// Requests of viewers that wait for the consent of an operator where palpate runs.
 ///
-///     viewer ── ask() ──► the one that waits longest is shown ── answer() by a key ──► granted or not
-///                └─ another of the same viewer's takes its place        └─► take_answers(): the viewer is
-///                told
+///    viewer ── ask() ──► the oldest question is displayed ── answer() by a key ──► granted or refused
+///                └─ replaces an earlier question of the viewer       └─► take_answers(): to the viewer
 ///
 /// An answer names the number of the question that was displayed; a question that replaced it has another
 /// number. Thread-safe; `grant` is called on the thread of answer(), without holding a lock of this class.

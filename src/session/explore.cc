@@ -186,7 +186,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
 
 // Prepares the proxy. The user may choose any method later; direct methods are prepared on demand. Surfaces
 // are inherited by every model version, so they have to exist before the first. If they cannot be built for
-// the scene the proxy is simply not available, unless it was requested.
+// the scene the proxy is not available; if it was requested, the set-up has already failed.
 Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& progress) {
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
   auto ready = ready_for(model, kProxyAlone, progress);

@@ -21,9 +21,9 @@ namespace palpate {
 
 /// Deformation of soft tissue at the displayed position of a recording, solved again on a thread of its own:
 ///
-///     tick that is shown ──► number of its solution ──► ticks that it and a few before were solved from
-///                                                                              │
-///     viewers ◄── where nodes went ◄── a solver that goes on in their boxes ◄──┘
+///    displayed tick ──► number of its solution ──► input ticks of it and of a few before it
+///                                                                      │
+///    viewers ◄── node displacements ◄── solver, continuing in their boxes ◄┘
 ///
 /// During forward playback each solution continues from the previous one, as in the original run. At another
 /// position the solver starts kLeadIn solutions earlier. Thread-safe.

@@ -26,16 +26,18 @@ namespace palpate {
 /// Default port of the viewer's page.
 inline constexpr int kViewerPort = 8480;
 
-/// Scene data that is constant during a session. Apart from the names of structures and tissues it contains
-/// no patient data.
+/// Tissue of the scene.
 struct ViewedTissue {
   std::string name;
+  /// Whether the tissue renders contact.
   bool felt = true;
   Rgb colour;
   double opacity = 1;
+  /// Indices of the tissues that support this one.
   std::vector<int> rests_on;
   std::string protection = "none";  ///< Protection from a burr: "none", "alarm" or "keep"
 };
+/// Structure of the label map.
 struct ViewedStructure {
   LabelId label = 0;
   std::string name;
@@ -105,6 +107,8 @@ struct ViewedNoGo {
   std::variant<LabelId, Plane, Ball> place;  ///< A structure, the half-space behind a plane, or a ball
 };
 
+/// Scene data that is constant during a session. Apart from the names of structures and tissues it contains
+/// no patient data.
 struct ViewedScene {
   std::string side = "unknown";  ///< "left", "right", "both", "unknown"
   bool oriented = true;
@@ -124,8 +128,11 @@ struct ViewedScene {
   std::string device_name;
   bool simulated = true;
   std::string input = "script";  ///< Source of the tip's motion: "script", "pointer", "device", "recording"
+  /// Ratings of the first device; kNotKnown: unknown.
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, most_stiffness_N_per_mm = kNotKnown;
+  /// Range of the user's force limit; N.
   double least_max_force_N = 0, most_max_force_N = 0;
+  /// Permitted ranges of the tissue settings.
   std::array<double, 2> stiffness_N_per_mm{}, friction{};
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< Recording shown in place of a session
@@ -154,7 +161,9 @@ struct ViewedNavigation {
 /// Timing of the loop over the last second, and totals since it began.
 struct ViewedHealth {
   double rate_hz = 0;
+  /// Lateness of ticks and compute time per tick over the last second: quantiles and maximum.
   double lateness_p50_us = 0, lateness_p99_us = 0, lateness_max_us = 0, compute_p50_us = 0;
+  /// Totals since the loop began.
   std::uint64_t skipped = 0, dropped = 0, stalls = 0;
 };
 
@@ -170,6 +179,7 @@ enum class StoppedBy : std::uint8_t {
   kKey,      ///< A key where palpate runs
   kViewer,
 };
+/// Session state that may change at any time.
 struct ViewedState {
   std::string method;
   std::string method_awaited;  ///< Method that becomes active once its fields are generated; empty: none
@@ -188,6 +198,7 @@ struct ViewedState {
   std::map<LabelId, double> removed_mm3;  ///< Volume removed by the sweeps, per structure
   std::map<LabelId, double> nearest_mm;   ///< Smallest distance to each protected structure (NearestMeter)
   double max_force_N = 0;
+  /// Commanded rotation of the object.
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   std::uint32_t model_version = 1;
   std::vector<ViewedTissueState> tissues;
@@ -384,6 +395,7 @@ struct TokenHolders {
 /// Errors: those of reading the file.
 Result<TokenHolders> holders_of_tokens(const std::filesystem::path& file);
 
+/// Options of ViewerServer::start().
 struct ViewerServerOptions {
   std::string address = "127.0.0.1";  ///< Numeric address; any other than loopback requires tokens
   int port = kViewerPort;             ///< 0: any free port

@@ -25,12 +25,16 @@ struct SurfacePoint {
   Vector<Patient> normal;   ///< Outward unit normal
   double clearance_mm = 0;  ///< Free distance along the normal
 };
+/// Best surface point of a structure.
+/// @param clearance_mm  desired free distance along the normal
+/// Errors: kBadInput for a structure without contact, and if no surface of it can be touched.
 Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm);
 
 /// Text of a script that suits a model: every bone and cartilage of a knee, otherwise the largest structures
 /// with contact.
 std::string default_script_text(const Model& model);
 
+/// Options of a run; empty values: the script's or the scene's.
 struct SimulationOptions {
   /// The user's force limit; default: the lesser of continuous rating and 3 N
   std::optional<double> max_force_N;
@@ -86,6 +90,7 @@ struct TouchFigure {
   Point<Patient> point;
 };
 
+/// Result of simulate().
 struct SimulationResult {
   RecordingSummary summary;
   std::vector<TouchFigure> touches;  ///< In the order of the approaches that made contact
@@ -119,6 +124,7 @@ struct LabelsLeft {
 Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
                                const LabelMap* layers = nullptr, const Progress& progress = {});
 
+/// Result of replay().
 struct ReplayResult {
   std::uint64_t ticks = 0;
   std::uint64_t run_hash = 0;

@@ -37,6 +37,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
 Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
                                 const Progress& progress);
 
+/// Header of the run's recording.
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
 
 /// Structure to be held, with the forces that a script requests there; none: contact only.

@@ -87,6 +87,7 @@ inline constexpr int kMostAtRestSteps = 16;
 PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueMoved& moved,
                               const VoxelBox& within);
 
+/// Appearance of sections.
 struct SectionStyle {
   double window_low = 0, window_high = 0;  ///< Display window of the scan; equal: scan_window()
   /// Opacity of the colour over the scan, 0 ... 1; multiplied by the tissue's own
@@ -184,6 +185,7 @@ std::vector<LabelId> section_labels(const Model& model, const SectionPlane& plan
 /// one; or axial, coronal and sagittal side by side.
 enum class SectionKind { kAxial, kSagittal, kCoronal, kOblique, kThree };
 
+/// Request for section_picture().
 struct SectionRequest {
   SectionKind kind = SectionKind::kAxial;
   Point<Patient> centre;      ///< Centre of the picture, marked by a cross

@@ -17,6 +17,7 @@ enum class ViewFrom { kAnterior, kPosterior, kLeft, kRight, kSuperior, kInferior
 /// Unit vector from the patient towards that viewer.
 Vector<Patient> direction_to(ViewFrom from);
 
+/// Request for volume_picture().
 struct VolumePictureRequest {
   ViewFrom from = ViewFrom::kAnterior;
   double turn_deg = 0;  ///< Azimuth of the viewer about superior: from anterior over left to posterior
@@ -30,6 +31,7 @@ struct VolumePictureRequest {
 };
 inline constexpr double kEyeDistance = 2.2;
 
+/// Camera for a request.
 VolumeCamera camera_of(const GridGeometry& grid, const VolumePictureRequest& request);
 /// Picture size at which the volume's bounding box is visible in all requests; their own sizes are ignored.
 double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureRequest> requests);

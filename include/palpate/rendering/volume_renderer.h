@@ -68,6 +68,7 @@ struct VolumeLight {
   double specular = 0.08;  ///< White, proportional to the 20th power of the cosine
 };
 
+/// Background, light and clipping of a picture.
 struct VolumeStyle {
   Rgb background{9, 12, 14};
   VolumeLight light;

@@ -20,10 +20,10 @@
 /// Real-time session: a script's simulated hand, or an operator with a device, explores a scene through the
 /// same servo loop.
 ///
-///    hand, 500 Hz ── where it wants to be ──► driver ◄─► servo ── every tick ──► recorder ─► file
-///        ▲                                                │
-///        └─────────── the latest tick ────────────────────┼─► status, 10 Hz (the calling thread)
-///                                                         └─► viewers, who also ask for changes
+///    hand, 500 Hz ── intended position ──► driver ◄─► servo ── every tick ──► recorder ─► file
+///        ▲                                            │
+///        └────────── latest tick ─────────────────────┼─► status, 10 Hz (the calling thread)
+///                                                     └─► viewers, which also send requests
 namespace palpate {
 
 /// Request of the user while a session runs. kRearm, kAgree and kDecline answer what the last ExploreStatus
@@ -60,6 +60,7 @@ std::vector<std::string> device_names(const DeviceRegistry& known);
 /// known ones), a duplicate, more than kMaxDevices, a simulated hand that is not the first, or an empty list.
 Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known);
 
+/// Options of explore().
 struct ExploreOptions {
   SimulationOptions run;
   /// Names of the devices, in the order of the tick's devices; see device_names().
@@ -141,6 +142,7 @@ struct ExploreStatus {
   std::vector<FinishedRun> finished;           ///< Runs finished since the last status
 };
 
+/// Result of explore().
 struct ExploreResult {
   RecordingSummary summary;
   LoopHealth health;

@@ -12,9 +12,9 @@
 
 /// Playback of a recording to viewers: random access, at any speed, forwards and backwards.
 ///
-///     clock ── place ──► block of 4096 ticks ──► the tick that held there ──► viewers
-///                              ▲
-///                  a thread reads the one that is wanted, then the next on the way
+///    clock ── position ──► block of 4096 ticks ──► last tick not after it ──► viewers
+///                               ▲
+///                 a thread reads the requested block, then the next one in the direction of playback
 ///
 /// If soft tissue deforms, a second thread solves it again at the displayed position from the ticks that it
 /// was originally solved from (docs/concepts/tissue.md, "Looked at again"): the pose is shown immediately,

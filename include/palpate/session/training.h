@@ -13,9 +13,9 @@
 
 /// Tasks in a live session.
 ///
-///     servo ── ticks, ring ──► recorder's thread ──► file
-///                                     └──► evaluator ── how far it is ──► viewers
-///                                              └─ over ─► a thread of its own: records, debriefing
+///    servo ── ticks, ring ──► recorder's thread ──► file
+///                                    └──► evaluator ── progress ──► viewers
+///                                             └─ run over ─► separate thread: records, debriefing
 ///
 /// The evaluator processes the same ticks as the recorder, in order and on the same thread: a run's figures
 /// equal those computed from its recording, bit for bit. A tick for which the ring had no room is missing in
@@ -28,6 +28,7 @@ struct OfferedTask {
   TaskFile file;
 };
 
+/// Reason for the end of a run.
 enum class RunEnd : std::uint8_t {
   kTask,     ///< All steps were done, or the time limit expired
   kAsked,    ///< Requested by a viewer or a key
@@ -59,6 +60,7 @@ struct RunHistory {
   std::optional<Error> not_kept;
 };
 
+/// Finished run with the learner's history.
 struct FinishedRun {
   TaskRun run;
   RunHistory history;
@@ -67,6 +69,7 @@ struct FinishedRun {
 /// History of the last of `runs`, all of which are runs of `task`.
 RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs);
 
+/// Tasks of a session, and storage of their runs.
 struct TrainingOptions {
   std::vector<OfferedTask> tasks;
   /// Whether a task whose structures the scene lacks is an error; else it is omitted

@@ -21,6 +21,7 @@
 /// frozen process that holds such a device is therefore killed.
 namespace palpate {
 
+/// Settings of Supervisor::start().
 struct SupervisorSettings {
   /// Program and arguments that call supervise() with the arguments appended to them.
   std::vector<std::string> command;
@@ -56,6 +57,7 @@ struct SupervisorEvent {
 /// last tick.
 inline constexpr std::int64_t kSupervisedStall_ns = 9'000'000;
 
+/// Handle of the supervisor process in the supervised session.
 class Supervisor {
  public:
   /// Starts the process, and returns once it watches. Errors: kUnavailable if a process or shared memory

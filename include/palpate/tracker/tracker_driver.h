@@ -15,6 +15,7 @@ namespace palpate {
 /// Device name in a session.
 inline constexpr const char* kTracker = "tracker";
 
+/// Settings of TrackerDriver.
 struct TrackedToolSettings {
   TrackerSettings stream;  ///< Without host or transform: not configured
   Navigation navigation;

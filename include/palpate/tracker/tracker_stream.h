@@ -15,6 +15,7 @@
 /// Poses of a tracking system, received by OpenIGTLink from PLUS or a compatible server.
 namespace palpate {
 
+/// Network address of a tracker's server.
 struct TrackerAddress {
   std::string host;
   int port = 18944;  ///< Default port of PLUS
@@ -24,6 +25,7 @@ struct TrackerAddress {
 /// Parses "HOST:PORT" or "[::1]:PORT". Empty: not an address.
 std::optional<TrackerAddress> parse_tracker_address(const std::string& text);
 
+/// Settings of TrackerStream.
 struct TrackerSettings {
   TrackerAddress address;
   /// Name of the tool markers' transform, "StylusToTracker"; empty: no pose is expected
