@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
     return 1;
   }
   std::uint64_t surfaces = 0;
-  for (const FeltSurface& felt : (*ready)->surfaces)
+  for (const ContactSurface& felt : (*ready)->surfaces)
     if (felt.surface) surfaces = surfaces * 31 + felt.surface->content_hash();
   rusage used{};
   getrusage(RUSAGE_SELF, &used);

@@ -140,7 +140,7 @@ Result<nlohmann::json> run(const Options& options) {
         const double begin = now_s();
         const Bricks<LabelId> version = labels.with(dug);
         const double t = now_s();
-        const bool local = whole ? prepare_surface_again(surface, version, dug.box).ok()
+        const bool local = whole ? update_surface(surface, version, dug.box).ok()
                                  : prepare_patch(surface, version, dug.box).local;
         const double ms = 1e3 * (now_s() - t);
         labels_ms.push_back(1e3 * (t - begin));

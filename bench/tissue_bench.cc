@@ -57,7 +57,7 @@ ElasticGrid layer_on_bone(const std::array<int, 3>& cells) {
         return p.z() < 1 ? ElasticMaterial{Matter::kRigid, 0, 0} : ElasticMaterial{Matter::kSoft, 10, 0.45};
       },
       1);
-  grid.continue_beyond({true, true, true, true, false, false},
+  grid.set_boundary_springs({true, true, true, true, false, false},
                        Point<Patient>(0.5 * cells[0], 0.5 * cells[1], cells[2]));
   return grid;
 }
@@ -249,7 +249,7 @@ class CornerTip {
       device.tip = model_.X_WorldPatient * Point<Patient>(in + x, in - x, in + 0.5 * x);
       Wrench wrench;
       tick(model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
-      for (int layer = 0; layer < kMostLayers; ++layer)
+      for (int layer = 0; layer < kMaxLayers; ++layer)
         places_ += state_.hands[0].proxy.layer(layer).contacts;
     }
   }
@@ -281,10 +281,10 @@ nlohmann::json ticks(int rounds) {
   constexpr int kTicks = 20'000;
   const auto spring = plane(TissueLaw::kLayers), yielding = plane(TissueLaw::kElastic);
   PALPATE_CHECK(spring.ok() && yielding.ok());
-  YieldFrame frame;
+  ComplianceFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
-  YieldFrame finite = frame;
+  ComplianceFrame finite = frame;
   finite.spot[0].finite_N = 0.15;
   finite.spot[0].stiffening_mm_per_N2 = 2;
   finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
@@ -292,7 +292,7 @@ nlohmann::json ticks(int rounds) {
   // four shafts that lie, in six places each
   std::vector<ToolSphere> shafts;
   for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
-  const auto slide = [&](const Model& model, const YieldFrame* yields, std::span<const ToolSphere> tool) {
+  const auto slide = [&](const Model& model, const ComplianceFrame* yields, std::span<const ToolSphere> tool) {
     ProxyState state;
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);

@@ -32,7 +32,7 @@ constexpr OwnDevice kOwn[] = {
 int print_json(const DeviceRegistry& known) {
   auto rows = Json::array();
   for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
-  for (const DeviceMaker& maker : known.all()) {
+  for (const DeviceVendor& maker : known.all()) {
     const DeviceReport report = maker.look();
     Json row = {{"name", maker.name},
                 {"what", maker.what},
@@ -52,7 +52,7 @@ int print_text(const DeviceRegistry& known) {
     std::printf("%s %s\n", fitted(name, 16).c_str(), what.c_str());
   };
   for (const OwnDevice& own : kOwn) row(own.name, own.what);
-  for (const DeviceMaker& maker : known.all()) {
+  for (const DeviceVendor& maker : known.all()) {
     row(maker.name, maker.what);
     const DeviceReport report = maker.look();
     if (const char* state = state_of(report); *state != '\0') row("", state);

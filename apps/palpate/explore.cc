@@ -154,7 +154,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, FaultLine
 
 // what a hand feels of each tissue where that is not what the scene gives it
 void note_felt_stiffness(const LoadedScene& loaded, Console& console) {
-  const double factor = FeltStiffness(loaded.scene.workspace).at_device(1);
+  const double factor = RenderedStiffness(loaded.scene.workspace).at_device(1);
   if (factor == 1) return;
   char text[120];
   std::snprintf(text, sizeof text, "felt stiffness, scale x force gain = %g times the tissue's:", factor);
@@ -582,7 +582,7 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                    "rating and 3 N")
       ->check(number_between(max_force_range_N()[0], max_force_range_N()[1]));
   verb->add_option("--rate", options.rate_hz, "Ticks a second; default: the script's")
-      ->check(number_between(kLowestRate_hz, kHighestRate_hz));
+      ->check(number_between(kMinRate_hz, kMaxRate_hz));
   verb->add_option(
           "--spin", options.spin_us,
           "Busy-wait so many microseconds before every tick, 0.8 of a period at most; default: 0, sleep")

@@ -45,7 +45,7 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
                                             Console& console) {
   const auto study = find_study(scan, options.source, options.volume, console.progress());
   if (!study) return study.error();
-  if (options.keep_identifiers && !study->is_said)
+  if (options.keep_identifiers && !study->is_stated)
     return Error{ErrorKind::kBadInput, "does not say that it was made on images of " + scan.string(),
                  options.source.string(),
                  "name the study that it was made on, or leave --keep-identifiers out"};
@@ -85,12 +85,12 @@ int export_label_map(const ExportOptions& options, Console& console) {
     const auto volume = volume_of_labels(options, *scan, console);
     if (!volume) return console.fail(volume.error());
     if (attached) attached->volume = *volume;
-    auto found = read_scan(*scan, progress, console.warn(), Unpacked::kAnew, *volume);
+    auto found = read_scan(*scan, progress, console.warn(), VoxelCaching::kOff, *volume);
     if (!found) return console.fail(found.error());
     read = *std::move(found);
   }
   const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-  const auto labels = read_labels(options.source, {}, progress, console.warn(), doubtful, Unpacked::kAnew,
+  const auto labels = read_labels(options.source, {}, progress, console.warn(), doubtful, VoxelCaching::kOff,
                                   read ? &read->scan.geometry() : nullptr, {}, scan);
   if (!labels) return console.fail(labels.error());
   console.note(origin_of_names(*labels));

@@ -107,8 +107,8 @@ Result<HeldHands> kept_held_hands() {
 
 DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& hands, double rate_hz) {
   DeviceRegistry all;
-  for (const DeviceMaker& maker : known.all()) {
-    DeviceMaker held = maker;
+  for (const DeviceVendor& maker : known.all()) {
+    DeviceVendor held = maker;
     held.make = [make = maker.make, hands, rate_hz] {
       return palpate::with_held_hands(make(), hands, rate_hz);
     };
@@ -119,7 +119,7 @@ DeviceRegistry with_held_hands(const DeviceRegistry& known, const HeldHands& han
 
 int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
                  Console& console) {
-  const DeviceMaker* maker = known.find(name);
+  const DeviceVendor* maker = known.find(name);
   const bool is_simulated = name == kSimulatedHand;
   if (!is_simulated && !maker) return console.fail(check_devices({name}, known).error());
   // a file that cannot be read would be lost

@@ -205,7 +205,7 @@ void add_options(CLI::App& verb, HoldOptions& options) {
       ->check(number_between(kLowestHold_hz, kHighestHold_hz))
       ->capture_default_str();
   verb.add_option("--delay", options.delay_ms, "From a command to its force, ms")
-      ->check(number_between(0, 1e3 * SimulatedDevice::kMostDelay_s))
+      ->check(number_between(0, 1e3 * SimulatedDevice::kMaxDelay_s))
       ->capture_default_str();
   verb.add_option("--stiffness", options.stiffness,
                   "How stiff the stiffest tissue is felt, as a part of what is recommended for device, rate "

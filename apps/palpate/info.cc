@@ -82,11 +82,11 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
   }
   if (options.scan) {
     const auto scan =
-        read_scan(options.file, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+        read_scan(options.file, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
     return scan ? Result<Info>(of_scan(*scan)) : scan.error();
   }
   auto volume =
-      read_volume(options.file, names, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+      read_volume(options.file, names, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
   if (!volume) return volume.error();
   if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));

@@ -67,7 +67,7 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
 Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console& console) {
   if (!options.threshold.empty()) {
     const auto file =
-        read_scan(options.what, console.progress(), console.warn(), Unpacked::kAnew, options.volume);
+        read_scan(options.what, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
     if (!file) return file.error();
     return ramp_scan(file->scan, options.threshold[0], options.threshold[1]);
   }

@@ -48,14 +48,14 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
                        const Placing& placing, Console& console) {
   Data data;
   if (scan) {
-    auto read = read_scan(*scan, console.progress(), console.warn(), Unpacked::kAnew, volume, placing);
+    auto read = read_scan(*scan, console.progress(), console.warn(), VoxelCaching::kOff, volume, placing);
     if (!read) return read.error();
     data.scan = std::move(*read);
     warn_if_silent(data.scan->header, *scan, console);
   }
   if (labels) {
     auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
-                            Unpacked::kAnew, data.scan_grid(), placing, scan);
+                            VoxelCaching::kOff, data.scan_grid(), placing, scan);
     if (!read) return read.error();
     data.labels = std::move(*read);
     warn_if_silent(data.labels->header, *labels, console);
@@ -66,7 +66,7 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
 /// A file that was named without saying what it is.
 Result<Data> read_one(const fs::path& file, std::optional<int> number, const std::optional<fs::path>& names,
                       Console& console) {
-  auto volume = read_volume(file, names, console.progress(), console.warn(), Unpacked::kAnew, number);
+  auto volume = read_volume(file, names, console.progress(), console.warn(), VoxelCaching::kOff, number);
   if (!volume) return volume.error();
   Data data;
   if (auto* labels = std::get_if<LabelFile>(&*volume)) {
@@ -387,7 +387,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
                    const GridGeometry& grid) {
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
-  const double factor = FeltStiffness(scene.workspace).at_device(1);
+  const double factor = RenderedStiffness(scene.workspace).at_device(1);
   const bool elastic = is_elastic(scene.yielding.law);
   std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
               fitted("tissue", width).c_str(), elastic ? "E kPa  nu    " : "",
@@ -529,7 +529,7 @@ int run_check(const std::string& file, Console& console) {
   if (is_volume(file))
     return console.fail({ErrorKind::kBadInput, "is a volume, not a scene", file,
                          "palpate scene new " + file + " -o scene.toml writes a scene for it"});
-  if (auto other = something_else(file)) return console.fail(*other);
+  if (auto other = describe_non_volume(file)) return console.fail(*other);
   const auto scene = load_scene(file);
   if (!scene) return console.fail(scene.error());
 

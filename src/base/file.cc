@@ -52,7 +52,7 @@ std::filesystem::path end_of_links(std::filesystem::path file) {
 }
 
 // completes the error with the first part of the path that is missing or is not a folder
-void tell_what_is_missing(Error& error, const std::filesystem::path& file, int error_number) {
+void describe_missing_path(Error& error, const std::filesystem::path& file, int error_number) {
   std::error_code ignored;
   const auto folder = folder_of(file);
   auto there = error_number == ENOTDIR ? file : folder;
@@ -135,7 +135,7 @@ void remove_temporaries(const std::vector<std::filesystem::path>& files) {
   }
 }
 
-Error written_by_another(const std::filesystem::path& target, int descriptor) {
+Error claimed_by_other_process(const std::filesystem::path& target, int descriptor) {
   struct flock other {};
   other.l_type = F_WRLCK;
   const bool known = ::fcntl(descriptor, F_GETLK, &other) == 0 && other.l_type != F_UNLCK && other.l_pid > 0;
@@ -251,7 +251,7 @@ class Claims {
       struct flock whole {};
       whole.l_type = F_WRLCK;
       if (::fcntl(descriptor, F_SETLK, &whole) != 0 && (errno == EACCES || errno == EAGAIN)) {
-        const Error error = written_by_another(named, descriptor);
+        const Error error = claimed_by_other_process(named, descriptor);
         ::close(descriptor);
         if (++tries == kTries) return error;
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -325,7 +325,7 @@ Error output_error(const std::filesystem::path& file, int error_number) {
       break;
     case ENOENT:
     case ENOTDIR:
-      tell_what_is_missing(error, file, error_number);
+      describe_missing_path(error, file, error_number);
       break;
     case ENAMETOOLONG:
       error.what = "cannot be written, the name is too long";

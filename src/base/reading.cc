@@ -48,7 +48,7 @@ std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::
 
 // memory that the process's control group and its ancestors leave, of cgroup versions 2 and 1; the maximum
 // without a limit
-std::uint64_t left_by_groups() {
+std::uint64_t cgroup_memory_left() {
   std::uint64_t left = std::numeric_limits<std::uint64_t>::max();
   const auto see = [&](const std::filesystem::path& folder, const char* most, const char* used) {
     const auto limit = number_of_file(folder / most), now = number_of_file(folder / used);
@@ -83,7 +83,7 @@ std::uint64_t most_memory() {
     const std::uint64_t machine = line_bytes("/proc/meminfo", "MemAvailable:")
                                       .value_or(static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
                                                 static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)));
-    return taken() + std::min(machine, left_by_groups()) / 2;
+    return taken() + std::min(machine, cgroup_memory_left()) / 2;
   }();
   const std::uint64_t chosen = the_limits().most_memory_bytes;
   return chosen > 0 ? chosen : by_default;

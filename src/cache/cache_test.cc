@@ -126,7 +126,7 @@ TEST_F(CacheTest, TakesAPartOfTheDiskAtMost) {
   use(std::numeric_limits<std::uint64_t>::max());
   cache::keep(key_of(1), bytes_of("one"));
   const auto disk = fs::space(kept_);
-  const double part = kCachePartOfDisk * static_cast<double>(disk.capacity);
+  const double part = kMaxCacheDiskFraction * static_cast<double>(disk.capacity);
   EXPECT_LE(static_cast<double>(cache_contents().most_bytes), part);
 }
 
@@ -287,7 +287,7 @@ TEST_F(CacheEnvironment, SaysWhereTheFolderIs) {
 }
 
 TEST_F(CacheEnvironment, SaysHowLargeItMayBe) {
-  EXPECT_EQ(cache_settings_of_environment()->most_bytes, kUsualCacheBytes);
+  EXPECT_EQ(cache_settings_of_environment()->most_bytes, kDefaultCacheBytes);
   ::setenv("PALPATE_CACHE_LIMIT", "800M", 1);
   EXPECT_EQ(cache_settings_of_environment()->most_bytes, std::uint64_t{800} << 20);
   ::setenv("PALPATE_CACHE_LIMIT", "much", 1);

@@ -99,7 +99,7 @@ std::uint64_t most_bytes_of(const CacheSettings& settings, std::uint64_t taken) 
   struct statvfs disk {};
   if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.most_bytes;
   const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
-  const double part = kCachePartOfDisk * (free + static_cast<double>(taken));
+  const double part = kMaxCacheDiskFraction * (free + static_cast<double>(taken));
   return part < static_cast<double>(settings.most_bytes) ? static_cast<std::uint64_t>(part)
                                                          : settings.most_bytes;
 }

@@ -66,14 +66,14 @@ TEST(CarefulBounds, BoundEveryPhysicalDevice) {
   EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(2)), 2);
   EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(-1)), 0);
   EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(std::nan(""))), 0);
-  EXPECT_NE(careful_bound_told(physical()).find("0.2 N/mm"), std::string::npos)
-      << careful_bound_told(physical());
-  EXPECT_EQ(careful_bound_told(physical(2)), "");
+  EXPECT_NE(careful_bound_message(physical()).find("0.2 N/mm"), std::string::npos)
+      << careful_bound_message(physical());
+  EXPECT_EQ(careful_bound_message(physical(2)), "");
   // a simulated device exerts no physical force
   DeviceInfo simulated = physical();
   simulated.simulated = true;
   EXPECT_EQ(bound_of_stiffness_N_per_mm(simulated), std::numeric_limits<double>::infinity());
-  EXPECT_EQ(careful_bound_told(simulated), "");
+  EXPECT_EQ(careful_bound_message(simulated), "");
 
   // independent of the other properties
   const unsigned seed = test::test_seed();
@@ -92,8 +92,8 @@ TEST(CarefulBounds, BoundEveryPhysicalDevice) {
     info.mass_kg = any();
     info.damping_N_s_per_m = any();
     const DeviceParameters parameters = device_parameters(info, {});
-    ASSERT_TRUE(std::isfinite(parameters.most_stiffness_N_per_mm) && parameters.most_stiffness_N_per_mm >= 0);
-    ASSERT_GT(parameters.most_damping_N_s_per_mm, 1e-8);
+    ASSERT_TRUE(std::isfinite(parameters.max_stiffness_N_per_mm) && parameters.max_stiffness_N_per_mm >= 0);
+    ASSERT_GT(parameters.max_damping_N_s_per_mm, 1e-8);
     ASSERT_TRUE(parameters.delay_s >= 0 && parameters.delay_s <= 1);
   }
 }

@@ -31,7 +31,7 @@ double bound_of_stiffness_N_per_mm(const DeviceInfo& info) {
   return vouched > 0 ? vouched : 0;
 }
 
-std::string careful_bound_told(const DeviceInfo& info) {
+std::string careful_bound_message(const DeviceInfo& info) {
   if (!bound_is_ours(info)) return "";
   char text[160];
   std::snprintf(
@@ -47,8 +47,8 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.force_gain = info.in_patient ? 1 : settings.force_gain;
   parameters.scale = info.in_patient ? 1 : settings.scale;
   parameters.limits = limits_of(info);
-  parameters.most_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
-  if (!info.simulated) parameters.most_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;
+  parameters.max_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
+  if (!info.simulated) parameters.max_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;
   parameters.delay_s = careful_delay_s(info);
   parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
   return parameters;

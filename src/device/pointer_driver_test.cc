@@ -113,7 +113,7 @@ TEST(PointerDriver, APoseHoldsForATenthOfASecondAndThenGrowsOld) {
     const Seen& at = seen[n];
     // correct age: time since the last message minus the time for which it is valid
     const double after_s = static_cast<double>(at.at_ns - moved_ns) * 1e-9;
-    const double expected_s = n < 300 ? std::max(0.0, after_s - LedPose::kHeld_s) : 0;
+    const double expected_s = n < 300 ? std::max(0.0, after_s - InterpolatedPose::kHeld_s) : 0;
     EXPECT_NEAR(at.age_s, expected_s, 1e-9) << n;
     (expected_s > 0 ? old : fresh) += 1;
     // the tip is stationary
@@ -166,7 +166,7 @@ TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
   for (std::size_t n = 1; n < seen.size(); ++n) {
     const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
     const double step_mm = (seen[n].tip - seen[n - 1].tip).norm();
-    EXPECT_LE(step_mm, LedPose::kMostSpeed_mm_s * (dt_s + 1e-3)) << n;
+    EXPECT_LE(step_mm, InterpolatedPose::kMostSpeed_mm_s * (dt_s + 1e-3)) << n;
   }
   EXPECT_EQ(seen.back().tip.x(), 300);
 }
@@ -202,8 +202,8 @@ TEST(PointerDriver, APlaceThatIsNoNumberIsABug) {
 }
 
 // half of the path has half of the rotation, along the shorter arc
-TEST(LedPose, TurnsEvenly) {
-  LedPose told{Point<Device>()};
+TEST(InterpolatedPose, TurnsEvenly) {
+  InterpolatedPose told{Point<Device>()};
   const auto about_z = [](double rad) {
     return Eigen::Quaterniond(Eigen::AngleAxisd(rad, Eigen::Vector3d::UnitZ()));
   };

@@ -72,7 +72,7 @@ Result<PlantHand> find_plant_hand(const std::string& name) {
 
 SimulatedDevice::SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s)
     : device_(device), hand_(hand), delay_s_(delay_s) {
-  PALPATE_CHECK(delay_s >= 0 && delay_s <= kMostDelay_s);
+  PALPATE_CHECK(delay_s >= 0 && delay_s <= kMaxDelay_s);
   push({0, Eigen::Vector3d::Zero()});
 }
 

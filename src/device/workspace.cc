@@ -38,7 +38,7 @@ WorkspaceMapping::WorkspaceMapping(const DeviceInfo& info, const WorkspaceSettin
       home_(settings.home.value_or(Point<World>())),
       middle_(middle_of(info)),
       clutch_mask_(button_mask(settings.clutch_button)) {
-  PALPATE_CHECK(settings.scale >= kLowestScale && settings.scale <= kHighestScale);
+  PALPATE_CHECK(settings.scale >= kMinScale && settings.scale <= kMaxScale);
   PALPATE_CHECK(std::isfinite(settings.yaw_deg) && home_.all_finite());
 }
 

@@ -27,7 +27,7 @@ class Dice {
         .normalized();
   }
   // log-uniform: a half is as likely as two
-  double factor() { return std::exp(between(std::log(kLowestScale), std::log(kHighestScale))); }
+  double factor() { return std::exp(between(std::log(kMinScale), std::log(kMaxScale))); }
 
   WorkspaceSettings settings() {
     return {factor(), factor(), between(-180, 180), Point<World>(vector(300)), -1};
@@ -213,7 +213,7 @@ TEST(Workspace, FeltStiffnessIsScaleTimesGainTimesTheTissues) {
                         Case{4, 0.05, 170, 1.5}, Case{0.2, 1, 45, 1.5}, Case{0.5, 4, 10, 0.3}}) {
     const WorkspaceSettings settings{c.scale, c.gain, c.yaw_deg, Point<World>(20, -10, 5), -1};
     const double expected = c.scale * c.gain * c.wall_N_per_mm;
-    EXPECT_NEAR(FeltStiffness(settings).at_device(c.wall_N_per_mm), expected, 1e-12);
+    EXPECT_NEAR(RenderedStiffness(settings).at_device(c.wall_N_per_mm), expected, 1e-12);
     const double measured = measured_stiffness_N_per_mm(premium, hand, axes, settings, c.wall_N_per_mm);
     EXPECT_NEAR(measured, expected, 0.01 * expected) << "scale " << c.scale << " gain " << c.gain;
   }

@@ -38,7 +38,7 @@ Result<RealtimeGrant> try_rights() try {
 Result<TimerFigures> measure_timer(double seconds, const Progress& progress) {
   LatencyHistogram lateness;
   progress.report("listening to the clock", 0);
-  const auto loop = run_bare_loop(kTimerRate_hz, seconds, 0, {}, lateness, progress);
+  const auto loop = measure_empty_loop(kTimerRate_hz, seconds, 0, {}, lateness, progress);
   if (!loop) return loop.error();
   progress.report("listening to the clock", 1);
   const auto late = lateness.summary();
@@ -52,7 +52,7 @@ Result<TimerFigures> measure_timer(double seconds, const Progress& progress) {
 void look_at_devices(const DeviceRegistry& known, const DoctorSettings& settings, DoctorReport& report) {
   const std::size_t before = report.lines.size();
   bool any_ready = false;
-  for (const DeviceMaker& maker : known.all()) {
+  for (const DeviceVendor& maker : known.all()) {
     const bool asked = std::ranges::find(settings.devices, maker.name) != settings.devices.end();
     if (!settings.devices.empty() && !asked) continue;
     const DeviceReport device = maker.look();
@@ -94,7 +94,7 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
   for (const std::string& name : settings.devices)
     if (!known.find(name)) {
       std::string all;
-      for (const DeviceMaker& maker : known.all()) all += (all.empty() ? "" : ", ") + maker.name;
+      for (const DeviceVendor& maker : known.all()) all += (all.empty() ? "" : ", ") + maker.name;
       return Error{ErrorKind::kUsage, "no device '" + name + "' is known", "--device", "there are: " + all};
     }
   DoctorReport report;

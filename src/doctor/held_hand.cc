@@ -20,7 +20,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kWindow_s = 0.5, kMostDelay_s = 0.02, kDelayStep_s = 0.25e-3;
+constexpr double kWindow_s = 0.5, kMaxDelay_s = 0.02, kDelayStep_s = 0.25e-3;
 // dry friction of 0.3 N is overcome; of another delay that far off the force explains the way clearly worse
 constexpr double kPush_N = 0.8, kDirection_s = 0.008, kOtherDelay_s = 0.0015, kClearly = 1.5;
 constexpr double kKnock_N = 0.4, kKnock_s = 0.01;
@@ -186,7 +186,7 @@ std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step
       from = n;
     }
   std::vector<double> left;
-  for (int d = 0; d * kDelayStep_s <= kMostDelay_s; ++d) {
+  for (int d = 0; d * kDelayStep_s <= kMaxDelay_s; ++d) {
     left.push_back(0);
     for (Window& window : windows) left.back() += window.unexplained(d * kDelayStep_s);
   }

@@ -729,7 +729,7 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
 
 }  // namespace
 
-DeviceMaker force_dimension_maker(const ForceDimensionSettings& settings) {
+DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings) {
   return {"force-dimension",
           "Force Dimension omega, sigma and delta, and Novint's Falcon, by the maker's library",
           [settings] { return std::make_unique<ForceDimensionDriver>(settings); },

@@ -333,7 +333,7 @@ TEST(ForceDimension, InALoopNothingIsStrongerOrStifferThanItBears) {
   EXPECT_TRUE(soon([&] { return rig.device.force_N > 0.1; }));
   const TickRecord seen = (*loop)->snapshot();
   EXPECT_EQ(seen.device[0].peak_force_N, 12);
-  EXPECT_EQ(seen.device[0].most_stiffness_N_per_mm,
+  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm,
             careful_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
   (*loop)->stop();
   EXPECT_LE(rig.device.largest_N, 6);
@@ -407,7 +407,7 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   fake.count = 2;
   fake.device[0].initialised = false;
   fake.device[1].type = 60;
-  const DeviceMaker maker = force_dimension_maker(fake_dhd_settings());
+  const DeviceVendor maker = force_dimension_maker(fake_dhd_settings());
   EXPECT_EQ(maker.name, "force-dimension");
   DeviceReport report = maker.look();
   ASSERT_EQ(report.connected.size(), 2u);

@@ -123,7 +123,7 @@ TEST_F(GeometryTest, TheSmallestTurnLeadsOneDirectionOntoAnother) {
                                  : n % 4 == 1 ? Eigen::Vector3d(2 * from + 1e-7 * vector())
                                  : n % 4 == 2 ? Eigen::Vector3d(-from + 1e-4 * vector())
                                               : Eigen::Vector3d(-3 * from);
-    const Eigen::Quaterniond turn = smallest_turn(from, onto);
+    const Eigen::Quaterniond turn = shortest_rotation(from, onto);
     EXPECT_NEAR(turn.norm(), 1, 1e-9);
     EXPECT_LT((turn * from.normalized() - onto.normalized()).norm(), 1e-6);
     // about an axis perpendicular to both, and by no more than the angle between them

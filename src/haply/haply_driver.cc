@@ -600,7 +600,7 @@ DeviceReport look_for(const HaplySettings& settings) {
 
 }  // namespace
 
-DeviceMaker haply_maker(const HaplySettings& settings) {
+DeviceVendor haply_maker(const HaplySettings& settings) {
   return {"haply", "Haply Inverse3, through the Inverse Service (3.0, 3.1, 3.5 on)",
           [settings] { return std::make_unique<HaplyDriver>(settings); },
           [settings] { return look_for(settings); }};

@@ -156,8 +156,8 @@ TEST(HaplyDriver, InALoopNothingIsStrongerOrStifferThanItBears) {
   EXPECT_TRUE(soon([&] { return service.force_N() > 0.1; })) << (*loop)->snapshot().device[0].tip_world_mm[0];
   const TickRecord seen = (*loop)->snapshot();
   EXPECT_EQ(seen.device[0].peak_force_N, 3);
-  EXPECT_EQ(seen.device[0].most_stiffness_N_per_mm, careful_bounds(driver.devices()[0]).stiffness_N_per_mm);
-  EXPECT_LT(seen.device[0].most_stiffness_N_per_mm, 0.3);
+  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm, careful_bounds(driver.devices()[0]).stiffness_N_per_mm);
+  EXPECT_LT(seen.device[0].max_stiffness_N_per_mm, 0.3);
   (*loop)->stop();
   for (const testing::Delivery& delivery : service.delivered()) EXPECT_LE(delivery.command.force_N.norm(), 3);
   EXPECT_TRUE(soon([&] { return service.force_N() == 0; }));
@@ -203,7 +203,7 @@ TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
 
 TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   FakeInverseService service(testing::haply_hand());
-  const DeviceMaker maker = haply_maker(service.settings());
+  const DeviceVendor maker = haply_maker(service.settings());
   EXPECT_EQ(maker.name, "haply");
   DeviceReport report = maker.look();
   ASSERT_EQ(report.connected.size(), 1u);

@@ -13,7 +13,7 @@ TEST(ActingForce, WithoutDelayItIsWhatWasSent) {
   DelayLine line;
   EXPECT_EQ(follow_delay(Vector<World>(1, 2, 3), 1e-3, 0, line), Vector<World>(1, 2, 3));
   EXPECT_EQ(line.count, 0);
-  EXPECT_EQ(still_to_act_N_s(line, Vector<World>(1, 0, 0), 0), 0);
+  EXPECT_EQ(pending_impulse_N_s(line, Vector<World>(1, 0, 0), 0), 0);
 }
 
 TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
@@ -36,7 +36,7 @@ TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
       for (const double later : held) pending += later * kFine_s;
       const double told = follow_delay(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
       ASSERT_NEAR(told, acted, 1e-9) << n;
-      ASSERT_NEAR(still_to_act_N_s(line, Vector<World>(0, 1, 0), delay_s), pending, 1e-12) << n;
+      ASSERT_NEAR(pending_impulse_N_s(line, Vector<World>(0, 1, 0), delay_s), pending, 1e-12) << n;
     }
   }
 }

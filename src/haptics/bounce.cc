@@ -6,7 +6,7 @@
 
 namespace palpate {
 
-double most_without_a_throw_N(const BounceInput& input, BounceState& state) {
+double limit_rebound_N(const BounceInput& input, BounceState& state) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   if (!state.touched) {
     state = {};

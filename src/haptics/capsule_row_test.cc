@@ -31,7 +31,7 @@ TEST(CapsuleRow, ItsOutlineIsTheCapsulesButForALittle) {
 }
 
 // a ball, and a plate along which a row may lie, on rotated voxels
-std::vector<FeltSurface> ball_and_plate(std::mt19937& random) {
+std::vector<ContactSurface> ball_and_plate(std::mt19937& random) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
   return {felt_surface(
               cube_grid(14, {0.5, 0.5, 0.9}, turn), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4),

@@ -11,7 +11,7 @@ int tissue_at(std::span<const std::int16_t> tissue_of_label, LabelId label) {
 
 }  // namespace
 
-void take_colours_of_tissues(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
+void apply_tissue_colours(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
                              std::span<const std::optional<Rgb>> said) {
   for (Segment& segment : segments) {
     const int tissue = tissue_at(tissue_of_label, segment.id);

@@ -19,7 +19,7 @@ Model three_tissues() {
 
 TEST(Colours, TheScenesTissueCountsBeforeTheFilesSegmentAndThatBeforeTheTissue) {
   Model model = three_tissues();
-  take_colours_of_tissues(model.segments, model.tissue_of_label,
+  apply_tissue_colours(model.segments, model.tissue_of_label,
                           std::vector<std::optional<Rgb>>{kOfScene, {}, {}});
   EXPECT_EQ(colour_of(model, 2), kOfScene);
   EXPECT_EQ(colour_of(model, 3), kOfOther);

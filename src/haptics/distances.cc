@@ -148,10 +148,10 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
   return box;
 }
 
-std::array<NearStructure, kMostNearTold> nearest_structures(const Distances& distances,
+std::array<NearStructure, kMostNearReported> nearest_structures(const Distances& distances,
                                                             std::span<const ToolSphere> spheres,
                                                             const Point<Patient>& tip) {
-  std::array<NearStructure, kMostNearTold> told;
+  std::array<NearStructure, kMostNearReported> told;
   const ToolBox tool = box_of_tool(spheres, tip);
   const std::vector<TrackedStructure>& structures = distances.structures();
   std::size_t count = 0;

@@ -78,7 +78,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
   return foot;
 }
 
-std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> surfaces,
+std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                          std::span<PressPlace> places) {
   const std::size_t most =
@@ -95,7 +95,7 @@ std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> 
       const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
       PressPlace place{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
       for (const int s : surfaces) {
-        const FeltSurface& felt = all[static_cast<std::size_t>(s)];
+        const ContactSurface& felt = all[static_cast<std::size_t>(s)];
         if (felt.surface == nullptr) continue;
         const double depth_mm = place.radius_mm - felt.surface->distance_mm(tip + place.middle_mm);
         place.depth_mm = std::max(place.depth_mm, depth_mm);

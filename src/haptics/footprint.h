@@ -47,7 +47,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
 /// @param tip       position of the tip
 /// @param places    receives the places, in the order of the tool's parts
 /// @returns number of places written
-std::size_t press_places(std::span<const FeltSurface> all, std::span<const int> surfaces,
+std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                          std::span<PressPlace> places);
 

@@ -57,7 +57,7 @@ TEST(Footprint, FarFromEachOtherTheyAddUp) {
 
 // Force on a half-space with E* = 1 (yield_force's law), with the footprint's additional compliance.
 double pressed_N(const Footprint& foot) {
-  const YieldingTissue tissue{foot.closeness_per_mm, {}, 1};
+  const ContactLaw tissue{foot.closeness_per_mm, {}, 1};
   return yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N;
 }
 
@@ -73,7 +73,7 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
     EXPECT_NEAR(pressed_N(footprint_of(places, kUp)), truth_N, 0.03 * truth_N)
         << apart_mm << ", " << higher_mm;
   }
-  const FeltSurface plane = testing::felt_surface(
+  const ContactSurface plane = testing::felt_surface(
       testing::cube_grid(45, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int leant_on = 0;
   struct Shaft {
@@ -125,7 +125,7 @@ TEST(Footprint, HasNoSteps) {
 // A shaft pushed in along its axis presses with its end only, at any depth; lying flat it presses with its
 // whole length.
 TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
-  const FeltSurface plane = testing::felt_surface(
+  const ContactSurface plane = testing::felt_surface(
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int leant_on = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {

@@ -20,11 +20,11 @@ struct HalfSpace {
 inline constexpr std::size_t kMostHalfSpaces = 12;
 
 /// Projection of a point onto an intersection of half-spaces, with its active set and multipliers: point = x
-/// + sum of pull_mm[i] * normal of half-space active[i], every pull_mm[i] > 0.
+/// + sum of multiplier_mm[i] * normal of half-space active[i], every multiplier_mm[i] > 0.
 struct ClosestPoint {
   Point<Patient> point;
   std::array<int, 3> active{};
-  std::array<double, 3> pull_mm{};
+  std::array<double, 3> multiplier_mm{};
   int count = 0;  ///< Number of active half-spaces, 0 ... 3
 };
 

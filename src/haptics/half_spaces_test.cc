@@ -64,9 +64,9 @@ TEST(ClosestPoint, AgreesWithAlternatingProjections) {
     // the multipliers reproduce the displacement
     Vector<Patient> pull;
     for (int i = 0; i < found->count; ++i) {
-      EXPECT_GT(found->pull_mm[i], 0);
+      EXPECT_GT(found->multiplier_mm[i], 0);
       EXPECT_NEAR(half_spaces[found->active[i]].clearance(found->point), 0, 1e-8);
-      pull += half_spaces[found->active[i]].normal * found->pull_mm[i];
+      pull += half_spaces[found->active[i]].normal * found->multiplier_mm[i];
     }
     EXPECT_LT((x + pull - found->point).norm(), 1e-9);
     // at least as near as the reference has converged to

@@ -71,7 +71,7 @@ TEST(Holes, StayWithTheirStructureWhenSurfacesChangePlaces) {
   holes.make(other);
   const std::uint64_t first = hash_of(holes);
   // structure 0 no longer exists, structure 2 has index 1
-  const std::vector<SurfaceBefore> before{{1, true}, {2, false}};
+  const std::vector<SurfaceCorrespondence> before{{1, true}, {2, false}};
   holes.keep(before);
   ASSERT_EQ(holes.all().size(), 1u);
   EXPECT_EQ(holes.all()[0].structure, 1);

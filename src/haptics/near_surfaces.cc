@@ -28,7 +28,7 @@ bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Poin
 
 }  // namespace
 
-void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           int layer, const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
   count_ = 0;
   left_out_mm_ = std::numeric_limits<double>::infinity();
@@ -59,7 +59,7 @@ void NearSurfaces::gather(std::span<const FeltSurface> surfaces, std::span<const
   reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
 }
 
-bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at) {
   int looks = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
@@ -77,20 +77,20 @@ bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
   return true;
 }
 
-double NearSurfaces::steepest() const {
+double PairSet::steepest() const {
   double steepest = 1;
   for (std::size_t n = 0; n < count_; ++n) steepest = std::max(steepest, near_[n].surface->steepest());
   return steepest;
 }
 
-NearSurfaces::Known NearSurfaces::look(const Near& near, const Point<Patient>& proxy, double enough_mm,
+PairSet::Known PairSet::look(const Near& near, const Point<Patient>& proxy, double enough_mm,
                                        int begin) {
   const Near::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
   return {proxy + near.shape.offset_mm, clearance.mm,
           near.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
 }
 
-double NearSurfaces::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
+double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
   Known& known = known_[n];
   const Near& near = near_[n];
   const Point<Patient> centre = proxy + near.shape.offset_mm;
@@ -102,14 +102,14 @@ double NearSurfaces::clearance(std::size_t n, const Point<Patient>& proxy, doubl
   return known.clearance_mm;
 }
 
-double NearSurfaces::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
+double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step) {
   const Near& near = near_[n];
   if (near.steps == 0) return 0;
   return palpate::middle_of_touching(*near.surface, proxy + near.shape.offset_mm, near.shape, near.steps,
                                      step, kProxyFeel.beside_mm, looks_);
 }
 
-void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
+void PairSet::turn(std::span<const ToolSphere> spheres) {
   for (std::size_t n = 0; n < count_; ++n) {
     const ToolSphere& turned = spheres[static_cast<std::size_t>(near_[n].sphere)];
     if (near_[n].steps > 0) {
@@ -123,7 +123,7 @@ void NearSurfaces::turn(std::span<const ToolSphere> spheres) {
 }
 
 // insertion sort by clearance, so that the nearest pairs are kept
-void NearSurfaces::insert(const Near& near, double clearance_mm, const Known& known) {
+void PairSet::insert(const Near& near, double clearance_mm, const Known& known) {
   if (count_ == kMostNear)
     left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMostNear - 1]));
   std::size_t place = count_;
@@ -165,7 +165,7 @@ std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
   return n;
 }
 
-bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy) {
+bool project_out(PairSet& near, int most_steps, double step_mm, Point<Patient>& proxy) {
   Walls walls;
   Point<Patient> outside = proxy;
   for (int n = 0; n <= most_steps; ++n) {

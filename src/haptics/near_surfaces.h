@@ -6,7 +6,7 @@
 
 #include "haptics/capsule_row.h"
 #include "haptics/half_spaces.h"
-#include "haptics/room_for.h"
+#include "haptics/uninitialised_array.h"
 #include "palpate/haptics/proxy.h"
 
 /// Broad phase of the proxy: sphere-surface pairs within reach of a tick's path, with cached clearances, and
@@ -19,9 +19,9 @@ inline constexpr std::size_t kMostNear = 32;
 
 /// Whether a layer's proxy can touch surface `s`: it is in that layer, has geometry, and is neither punctured
 /// nor covered by a surface that is not punctured.
-inline bool is_there(std::span<const FeltSurface> surfaces, int layer, const SurfaceSet& punctured,
+inline bool is_there(std::span<const ContactSurface> surfaces, int layer, const SurfaceSet& punctured,
                      std::size_t s) {
-  const FeltSurface& felt = surfaces[s];
+  const ContactSurface& felt = surfaces[s];
   const bool covered = felt.beneath >= 0 && !punctured[static_cast<std::size_t>(felt.beneath)];
   return felt.layer == layer && felt.surface != nullptr && !punctured[s] && !covered;
 }
@@ -59,11 +59,11 @@ struct Near {
   }
 };
 
-class NearSurfaces {
+class PairSet {
  public:
   /// An empty set.
-  NearSurfaces() = default;
-  NearSurfaces(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+  PairSet() = default;
+  PairSet(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
     gather(surfaces, spheres, layer, punctured, at, reach_mm);
   }
@@ -71,7 +71,7 @@ class NearSurfaces {
   /// Replaces the set by the pairs that a layer's proxy can touch on a path of length `reach_mm` from `at`.
   /// If there are more than kMostNear, reach_mm() is shorter.
   /// @param spheres  tool parts in the proxy's attitude
-  void gather(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+  void gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
   /// Empties the set.
@@ -117,9 +117,9 @@ class NearSurfaces {
 
   void insert(const Near& near, double clearance_mm, const Known& known);
 
-  RoomFor<Near, kMostNear> near_;
-  RoomFor<double, kMostNear> clearances_mm_;
-  RoomFor<Known, kMostNear> known_;
+  UninitialisedArray<Near, kMostNear> near_;
+  UninitialisedArray<double, kMostNear> clearances_mm_;
+  UninitialisedArray<Known, kMostNear> known_;
   std::size_t count_ = 0;
   int looks_ = 0;
   // clearance of the nearest pair that did not fit
@@ -130,7 +130,7 @@ class NearSurfaces {
 /// Whether no tool part penetrates any surface that the layer's proxy can touch.
 /// @param but  surfaces that are ignored
 /// @param at   position of the tip
-bool is_free(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at);
 
 /// Half-space constraints, each with the sphere-surface pair that it comes from.
@@ -154,9 +154,9 @@ class Walls {
   std::size_t place_of_weaker(const HalfSpace& wall) const;
   void put(std::size_t place, const Near& near, int step, const HalfSpace& wall);
 
-  RoomFor<HalfSpace, kMostHalfSpaces> half_spaces_;
-  RoomFor<const Near*, kMostHalfSpaces> near_;
-  RoomFor<int, kMostHalfSpaces> step_;
+  UninitialisedArray<HalfSpace, kMostHalfSpaces> half_spaces_;
+  UninitialisedArray<const Near*, kMostHalfSpaces> near_;
+  UninitialisedArray<int, kMostHalfSpaces> step_;
   std::size_t count_ = 0;
 };
 
@@ -165,6 +165,6 @@ class Walls {
 /// @param step_mm  maximum length of each step, because nearly opposite planes have a distant intersection
 /// @param proxy    updated only on success
 /// @return false if no position outside was found within most_steps
-bool leave_surfaces(NearSurfaces& near, int most_steps, double step_mm, Point<Patient>& proxy);
+bool project_out(PairSet& near, int most_steps, double step_mm, Point<Patient>& proxy);
 
 }  // namespace palpate

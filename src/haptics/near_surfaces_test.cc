@@ -20,7 +20,7 @@ using testing::random_direction;
 constexpr unsigned kNearSeed = 61;
 
 // a ball on a randomly rotated grid
-FeltSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt19937& random,
+ContactSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt19937& random,
                     double reach_mm = 3) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
   GridGeometry grid = cube_grid(radius_mm + reach_mm + 1, {0.7, 0.7, 1.0}, turn);
@@ -47,11 +47,11 @@ double least_of_row(const Surface& surface, const ToolSphere& sphere, const Poin
   return least_mm;
 }
 
-TEST(NearSurfaces, WhatIsLeftOutIsNotMetOnTheWay) {
+TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
   for (int s = 0; s < 60; ++s)
     surfaces.push_back(ball_at(place_within(20, random), 1 + 2 * unit(random), random));
   SurfaceSet punctured;
@@ -68,7 +68,7 @@ TEST(NearSurfaces, WhatIsLeftOutIsNotMetOnTheWay) {
       if ((n + k) % 3 == 0) spheres.back().along_mm = Vector<Patient>(place_within(10, random));
     }
     const Point<Patient> at(place_within(25, random));
-    const NearSurfaces near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
+    const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
     looked_at += static_cast<int>(near.count());
     cut_short += near.count() == kMostNear;
     for (int m = 0; m < 10; ++m) {
@@ -90,7 +90,7 @@ TEST(NearSurfaces, WhatIsLeftOutIsNotMetOnTheWay) {
 }
 
 // bounds by which surfaces are excluded without a query
-TEST(NearSurfaces, BoundsAreBelowWhatIsAsked) {
+TEST(PairSet, BoundsAreBelowWhatIsAsked) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
@@ -98,7 +98,7 @@ TEST(NearSurfaces, BoundsAreBelowWhatIsAsked) {
   for (int s = 0; s < 20; ++s) {
     const double radius_mm = 1 + 4 * unit(random);
     const Eigen::Vector3d centre = place_within(20, random);
-    const FeltSurface felt = ball_at(centre, radius_mm, random, 1 + 3 * unit(random));
+    const ContactSurface felt = ball_at(centre, radius_mm, random, 1 + 3 * unit(random));
     const Surface& surface = *felt.surface;
     for (int n = 0; n < 5000; ++n) {
       const Point<Patient> at(centre + place_within(12, random));
@@ -116,13 +116,13 @@ TEST(NearSurfaces, BoundsAreBelowWhatIsAsked) {
 }
 
 // clearances of a moving and rotating tool, with repeated queries
-TEST(NearSurfaces, AClearanceIsThatOfAskingAll) {
+TEST(PairSet, AClearanceIsThatOfAskingAll) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
   int exact = 0, bounds = 0;
   for (int scene = 0; scene < 20; ++scene) {
-    const std::vector<FeltSurface> surfaces{ball_at(place_within(4, random), 3, random),
+    const std::vector<ContactSurface> surfaces{ball_at(place_within(4, random), 3, random),
                                             ball_at(place_within(4, random), 2, random)};
     const std::vector<ToolSphere> tool{
         {Vector<Patient>(place_within(3, random)), 1, Vector<Patient>(place_within(8, random))},
@@ -130,7 +130,7 @@ TEST(NearSurfaces, AClearanceIsThatOfAskingAll) {
         {{}, 0.7}};
     Point<Patient> at(place_within(8, random));
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
-    NearSurfaces near(surfaces, tool, 0, {}, at, 20);
+    PairSet near(surfaces, tool, 0, {}, at, 20);
     ASSERT_EQ(near.count(), 6u);
     for (int n = 0; n < 300; ++n) {
       if (n % 3 == 0)
@@ -160,11 +160,11 @@ TEST(NearSurfaces, AClearanceIsThatOfAskingAll) {
   EXPECT_GT(bounds, 3000);
 }
 
-TEST(NearSurfaces, FreeIsWhatAskingAllSays) {
+TEST(PairSet, FreeIsWhatAskingAllSays) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   std::uniform_real_distribution<double> unit(0, 1);
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
   for (int s = 0; s < 40; ++s)
     surfaces.push_back(ball_at(place_within(20, random), 1 + 2 * unit(random), random, 1 + unit(random)));
   surfaces[12].layer = 1;
@@ -192,7 +192,7 @@ TEST(NearSurfaces, FreeIsWhatAskingAllSays) {
 /// A tool that presses, slides and rotates among a few surfaces and punctures one of them.
 class LedTool {
  public:
-  explicit LedTool(std::vector<FeltSurface> surfaces) : surfaces_(std::move(surfaces)) {}
+  explicit LedTool(std::vector<ContactSurface> surfaces) : surfaces_(std::move(surfaces)) {}
   const ProxyResult& at(const ToolPose& hand) {
     const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
     result_ = advance_proxy(surfaces_, tool.spheres(), hand, state_);
@@ -218,20 +218,20 @@ class LedTool {
       {{}, 1}, {Vector<Patient>(3, 0, 0), 1}, {Vector<Patient>(0, 3, 0), 1}, {Vector<Patient>(12, 0, 3), 1}};
 
  private:
-  std::vector<FeltSurface> surfaces_;
+  std::vector<ContactSurface> surfaces_;
   ProxyState state_;
   ProxyResult result_;
 };
 
-std::vector<FeltSurface> few_surfaces(std::mt19937& random) {
-  std::vector<FeltSurface> few{ball_at({0, 0, -6}, 6, random, 4), ball_at({9, 0, -5}, 5, random, 4),
+std::vector<ContactSurface> few_surfaces(std::mt19937& random) {
+  std::vector<ContactSurface> few{ball_at({0, 0, -6}, 6, random, 4), ball_at({9, 0, -5}, 5, random, 4),
                                ball_at({0, 9, -4}, 4, random, 4)};
   few[2].puncture_N = 1.5;
   few[0].static_friction = few[0].dynamic_friction = 0.2;
   return few;
 }
 
-std::vector<FeltSurface> with_far_ones(std::vector<FeltSurface> surfaces, std::size_t all,
+std::vector<ContactSurface> with_far_ones(std::vector<ContactSurface> surfaces, std::size_t all,
                                        std::mt19937& random) {
   while (surfaces.size() < all) {
     const Eigen::Vector3d away = random_direction(random).eigen() * 60;
@@ -241,7 +241,7 @@ std::vector<FeltSurface> with_far_ones(std::vector<FeltSurface> surfaces, std::s
 }
 
 // bit-identical, forces included
-TEST(NearSurfaces, StructuresThatAreFarAwayChangeNothing) {
+TEST(PairSet, StructuresThatAreFarAwayChangeNothing) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
@@ -269,14 +269,14 @@ TEST(NearSurfaces, StructuresThatAreFarAwayChangeNothing) {
   EXPECT_TRUE(punctured);
 }
 
-TEST(NearSurfaces, OnlyWhatIsNearIsAsked) {
+TEST(PairSet, OnlyWhatIsNearIsAsked) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random), many = with_far_ones(few, 250, random);
   int asked = 0;
   for (int n = 0; n < 200; ++n) {
     const Point<Patient> at(place_within(12, random));
-    const NearSurfaces alone(few, LedTool::kTool, 0, {}, at, 3), among(many, LedTool::kTool, 0, {}, at, 3);
+    const PairSet alone(few, LedTool::kTool, 0, {}, at, 3), among(many, LedTool::kTool, 0, {}, at, 3);
     ASSERT_EQ(alone.looks(), among.looks());
     ASSERT_EQ(alone.count(), among.count());
     ASSERT_GE(alone.looks(), static_cast<int>(alone.count()));
@@ -286,7 +286,7 @@ TEST(NearSurfaces, OnlyWhatIsNearIsAsked) {
   EXPECT_LT(asked, 200 * 12) << "of these pairs some are too far, too";
 }
 
-TEST(NearSurfaces, ATickCostsWhatIsNear) {
+TEST(PairSet, ATickCostsWhatIsNear) {
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
   LedTool alone(few), among(with_far_ones(few, 250, random));

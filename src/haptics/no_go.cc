@@ -222,19 +222,19 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
 
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                      double most_stiffness_N_per_mm) {
+                      double max_stiffness_N_per_mm) {
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
   constexpr double kMostOfIt = 0.9;
   NoGoForce all;
   // NaN: the limit is unknown, and nothing is limited
-  const bool capped = most_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
-  if (capped && !(most_stiffness_N_per_mm > 0)) return all;
+  const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
+  if (capped && !(max_stiffness_N_per_mm > 0)) return all;
   Pushes pushes;
   for (std::size_t r = 0; r < regions.size(); ++r) {
     const NoGoRegion& region = regions[r];
     const MetRegion near = nearest_to(region, distances, spheres, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
-    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMostOfIt * most_stiffness_N_per_mm)
+    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMostOfIt * max_stiffness_N_per_mm)
                                     : region.stiffness_N_per_mm;
     pushes.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
                 region.keep_away_mm - near->distance_mm, stiffness});
@@ -245,7 +245,7 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
   for (const Push& push : pushes.all())
     all.stiffness_N_per_mm = std::max(all.stiffness_N_per_mm, push.stiffness_N_per_mm);
   if (capped && pushes.all().size() > 1)
-    take_together(pushes.all(), most_stiffness_N_per_mm, all);
+    take_together(pushes.all(), max_stiffness_N_per_mm, all);
   else
     add_up(pushes.all(), all);
   return all;

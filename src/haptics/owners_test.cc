@@ -145,12 +145,12 @@ TEST(Owners, AMemoGivesWhatIsAskedForAfreshWhateverChanges) {
   std::uniform_real_distribution<double> part(-3, 3);
   std::vector<Point<Patient>> places;
   for (int n = 0; n < 6; ++n) places.emplace_back(part(random), part(random), -0.3);
-  std::array<FeltSurface, 3> surfaces;
-  OwnersMemo memo;
+  std::array<ContactSurface, 3> surfaces;
+  OwnerCache memo;
   int several = 0;
   for (int n = 0; n < 2000; ++n) {
     const auto any = static_cast<std::size_t>(random() % surfaces.size());
-    FeltSurface& felt = surfaces[any];
+    ContactSurface& felt = surfaces[any];
     switch (random() % 20) {
       case 0:
         felt.owners = owners_of({-1, 0, 1});

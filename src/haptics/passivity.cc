@@ -70,7 +70,7 @@ double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double ste
 
 }  // namespace
 
-PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state) {
+PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state) {
   // energy put in, limited to what the contact can store
   state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.way_mm), input.stored_mJ);
 
@@ -89,7 +89,7 @@ PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivitySta
   follow_direction(along_mm, step_mm, state);
   const Vector<World> out = input.force_N / force_N;
   const double most_N =
-      most_without_a_throw_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out), step_mm,
+      limit_rebound_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out), step_mm,
                               input.pending_N_s, input.dt_s},
                              state.bounce);
   if (!act) return {};

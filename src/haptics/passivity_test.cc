@@ -25,7 +25,7 @@ struct Led {
   PassivityOutput go(const Vector<World>& way_mm, const Vector<World>& force_N,
                      double stored_mJ = kUnknown_mJ) {
     true_mJ -= sent_N.dot(way_mm);
-    const PassivityOutput out = keep_passive(
+    const PassivityOutput out = control_passivity(
         {force_N, force_N.norm(), sent_N, way_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s}, act,
         state);
     sent_N = force_N * out.factor;
@@ -172,7 +172,7 @@ TEST(Passivity, AWallOfMoreThanAStepIsSofterWhileEnergyIsOwed) {
     state.energy_mJ = energy_mJ;
     const double asked_N = stiffness_N_per_mm * depth_mm, force_N = std::min(asked_N, kLimit_N);
     return force_N *
-           keep_passive({{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
+           control_passivity({{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
                         true, state)
                .factor;
   };
@@ -193,8 +193,8 @@ TEST(Passivity, AnUnknownEncoderStepIsACoarseOne) {
                              kUnknown_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s};
   PassivityInput blind = input;
   blind.step_mm = kNotKnown;
-  EXPECT_GT(keep_passive(input, true, known).damping_N_s_per_m, 0) << "more than two steps";
-  EXPECT_EQ(keep_passive(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
+  EXPECT_GT(control_passivity(input, true, known).damping_N_s_per_m, 0) << "more than two steps";
+  EXPECT_EQ(control_passivity(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
 }
 
 // A tip leaving fast, with a debt that would need more than the maximum damping.
@@ -208,7 +208,7 @@ TEST(Passivity, DampsTheLessTheLaterItsForceActs) {
       PassivityInput input{push, push.norm(), push, {0.1, 0, 0}, kUnknown_mJ, 0.5, kStep_mm, dt_s};
       input.delay_s = delay_s;
       double damping_N_s_per_m = 0;
-      for (int n = 0; n < 10; ++n) damping_N_s_per_m = keep_passive(input, true, state).damping_N_s_per_m;
+      for (int n = 0; n < 10; ++n) damping_N_s_per_m = control_passivity(input, true, state).damping_N_s_per_m;
       EXPECT_NEAR(damping_N_s_per_m,
                   std::min(kPassivityFeel.most_damping_N_s_per_m,
                            kPassivityFeel.most_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),

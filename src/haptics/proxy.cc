@@ -8,11 +8,11 @@
 
 #include "haptics/capsule_row.h"
 #include "haptics/footprint.h"
-#include "haptics/held_spheres.h"
+#include "haptics/proxy_spheres.h"
 #include "haptics/near_surfaces.h"
-#include "haptics/room_for.h"
+#include "haptics/uninitialised_array.h"
 #include "haptics/tool_turn.h"
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 
 namespace palpate {
 namespace {
@@ -20,22 +20,22 @@ namespace {
 // upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
 constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
 
-int layers_of(std::span<const FeltSurface> surfaces) {
+int layers_of(std::span<const ContactSurface> surfaces) {
   int most = 0;
-  for (const FeltSurface& felt : surfaces) most = std::max(most, felt.layer);
-  return std::min(most + 1, kMostLayers);
+  for (const ContactSurface& felt : surfaces) most = std::max(most, felt.layer);
+  return std::min(most + 1, kMaxLayers);
 }
 
 /// Stiffness that a layer contributes for a structure, clamped to the device's limit: the structure's
 /// stiffness up to the layer's upper bound, minus the part already provided by the outer layers. That part is
 /// the layer's lower bound, or the sum actually given if the surrounding structures are softer than their own
 /// layer's upper bound; the difference would otherwise be missing from every layer within.
-class StiffnessAround {
+class LayerStiffness {
  public:
-  explicit StiffnessAround(double most_N_per_mm) : most_N_per_mm_(most_N_per_mm) {}
+  explicit LayerStiffness(double most_N_per_mm) : most_N_per_mm_(most_N_per_mm) {}
 
   /// Contribution of a layer's `surface` for `structure`; N/mm.
-  double part(const FeltSurface& surface, const FeltSurface& structure) const {
+  double part(const ContactSurface& surface, const ContactSurface& structure) const {
     const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm_);
     const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
     // tolerance for rounding
@@ -57,7 +57,7 @@ class StiffnessAround {
 /// Displacement limit of a proxy in one tick: a ball around the position to which the tip's displacement
 /// alone would have carried it. It bounds the change of the spring's stretch to the tip's displacement plus
 /// the permitted slip.
-struct Leash {
+struct DisplacementLimit {
   Point<Patient> middle;  ///< Proxy position after the tool's rotation, plus the tip's displacement
   double length_mm = std::numeric_limits<double>::infinity();
 
@@ -79,7 +79,7 @@ struct Leash {
 };
 
 /// Result of advancing one layer's proxy by one tick.
-struct Walked {
+struct ProxyAdvance {
   bool wedged = false, lagging = false;  ///< As in ProxyResult
   Vector<Patient> stretched_mm;          ///< Spring vector (tip to proxy) of the last tick
   double hand_mm = 0;  ///< Displacement of the tip in this tick plus the arc of the tool's rotation
@@ -97,7 +97,7 @@ struct Walked {
 /// @param stretched_mm  current spring vector, tip to proxy
 /// @param slip_N        permitted force change in this tick beyond the tip's displacement
 double slow_stiffness(double wanted, std::optional<double> before, const Vector<Patient>& stretched_mm,
-                      double slip_N, const Walked& walked) {
+                      double slip_N, const ProxyAdvance& walked) {
   const double length_mm = stretched_mm.norm();
   if (!before || !(length_mm > 0)) return wanted;
   // the spring was inactive and may already be long
@@ -114,18 +114,18 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
 }
 
 /// Working memory shared by the proxy updates of a tick; constructing it takes longer than many updates.
-struct WalkRoom {
+struct UpdateWorkspace {
   /// Origin of a contact: index of its sphere-surface pair, and the sphere in the capsule's row.
   struct TouchedAt {
     std::size_t near = 0;
     int step = 0;
   };
 
-  NearSurfaces near;
+  PairSet near;
   Walls walls;
   std::bitset<kMostNear> friction_known;
-  RoomFor<Friction, kMostNear> friction;
-  RoomFor<TouchedAt, kMostContacts> touched_at;
+  UninitialisedArray<Friction, kMostNear> friction;
+  UninitialisedArray<TouchedAt, kMostContacts> touched_at;
 };
 
 /// Update of one layer's proxy position in one tick: substeps towards the tip along the surfaces.
@@ -136,9 +136,9 @@ class Walk {
   /// @param leash      displacement limit
   /// @param stretched  spring vector of the last tick, tip to proxy, mm
   /// @param way        receives every vertex of the path; may be null
-  Walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
-       const Leash& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
-       const ProxyOptions& options, ProxyWay* way, WalkRoom& room)
+  Walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
+       const DisplacementLimit& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
+       const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room)
       : surfaces_(surfaces),
         leash_(leash),
         leash_mm_(leash.length_mm),
@@ -167,7 +167,7 @@ class Walk {
 
   /// Runs the update. Returns false if the proxy starts inside surfaces (e.g. after a tool change) and cannot
   /// be pushed out.
-  bool go(Walked& result) {
+  bool go(ProxyAdvance& result) {
     bool moves = false, through_free_space = false;
     if (!rests_as_before()) {
       look_around();
@@ -209,7 +209,7 @@ class Walk {
   }
 
   // moves in substeps; true if the work limit was reached before the goal
-  bool go_on(Walked& result) {
+  bool go_on(ProxyAdvance& result) {
     most_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
     int stride = 0;
     bool moves = true;
@@ -236,8 +236,8 @@ class Walk {
     if (touched.empty()) return false;
     near_.clear();
     friction_known_.reset();
-    for (const TouchedAtRest::Wall& wall : touched) {
-      const FeltSurface& felt = surfaces_[static_cast<std::size_t>(wall.surface)];
+    for (const RestingContacts::Wall& wall : touched) {
+      const ContactSurface& felt = surfaces_[static_cast<std::size_t>(wall.surface)];
       const ToolSphere& sphere = spheres_[static_cast<std::size_t>(wall.sphere)];
       const std::size_t place = near_.count();
       walls_.recall(near_.recall({felt.surface.get(), wall.surface, wall.sphere, sphere, 0}),
@@ -266,8 +266,8 @@ class Walk {
   // caches the active contacts for the next tick, provided that all pairs were gathered at this position
   void remember_rest() {
     const bool stayed = proxy_ == state_.position && near_.count() < kMostNear && !has_capsules_;
-    if (!stayed || walls_.count() == 0 || walls_.count() > TouchedAtRest::kMostWalls) return;
-    std::array<TouchedAtRest::Wall, TouchedAtRest::kMostWalls> touched;
+    if (!stayed || walls_.count() == 0 || walls_.count() > RestingContacts::kMostWalls) return;
+    std::array<RestingContacts::Wall, RestingContacts::kMostWalls> touched;
     for (std::size_t n = 0; n < walls_.count(); ++n) {
       const std::size_t place = near_.place_of(walls_.near(n));
       touched[n] = {walls_.half_space(n).normal, walls_.half_space(n).offset, walls_.near(n).index,
@@ -293,7 +293,7 @@ class Walk {
   bool leave() {
     near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMostPush_mm);
     steepest_ = near_.steepest();
-    if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), proxy_)) return false;
+    if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), proxy_)) return false;
     to_go_mm_ += left_mm_;
     look_around();
     return true;
@@ -303,7 +303,7 @@ class Walk {
   bool slips() const { return leashed_ && leash_.is_taut(proxy_); }
 
   // one substep; false when the proxy has come to rest
-  bool step(Walked& result) {
+  bool step(ProxyAdvance& result) {
     const double free_mm = touch_what_is_near();
     leashed_ = false;
     // a failed attempt must not release friction: each attempt starts with the friction state before the
@@ -354,12 +354,12 @@ class Walk {
   // substep.
   bool go_to(const Point<Patient>& asked) {
     Point<Patient> end = asked, there = end;
-    if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+    if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
     // the projection may have moved the point beyond the displacement limit
     if (leash_.holds(there)) {
       end = proxy_ + (end - proxy_) * leash_.free_part(proxy_, there - proxy_);
       there = end;
-      if (!leave_surfaces(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+      if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
       leashed_ = true;
     }
     // after a projection in several steps the end points no longer bound the penetration in between
@@ -434,10 +434,10 @@ class Walk {
     }
     if (least_mm > kProxyFeel.skin_mm || deepest_mm <= 0) return;
     const Vector<Patient> away = proxy_ - tip_;
-    const double pull_mm = std::min(away.norm(), deepest_mm);
+    const double multiplier_mm = std::min(away.norm(), deepest_mm);
     state_.contacts = 0;
-    add_contact(nearest, near_.step(nearest), away.normalized(), pull_mm);
-    state_.part = pull_mm / away.norm();
+    add_contact(nearest, near_.step(nearest), away.normalized(), multiplier_mm);
+    state_.part = multiplier_mm / away.norm();
   }
 
   // Rate limit of the spring's stretch: changes from the last value to the target by at most the displacement
@@ -459,12 +459,12 @@ class Walk {
     }
     state_.part = now_mm / away_mm;
     for (int n = 0; n < state_.contacts; ++n)
-      state_.contact[static_cast<std::size_t>(n)].pull_mm *= now_mm / wanted_mm;
+      state_.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / wanted_mm;
     if (state_.contacts > 0) return;
     state_.contacts = 1;
     state_.contact[0] = leant_on_;
     state_.contact[0].normal = away.normalized();
-    state_.contact[0].pull_mm = now_mm;
+    state_.contact[0].multiplier_mm = now_mm;
   }
 
   // Places the contact of a capsule that lies along a surface at the middle of the touching interval, which
@@ -473,7 +473,7 @@ class Walk {
     // contacts carried over from the last tick have it already
     if (!leant_) return;
     for (int n = 0; n < state_.contacts; ++n) {
-      const WalkRoom::TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
+      const UpdateWorkspace::TouchedAt& at = touched_at_[static_cast<std::size_t>(n)];
       state_.contact[static_cast<std::size_t>(n)].part = near_.middle_of_touching(at.near, proxy_, at.step);
     }
   }
@@ -540,12 +540,12 @@ class Walk {
     }
     double still = 0, sliding = 0, all_mm = 0;
     for (int n = 0; n < nearest.count; ++n) {
-      const double pull_mm = nearest.pull_mm[static_cast<std::size_t>(n)];
+      const double multiplier_mm = nearest.multiplier_mm[static_cast<std::size_t>(n)];
       const Friction& friction =
           friction_of(static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]));
-      still += pull_mm * friction.still;
-      sliding += pull_mm * friction.sliding;
-      all_mm += pull_mm;
+      still += multiplier_mm * friction.still;
+      sliding += multiplier_mm * friction.sliding;
+      all_mm += multiplier_mm;
     }
     // with one constraint the multiplier is the depth; in a corner the depth is less than the sum of
     // multipliers
@@ -587,15 +587,15 @@ class Walk {
       for (std::size_t w = 0; w < walls_.count(); ++w)
         if (weight[w] > 0)
           add_contact(near_.place_of(walls_.near(w)), walls_.step(w), walls_.half_space(w).normal,
-                      nearest.pull_mm[static_cast<std::size_t>(n)] * weight[w] / all);
+                      nearest.multiplier_mm[static_cast<std::size_t>(n)] * weight[w] / all);
     }
   }
 
-  void add_contact(std::size_t near, int step, const Vector<Patient>& normal, double pull_mm) {
+  void add_contact(std::size_t near, int step, const Vector<Patient>& normal, double multiplier_mm) {
     if (state_.contacts == static_cast<int>(kMostContacts)) return;
     leant_ = true;
     const auto n = static_cast<std::size_t>(state_.contacts++);
-    state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, pull_mm};
+    state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, multiplier_mm};
     touched_at_.make(n, near, step);
   }
 
@@ -610,7 +610,7 @@ class Walk {
                                           walls_.half_space(wall).normal * near.radius_mm(walls_.step(wall)));
       const OwnerShares owners = state_.owners.at(surfaces_, near.index, at);
       for (const OwnerShare& share : owners.all()) {
-        const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
+        const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
         known.still += share.part * felt.static_friction;
         known.sliding += share.part * felt.dynamic_friction;
       }
@@ -618,8 +618,8 @@ class Walk {
     return friction_[place];
   }
 
-  std::span<const FeltSurface> surfaces_;
-  Leash leash_;
+  std::span<const ContactSurface> surfaces_;
+  DisplacementLimit leash_;
   const double leash_mm_;            // displacement limit before friction released any
   bool leashed_ = false;             // the last substep was shortened by the displacement limit
   bool leant_ = false;               // the contacts were set by this update
@@ -630,7 +630,7 @@ class Walk {
   const double away_;  // maximum fraction of a substep by which the distance to the tip may increase
   std::span<const ToolSphere> spheres_;
   const int layer_;
-  NearSurfaces& near_;
+  PairSet& near_;
   int most_looks_ = 0;
   double to_go_mm_;      // path length beyond the current part
   double left_mm_ = 0;   // path length left in the current part
@@ -643,14 +643,14 @@ class Walk {
   bool anchored_;
   Walls& walls_;
   std::bitset<kMostNear>& friction_known_;
-  RoomFor<Friction, kMostNear>& friction_;
-  RoomFor<WalkRoom::TouchedAt, kMostContacts>& touched_at_;
-  ProxyWay* way_;
+  UninitialisedArray<Friction, kMostNear>& friction_;
+  UninitialisedArray<UpdateWorkspace::TouchedAt, kMostContacts>& touched_at_;
+  ProxyPath* way_;
 };
 
 // Punctured surfaces that are still open: a surface closes when both the operator's and the proxy's tool have
 // left it. Both count because the tip may emerge from a deeper layer while the proxy is still inside it.
-SurfaceSet still_open(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                       const ToolPose& hand, const ProxyLayer& state) {
   SurfaceSet punctured = state.punctured;
   if (punctured.none()) return punctured;
@@ -696,7 +696,7 @@ class Given {
 /// Structures along the penetration path, from the springs of all layers (docs/decisions/0018). Uses that the
 /// sum of the layers' forces equals the sum, over layers, of the cumulated stiffness times the distance from
 /// the layer's proxy to the next inner proxy.
-class WayIn {
+class PenetrationPath {
  public:
   /// @param stretched_mm  spring vector of the layer, tip to proxy
   /// @param stiffness     stiffness of the layer, N/mm
@@ -719,7 +719,7 @@ class WayIn {
   /// Writes ProxyResult::felt.
   void tell(ProxyResult& result) const {
     const Vector<Patient> along = force_N_.normalized();
-    RoomFor<FeltPart, kMostOwners> part;
+    UninitialisedArray<PathSegment, kMostOwners> part;
     std::size_t parts = 0;
     double stiffness = 0, all_N = 0;
     for (std::size_t m = 0; m < layers_; ++m) {
@@ -752,23 +752,23 @@ class WayIn {
   };
   static constexpr std::size_t kMostOwners = 24;
 
-  static void keep_most(std::span<FeltPart> parts, double all_N, ProxyResult& result) {
+  static void keep_most(std::span<PathSegment> parts, double all_N, ProxyResult& result) {
     std::array<double, kMostOwners> shares;
     for (std::size_t n = 0; n < parts.size(); ++n) shares[n] = parts[n].share /= all_N;
     double least = kTouchFeel.least_share;
-    if (parts.size() > kMostFeltParts) {
-      std::nth_element(shares.begin(), shares.begin() + kMostFeltParts - 1,
+    if (parts.size() > kMostPathSegments) {
+      std::nth_element(shares.begin(), shares.begin() + kMostPathSegments - 1,
                        shares.begin() + static_cast<std::ptrdiff_t>(parts.size()), std::greater<>());
-      least = std::max(least, shares[kMostFeltParts - 1]);
+      least = std::max(least, shares[kMostPathSegments - 1]);
     }
-    for (const FeltPart& one : parts)
-      if (one.share >= least && result.felt_parts < static_cast<int>(kMostFeltParts))
+    for (const PathSegment& one : parts)
+      if (one.share >= least && result.felt_parts < static_cast<int>(kMostPathSegments))
         result.felt[static_cast<std::size_t>(result.felt_parts++)] = one;
   }
   std::size_t first() const { return layer_[layers_ - 1].first_owner; }
 
-  RoomFor<Layer, kMostLayers> layer_;
-  RoomFor<OwnerShare, kMostOwners> owner_;
+  UninitialisedArray<Layer, kMaxLayers> layer_;
+  UninitialisedArray<OwnerShare, kMostOwners> owner_;
   std::size_t layers_ = 0, owners_ = 0;
   Vector<Patient> force_N_;
 };
@@ -780,14 +780,14 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
   Vector<Patient> torque_Nmm, along_N = force_N;
   double all_mm = 0;
   for (const ProxyContact& contact : contacts) {
-    along_N -= contact.normal * (contact.pull_mm * stiffness_N_per_mm);
-    all_mm += contact.pull_mm;
+    along_N -= contact.normal * (contact.multiplier_mm * stiffness_N_per_mm);
+    all_mm += contact.multiplier_mm;
   }
   for (const ProxyContact& contact : contacts) {
     const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
     torque_Nmm += arm_of(contact, sphere)
-                      .cross(contact.normal * (contact.pull_mm * stiffness_N_per_mm) +
-                             along_N * (contact.pull_mm / all_mm));
+                      .cross(contact.normal * (contact.multiplier_mm * stiffness_N_per_mm) +
+                             along_N * (contact.multiplier_mm / all_mm));
   }
   return torque_Nmm;
 }
@@ -795,11 +795,11 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
 /// Sum of the spring forces of all layers.
 class Springs {
  public:
-  Springs(std::span<const FeltSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
+  Springs(std::span<const ContactSurface> surfaces, const Point<Patient>& tip, const ProxyOptions& options)
       : surfaces_(surfaces),
         tip_(tip),
         options_(options),
-        around_(options.most_stiffness_N_per_mm),
+        around_(options.max_stiffness_N_per_mm),
         own_around_(std::numeric_limits<double>::infinity()) {}
 
   /// Adds a layer; layers are added from outside to inside.
@@ -807,8 +807,8 @@ class Springs {
   /// @param slip_N   as in slow_stiffness()
   /// @param yield    state of the deformable structures, used by the outermost layer only
   /// @return the layer's force
-  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const Walked& walked, double slip_N,
-                 YieldState& yield, RelaxationState& relaxation) {
+  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const ProxyAdvance& walked, double slip_N,
+                 ComplianceState& yield, RelaxationState& relaxation) {
     // otherwise the spring does not measure the operator's force, and nothing may be punctured by it
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
@@ -816,21 +816,21 @@ class Springs {
     Pressed pressed;
     for (std::size_t n = 0; n < contacts.size(); ++n) {
       const ProxyContact& contact = contacts[n];
-      const FeltSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
       const Vector<Patient> arm_mm = arm_of(contact, sphere);
       owners_.make(n, state.owners.at(surfaces_, contact.surface, state.position + arm_mm));
-      all_mm += contact.pull_mm;
+      all_mm += contact.multiplier_mm;
       for (const OwnerShare& share : owners_[n].all()) {
-        const FeltSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
-        const double pull_mm = contact.pull_mm * share.part;
-        friction += pull_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
+        const ContactSurface& felt = surfaces_[static_cast<std::size_t>(share.structure)];
+        const double multiplier_mm = contact.multiplier_mm * share.part;
+        friction += multiplier_mm * (state.sticking ? felt.static_friction : felt.dynamic_friction);
         if (felt.yield_modulus_N_per_mm2 > 0) {
-          pressed.add(pull_mm, felt, arm_mm, sphere.radius_at_mm(contact.part));
+          pressed.add(multiplier_mm, felt, arm_mm, sphere.radius_at_mm(contact.part));
           continue;
         }
-        own_stiffness += pull_mm * own_around_.part(surface, felt);
-        stiffness += pull_mm * around_.part(surface, felt);
+        own_stiffness += multiplier_mm * own_around_.part(surface, felt);
+        stiffness += multiplier_mm * around_.part(surface, felt);
       }
     }
     ProxyForce force;
@@ -841,24 +841,24 @@ class Springs {
     }
     stiffness /= all_mm;
     own_stiffness /= all_mm;
-    if (pressed.pull_mm > 0) forget_around();
+    if (pressed.multiplier_mm > 0) forget_around();
     around_.add(stiffness);
     own_around_.add(own_stiffness);
     const Vector<Patient> stretched_mm = (state.position - tip_) * state.part;
     // deformable tissue has its own time constants
-    if (!(pressed.pull_mm > 0))
+    if (!(pressed.multiplier_mm > 0))
       stiffness = slow_stiffness(stiffness, state.spring_N_per_mm, stretched_mm, slip_N, walked);
     force.stored_mJ = 0.5 * stiffness * stretched_mm.squared_norm();
     force.tangent_N_per_mm = stiffness;
-    if (pressed.pull_mm > 0) {
+    if (pressed.multiplier_mm > 0) {
       const Footprint foot = footprint(pressed, contacts, spheres, stretched_mm);
       const Yielded gives = press(pressed, foot, state.position, stretched_mm.norm(), yield, relaxation);
-      const double part = pressed.pull_mm / all_mm;
+      const double part = pressed.multiplier_mm / all_mm;
       stiffness += part * gives.secant_N_per_mm;
       own_stiffness += part * gives.own_secant_N_per_mm;
       force.tangent_N_per_mm += part * gives.felt.tangent_N_per_mm;
       force.stored_mJ += part * gives.felt.stored_mJ;
-      force.force_N = gives.felt.aside_N * part;
+      force.force_N = gives.felt.tangential_force_N * part;
       force.yields = true;
     } else {
       yield = {};
@@ -868,16 +868,16 @@ class Springs {
     way_in_.begin_layer(stretched_mm, stiffness);
     for (std::size_t n = 0; n < contacts.size(); ++n)
       for (const OwnerShare& share : owners_[n].all())
-        way_in_.add_owner(share.structure, share.part * contacts[n].pull_mm / all_mm);
+        way_in_.add_owner(share.structure, share.part * contacts[n].multiplier_mm / all_mm);
 
     force.torque_Nmm = torque_of(contacts, spheres, force.force_N, stiffness);
     for (std::size_t n = 0; n < contacts.size(); ++n) {
       const ProxyContact& contact = contacts[n];
-      normals_N_ += contact.normal * (contact.pull_mm * stiffness);
+      normals_N_ += contact.normal * (contact.multiplier_mm * stiffness);
       if (!arrived) continue;
       for (const OwnerShare& share : owners_[n].all())
         if (std::isfinite(surfaces_[static_cast<std::size_t>(share.structure)].puncture_N))
-          given_.add(share.structure, contact.pull_mm * own_stiffness * share.part);
+          given_.add(share.structure, contact.multiplier_mm * own_stiffness * share.part);
     }
     friction_N_ += friction * stiffness;
     pulls_N_ += all_mm * stiffness;
@@ -893,7 +893,7 @@ class Springs {
   Vector<Patient> normal() const { return normals_N_.normalized(); }
   double friction() const { return options_.friction && pulls_N_ > 0 ? friction_N_ / pulls_N_ : 0; }
   const Given& given() const { return given_; }
-  const WayIn& way_in() const { return way_in_; }
+  const PenetrationPath& way_in() const { return way_in_; }
 
  private:
   void forget_around() {
@@ -902,13 +902,13 @@ class Springs {
   }
   // contacts with deformable tissue, averaged into one sphere pressing at one point
   struct Pressed {
-    double pull_mm = 0;
+    double multiplier_mm = 0;
     double modulus = 0, radius_mm = 0;  // weighted by the multipliers
     Vector<Patient> arm_mm;             // weighted, from the tip
     RelaxedParts relaxed;               // weighted
 
-    void add(double pull, const FeltSurface& felt, const Vector<Patient>& arm, double radius) {
-      pull_mm += pull;
+    void add(double pull, const ContactSurface& felt, const Vector<Patient>& arm, double radius) {
+      multiplier_mm += pull;
       modulus += pull * felt.yield_modulus_N_per_mm2;
       radius_mm += pull * radius;
       arm_mm += arm * pull;
@@ -923,7 +923,7 @@ class Springs {
   // than places that press. The depths are offset so that the deepest equals the spring's length.
   Footprint footprint(const Pressed& pressed, std::span<const ProxyContact> contacts,
                       std::span<const ToolSphere> spheres, const Vector<Patient>& stretched_mm) const {
-    const double per_pull = 1 / pressed.pull_mm, depth_mm = stretched_mm.norm();
+    const double per_pull = 1 / pressed.multiplier_mm, depth_mm = stretched_mm.norm();
     const Footprint one{depth_mm, pressed.radius_mm * per_pull, 0, 1, pressed.arm_mm * per_pull};
     if ((spheres.size() == 1 && spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0)) return one;
     std::array<int, kMostContacts> leant_on;
@@ -946,17 +946,17 @@ class Springs {
     return footprint_of(std::span(places).first(found), stretched_mm * (1 / depth_mm));
   }
   Yielded press(const Pressed& pressed, const Footprint& foot, const Point<Patient>& position,
-                double stretched_mm, YieldState& yield, RelaxationState& relaxation) {
-    const YieldFrame* const frame = options_.yields;
-    const YieldSpot spot = frame != nullptr ? frame->spot[options_.device] : YieldSpot{};
-    const double per_pull = 1 / pressed.pull_mm, radius_mm = foot.radius_mm, depth_mm = foot.depth_mm;
+                double stretched_mm, ComplianceState& yield, RelaxationState& relaxation) {
+    const ComplianceFrame* const frame = options_.yields;
+    const LocalCompliance spot = frame != nullptr ? frame->spot[options_.device] : LocalCompliance{};
+    const double per_pull = 1 / pressed.multiplier_mm, radius_mm = foot.radius_mm, depth_mm = foot.depth_mm;
     const Point<Patient> at = position + foot.arm_mm;
-    YieldingTissue tissue = feel_yield(frame != nullptr ? frame->number : 0, spot, at,
+    ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
                                        pressed.modulus * per_pull, options_.dt_s, yield);
     tissue.beyond_mm_per_N += foot.closeness_per_mm / tissue.modulus_N_per_mm2;
     Yielded yielded;
     if (!(depth_mm > 0)) return yielded;
-    const double most = options_.most_stiffness_N_per_mm / foot.stiffer;
+    const double most = options_.max_stiffness_N_per_mm / foot.stiffer;
     yielded.felt = yield_force(tissue, depth_mm, radius_mm, most);
     yielded.felt.tangent_N_per_mm *= foot.stiffer;
     yielded.secant_N_per_mm = yielded.felt.force_N / stretched_mm;
@@ -974,19 +974,19 @@ class Springs {
     return yielded;
   }
   // viscoelastic correction of an elastic force and of its stored energy (docs/decisions/0040-relaxation.md)
-  void relax(const YieldingTissue& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
+  void relax(const ContactLaw& tissue, const RelaxingContact& contact, double depth_mm, double radius_mm,
              double most, RelaxationState& state, Yielded& yielded) {
     const double elastic_N = yielded.felt.force_N;
     const double force_N =
         advance_relaxation(*options_.relaxation_times, elastic_N, &contact, options_.dt_s, state);
     relaxed_ = true;
     double stored_mJ = force_N * depth_mm - complementary_mJ(tissue, state.elastic_N, radius_mm, most);
-    YieldAside aside = yield_aside(tissue, elastic_N);
+    TangentialCoefficients aside = yield_aside(tissue, elastic_N);
     for (std::size_t n = 0; n < options_.relaxation_times->count; ++n) {
       const double part = state.parts.of_time[n], lagging_N = state.lagging_N[n];
       if (!(part > 0)) continue;
       stored_mJ += part * complementary_mJ(tissue, lagging_N, radius_mm, most);
-      const YieldAside lagging = yield_aside(tissue, lagging_N);
+      const TangentialCoefficients lagging = yield_aside(tissue, lagging_N);
       aside.of_compliance_N2 -= part * lagging.of_compliance_N2;
       aside.of_stiffening_N3 -= part * lagging.of_stiffening_N3;
     }
@@ -996,16 +996,16 @@ class Springs {
     const double left = elastic_N > 0 ? force_N / elastic_N : 1;
     yielded.secant_N_per_mm *= left;
     yielded.own_secant_N_per_mm *= left;
-    yielded.felt.aside_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
+    yielded.felt.tangential_force_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
                            tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
   }
 
-  std::span<const FeltSurface> surfaces_;
+  std::span<const ContactSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
-  StiffnessAround around_, own_around_;
-  RoomFor<OwnerShares, kMostContacts> owners_;
-  WayIn way_in_;
+  LayerStiffness around_, own_around_;
+  UninitialisedArray<OwnerShares, kMostContacts> owners_;
+  PenetrationPath way_in_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, pulls_N_ = 0;
   bool relaxed_ = false;
@@ -1013,22 +1013,22 @@ class Springs {
 };
 
 // whether the puncture of a structure opens a surface
-bool opens(const FeltSurface& felt, std::size_t surface, int structure) {
+bool opens(const ContactSurface& felt, std::size_t surface, int structure) {
   return static_cast<int>(surface) == structure || felt.structure == structure ||
          std::find(felt.opened_by.begin(), felt.opened_by.end(), structure) != felt.opened_by.end();
 }
 
 // Marks a structure as punctured, and with it every surface that it is part of.
-void open(std::span<const FeltSurface> surfaces, int structure, ProxyState& state) {
+void open(std::span<const ContactSurface> surfaces, int structure, ProxyState& state) {
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    const FeltSurface& felt = surfaces[s];
+    const ContactSurface& felt = surfaces[s];
     if (felt.surface != nullptr && opens(felt, s, structure)) state.layer(felt.layer).punctured[s] = true;
   }
 }
 
 // visits every contact, in any layer, whose largest owner is the structure
 template <class Visit>
-void each_leaning(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+void each_leaning(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
                   const ToolPose& hand, const ProxyState& state, const Visit& visit) {
   for (int n = 0; n < layers_of(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
@@ -1047,7 +1047,7 @@ void each_leaning(std::span<const FeltSurface> surfaces, std::span<const ToolSph
 }
 
 // Permanent holes: extends those that the tool is in, and lets the tool into those that it fits.
-void use_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+void use_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                const ToolPose& hand, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kMost> seen;
   std::size_t count = 0;
@@ -1078,7 +1078,7 @@ void use_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere
 }
 
 // creates permanent holes where a structure with stays_open was punctured
-void leave_holes(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+void leave_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
                  const ToolPose& hand, const ProxyState& state, Holes& holes) {
   std::bitset<kMostToolSpheres> done;
   each_leaning(surfaces, spheres, structure, hand, state,
@@ -1114,14 +1114,14 @@ double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterni
 /// @param tip_moved     displacement of the tip in this tick, mm
 /// @param turned_mm     arc length of that rotation
 /// @param most_slip_mm  permitted slip
-Leash leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
+DisplacementLimit leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
                double most_slip_mm) {
   if (state.contacts == 0 || is_let_go(state)) return {};
   return {state.position + tip_moved, tip_moved.norm() + turned_mm + most_slip_mm};
 }
 
 // force change of a layer that is not slip: explained by the tool's displacement, or exempt from the limit
-double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const Walked& walked) {
+double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const ProxyAdvance& walked) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
   if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * walked.behind_mm;
@@ -1130,11 +1130,11 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
 }
 
 // rotates and moves one layer's proxy
-Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+ProxyAdvance walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
             const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
-            const ProxyOptions& options, ProxyWay* way, WalkRoom& room) {
+            const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room) {
   const Point<Patient>& tip = hand.tip;
-  Walked result;
+  ProxyAdvance result;
   if (!state.coupled) {
     if (!is_free(surfaces, spheres, layer, {}, {}, tip)) return result;
     state = {};
@@ -1147,13 +1147,13 @@ Walked walk(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> s
   const Eigen::Quaterniond attitude_before = state.attitude;
   result.stretched_mm = (state.position - (tip - tip_moved)) * state.part;
   const ToolTurn turn = turn_tool(surfaces, spheres, layer, hand.attitude, state, way);
-  const HeldSpheres held(spheres, hand.attitude, state.attitude);
+  const ProxySpheres held(spheres, hand.attitude, state.attitude);
 
   // from free space the proxy covers any distance of the tip; in contact the path per tick is limited
   const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
   const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
   const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
-  const Leash leash = leash_of(state, tip_moved, turned_mm, most_slip_mm);
+  const DisplacementLimit leash = leash_of(state, tip_moved, turned_mm, most_slip_mm);
   result.hand_mm = tip_moved.norm() + turned_mm;
   result.behind_mm = state.behind_mm + result.hand_mm;
   result.most_change_mm = leash.length_mm;
@@ -1183,12 +1183,12 @@ bool follows(const ProxyLayer& layer, const ToolPose& hand) {
 // Whether the tool is clear of the outermost layer and has a collision-free straight path to another pose
 // (linear tip motion, spherical interpolation of the attitude). Sphere tracing (Hart 1996); false if that
 // exceeds the work limit of a tick.
-bool is_clear_way(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+bool is_clear_way(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                   const SurfaceSet& punctured, const ToolPose& hand, const ToolPose& to) {
   const Vector<Patient> way = to.tip - hand.tip;
   const double arc_mm = arc_of_turn_mm(spheres, hand.attitude, to.attitude);
   const double way_mm = way.norm() + arc_mm, reach_mm = std::max(way_mm, kProxyFeel.back_clearance_mm);
-  NearSurfaces near(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
+  PairSet near(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
   if (near.reach_mm() < reach_mm) return false;
   const auto clearance_mm = [&](const Point<Patient>& at) {
     double least_mm = std::numeric_limits<double>::infinity();
@@ -1212,10 +1212,10 @@ bool is_clear_way(std::span<const FeltSurface> surfaces, std::span<const ToolSph
 
 // Whether the tool is back in free space on the side from which contact began. The remaining contacts then
 // hold it from elsewhere, e.g. a pocket into which the proxy was pressed.
-bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+bool has_come_back(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
-  if (state.contacts == 0 || (hand.tip - state.looked_tip).norm() < kProxyFeel.back_pitch_mm) return false;
-  state.looked_tip = hand.tip;
+  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.back_pitch_mm) return false;
+  state.last_search_tip = hand.tip;
   // early-out: the tip usually lies below the surface in contact
   const ProxyContact& leant_on = state.contact[0];
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(leant_on.sphere)];
@@ -1228,7 +1228,7 @@ bool has_come_back(std::span<const FeltSurface> surfaces, std::span<const ToolSp
 // Resets a layer whose covering layer has released the tool: the proxy takes the operator's pose without
 // collision checks. The force of its spring in the last tick becomes a residual force, minus the part
 // explained by the tip's displacement since: a tool lifted off within one tick leaves none.
-void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
+void uncover(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
              const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
   const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
   const double left_mm = stretched_mm.norm() - (hand.tip - tip_before).norm();
@@ -1237,7 +1237,7 @@ void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
     const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
     release.force_N += left_N;
     release.torque_Nmm +=
-        torque_of(contacts, HeldSpheres(spheres, hand.attitude, layer.attitude).spheres(), left_N, stiffness);
+        torque_of(contacts, ProxySpheres(spheres, hand.attitude, layer.attitude).spheres(), left_N, stiffness);
     release.stored_mJ += 0.5 * stiffness * left_mm * left_mm;
   }
   const Vector<Patient> way = hand.tip - layer.position;
@@ -1255,9 +1255,9 @@ void uncover(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> 
   layer.punctured = still_open(surfaces, spheres, hand, layer);
 }
 
-// keep_proxy() for one layer
-void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                std::span<const SurfaceBefore> before, ProxyLayer& state) {
+// transfer_proxy() for one layer
+void keep_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                std::span<const SurfaceCorrespondence> before, ProxyLayer& state) {
   const ProxyLayer old = state;
   SurfaceSet same, punctured;
   for (std::size_t s = 0; s < before.size(); ++s) {
@@ -1278,7 +1278,7 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
   state.contacts = 0;
   for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
     const auto now = std::find_if(before.begin(), before.end(),
-                                  [&](const SurfaceBefore& one) { return one.index == contact.surface; });
+                                  [&](const SurfaceCorrespondence& one) { return one.index == contact.surface; });
     if (now == before.end()) continue;
     ProxyContact& kept = state.contact[static_cast<std::size_t>(state.contacts++)];
     kept = contact;
@@ -1289,7 +1289,7 @@ void keep_layer(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 
 // initialises a layer's proxy for a tip that is inside tissue
 // @param punctured  surfaces that the tool has punctured
-bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+bool give_birth(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                 const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   constexpr double kFar_mm = 1000;
@@ -1297,8 +1297,8 @@ bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
   Point<Patient> born = hand.tip;
   const auto is_out = [&] { return is_free(surfaces, spheres, layer, punctured, {}, born); };
   for (int look = 0; look < kMostGatherings && !is_out(); ++look) {
-    NearSurfaces near(surfaces, spheres, layer, punctured, born, kFar_mm);
-    if (!leave_surfaces(near, kMostSteps, kFar_mm, born)) return false;
+    PairSet near(surfaces, spheres, layer, punctured, born, kFar_mm);
+    if (!project_out(near, kMostSteps, kFar_mm, born)) return false;
   }
   if (!is_out()) return false;
   state = {};
@@ -1311,8 +1311,8 @@ bool give_birth(std::span<const FeltSurface> surfaces, std::span<const ToolSpher
 
 }  // namespace
 
-OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at) {
-  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
+OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at) {
+  const ContactSurface& felt = surfaces[static_cast<std::size_t>(index)];
   if (felt.owners == nullptr) return OwnerShares(felt.structure < 0 ? index : felt.structure);
   if (felt.made == nullptr) return felt.owners->at(at);
   // labels below the surface differ only from a depth of half a voxel
@@ -1321,8 +1321,8 @@ OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Po
                                                   : felt.owners->at(at);
 }
 
-OwnerShares OwnersMemo::at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& place) {
-  const FeltSurface& felt = surfaces[static_cast<std::size_t>(index)];
+OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place) {
+  const ContactSurface& felt = surfaces[static_cast<std::size_t>(index)];
   if (felt.owners == nullptr) return owners_at(surfaces, index, place);
   const bool cut = felt.made != nullptr;
   for (const Known& known : known_)
@@ -1335,7 +1335,7 @@ OwnerShares OwnersMemo::at(std::span<const FeltSurface> surfaces, int index, con
   return known.shares;
 }
 
-std::span<const TouchedAtRest::Wall> TouchedAtRest::find(const Point<Patient>& position,
+std::span<const RestingContacts::Wall> RestingContacts::find(const Point<Patient>& position,
                                                          const SurfaceSet& punctured,
                                                          std::span<const ToolSphere> spheres) const {
   bool same = walls_ > 0 && position == position_ && spheres.size() == spheres_ && punctured == punctured_;
@@ -1345,7 +1345,7 @@ std::span<const TouchedAtRest::Wall> TouchedAtRest::find(const Point<Patient>& p
   return {wall_.data(), same ? walls_ : 0};
 }
 
-void TouchedAtRest::remember(const Point<Patient>& position, const SurfaceSet& punctured,
+void RestingContacts::remember(const Point<Patient>& position, const SurfaceSet& punctured,
                              std::span<const ToolSphere> spheres, std::span<const Wall> walls) {
   PALPATE_CHECK(walls.size() <= kMostWalls && spheres.size() <= kMostToolSpheres);
   std::copy(walls.begin(), walls.end(), wall_.begin());
@@ -1390,13 +1390,13 @@ void ProxyRelease::limit(double most_N) {
   stored_mJ *= part * part;
 }
 
-ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
-                          ProxyWay* way) {
-  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
+                          ProxyPath* way) {
+  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
-  WalkRoom room;
+  UpdateWorkspace room;
   // force change that slip may still cause in this layer and those within, and the stiffness that it acts on
   double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
   slip_N -= state.release.fade(slip_N);
@@ -1418,7 +1418,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
     const double most_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
-    const Walked walked = walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options,
+    const ProxyAdvance walked = walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options,
                                n == 0 ? way : nullptr, room);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
@@ -1429,9 +1429,9 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
       springs.recover(state.relaxation);
       return result;
     }
-    const HeldSpheres held(spheres, hand.attitude, layer.attitude);
+    const ProxySpheres held(spheres, hand.attitude, layer.attitude);
     // only the outermost layer contains deformable structures
-    YieldState none;
+    ComplianceState none;
     const ProxyForce force =
         springs.add(layer, held.spheres(), walked, slip_N, n == 0 ? state.yield : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
@@ -1440,7 +1440,7 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
     const double changed_N = (force.force_N - walked.stretched_mm * before_N_per_mm.value_or(0)).norm();
     slip_N -= std::clamp(changed_N - explained_N(before_N_per_mm, force, walked), 0.0, slip_N);
     growth_N_per_mm = 0;
-    for (int within = n + 1; within < kMostLayers; ++within)
+    for (int within = n + 1; within < kMaxLayers; ++within)
       growth_N_per_mm += state.layer(within).spring_N_per_mm.value_or(0);
     result.of_layer[static_cast<std::size_t>(n)] = force;
     result.force_N += force.force_N;
@@ -1477,21 +1477,21 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
   return result;
 }
 
-ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options) {
   return advance_proxy(surfaces, spheres, hand, state, options, nullptr);
 }
 
-void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state) {
-  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
-  for (int n = 0; n < kMostLayers; ++n) {
+void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state) {
+  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
+  for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
     keep_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer);
   }
 }
 
-bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                          const ToolPose& hand, ProxyState& state) {
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
@@ -1502,12 +1502,12 @@ bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const 
   return true;
 }
 
-void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state) {
-  PALPATE_CHECK(surfaces.size() <= kMostSurfaces && (before.empty() || before.size() == surfaces.size()));
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state) {
+  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   SurfaceSet through;
   for (std::size_t s = 0; s < before.size(); ++s)
-    for (int n = 0; n < kMostLayers && before[s].index >= 0; ++n)
+    for (int n = 0; n < kMaxLayers && before[s].index >= 0; ++n)
       through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(before[s].index)];
   const bool was_coupled = state.coupled;
   keep_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state);

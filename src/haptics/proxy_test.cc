@@ -243,11 +243,11 @@ TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
   EXPECT_EQ(run.state.contacts, 12);
   EXPECT_FALSE(run.result.wedged);
   EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
-  Vector<Patient> pull_mm;
+  Vector<Patient> multiplier_mm;
   for (int n = 0; n < run.state.contacts; ++n)
-    pull_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
-               run.state.contact[static_cast<std::size_t>(n)].pull_mm;
-  EXPECT_LT((pull_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
+    multiplier_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
+               run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
+  EXPECT_LT((multiplier_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
   EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
 }
 
@@ -740,22 +740,22 @@ TEST(ProxyLayers, WhatIsGoneThroughOpensAllOfThem) {
   run.surfaces[2].stiffness_N_per_mm = 1.5;
   run.surfaces[2].from_N_per_mm = 0.05;
   run.surfaces[2].layer = 1;
-  const auto in_first_layer = [&](FeltSurface felt) {
+  const auto in_first_layer = [&](ContactSurface felt) {
     felt.to_N_per_mm = 0.05;
     felt.static_friction = felt.dynamic_friction = 0;
     return felt;
   };
-  FeltSurface common = in_first_layer(felt_surface(grid, floor_mm));
+  ContactSurface common = in_first_layer(felt_surface(grid, floor_mm));
   common.owners = labels(true);
   common.opened_by = {0};
   run.surfaces.push_back(common);
-  FeltSurface skin = in_first_layer(run.surfaces[0]);
+  ContactSurface skin = in_first_layer(run.surfaces[0]);
   skin.from_N_per_mm = 0;
   skin.layer = 0;
   skin.structure = 0;
   skin.beneath = 3;
   run.surfaces.push_back(skin);
-  FeltSurface rest = in_first_layer(felt_surface(grid, inner_mm));
+  ContactSurface rest = in_first_layer(felt_surface(grid, inner_mm));
   rest.owners = labels(false);
   rest.beneath = 3;
   run.surfaces.push_back(rest);
@@ -881,7 +881,7 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
 TEST(Proxy, UnderALongSpringStiffnessChangesNoFasterThanAForceMaySlip) {
   for (const double towards : {1.0, -1.0}) {
     ProxyRun run = two_feels();
-    for (FeltSurface& felt : run.surfaces) felt.static_friction = felt.dynamic_friction = 0;
+    for (ContactSurface& felt : run.surfaces) felt.static_friction = felt.dynamic_friction = 0;
     const Point<Patient> from(-5 * towards, 0, -8), to(5 * towards, 0, -8);
     run.at({from.x(), 0, 5});
     run.lead({from.x(), 0, 5}, from, 0.05);
@@ -1100,12 +1100,12 @@ TEST(Proxy, IsBornAtTheNearestPlaceOutsideWhenAsked) {
   run.surfaces = {
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
   run.spheres = {{{}, 1}};
-  ASSERT_TRUE(give_birth_to_proxy(run.surfaces, run.spheres, Point<Patient>(5, 0, 0), run.state));
+  ASSERT_TRUE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(5, 0, 0), run.state));
   EXPECT_NEAR(run.state.position.x(), 9, 0.03);
   run.at({5, 0, 0});
   EXPECT_NEAR(run.result.force_N.x(), 4, 0.1);
   // too deep for the field to have a gradient
-  EXPECT_FALSE(give_birth_to_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
+  EXPECT_FALSE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
 }
 
 TEST(Proxy, GoesThroughAtThePunctureForceAndClosesWhenTheToolHasLeft) {
@@ -1244,7 +1244,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
       run.surfaces.push_back(felt_surface(
           cube_grid(9, {0.5, 0.5, 0.5}),
           [=](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 2));
-      FeltSurface& felt = run.surfaces.back();
+      ContactSurface& felt = run.surfaces.back();
       felt.dynamic_friction = 0.4 * unit(random);
       felt.static_friction = felt.dynamic_friction + 0.3 * unit(random);
       felt.layer = s / 2;
@@ -1288,7 +1288,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
           !run.state.at_rest.find(run.state.position, run.state.punctured, spheres.spheres()).empty();
       const ProxyResult is =
           advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
-      for (int layer = 0; layer < kMostLayers; ++layer) looks_again.layer(layer).at_rest.forget();
+      for (int layer = 0; layer < kMaxLayers; ++layer) looks_again.layer(layer).at_rest.forget();
       const ProxyResult expected =
           advance_proxy(run.surfaces, spheres.spheres(), hand, looks_again, {.holes = &holes});
       ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;
@@ -1320,7 +1320,7 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
           ASSERT_EQ(contact.sphere, again.sphere);
           ASSERT_EQ(contact.part, again.part);
           ASSERT_EQ(contact.normal, again.normal);
-          ASSERT_EQ(contact.pull_mm, again.pull_mm);
+          ASSERT_EQ(contact.multiplier_mm, again.multiplier_mm);
         }
       }
       rests += knew && run.state.contacts > 0;
@@ -1335,8 +1335,8 @@ TEST(Proxy, AtRestItFeelsWhatItWouldFeelIfItLookedAgain) {
 TEST(Proxy, WhatWasTouchedAtRestIsOfOneToolAtOnePlace) {
   const Point<Patient> place(1, 2, 3);
   const ToolSphere sphere{{0, 0, 1}, 0.5};
-  const TouchedAtRest::Wall wall{{0, 0, 1}, 2.5, 4, 0};
-  TouchedAtRest touched;
+  const RestingContacts::Wall wall{{0, 0, 1}, 2.5, 4, 0};
+  RestingContacts touched;
   EXPECT_TRUE(touched.find(place, {}, {&sphere, 1}).empty());
   touched.remember(place, {}, {&sphere, 1}, {&wall, 1});
   ASSERT_EQ(touched.find(place, {}, {&sphere, 1}).size(), 1u);

@@ -25,7 +25,7 @@ bool RelaxationTimes::add(const Relaxation& relaxation) {
     const auto end = time_s.begin() + static_cast<std::ptrdiff_t>(count);
     const auto place = std::lower_bound(time_s.begin(), end, one.time_s);
     if (place != end && *place == one.time_s) continue;
-    if (count == kMostRelaxationTimes) return false;
+    if (count == kMaxRelaxationTimes) return false;
     std::copy_backward(place, end, end + 1);
     *place = one.time_s;
     ++count;
@@ -40,7 +40,7 @@ void RelaxedParts::add(const Relaxation& relaxation, const RelaxationTimes& time
 }
 
 void RelaxedParts::add(const RelaxedParts& other, double weight) {
-  for (std::size_t n = 0; n < kMostRelaxationTimes; ++n) of_time[n] += weight * other.of_time[n];
+  for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) of_time[n] += weight * other.of_time[n];
 }
 
 bool RelaxedParts::any() const {
@@ -48,7 +48,7 @@ bool RelaxedParts::any() const {
 }
 
 void RelaxedParts::hash_into(std::uint64_t& hash) const {
-  for (std::size_t n = 0; n < kMostRelaxationTimes; ++n) {
+  for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) {
     if (of_time[n] == 0) continue;
     hash_word(hash, n);
     hash_double(hash, of_time[n]);
@@ -94,13 +94,13 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
       near = 1;
     } else if (state.presses) {
       const double in = std::min(1.0, dt_s / contact->blend_s);
-      for (std::size_t n = 0; n < kMostRelaxationTimes; ++n)
+      for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n)
         state.parts.of_time[n] += in * (contact->parts.of_time[n] - state.parts.of_time[n]);
     }
   }
 
   // p after the tick is past + now * F_e
-  std::array<double, kMostRelaxationTimes> past{}, now{};
+  std::array<double, kMaxRelaxationTimes> past{}, now{};
   double lost_N = 0, lost_part = 0;
   for (std::size_t n = 0; n < times.count; ++n) {
     const Decay of = decay(dt_s / times.time_s[n]);

@@ -89,7 +89,7 @@ TEST(RelaxationTimes, AreSortedAndEachIsThereOnce) {
   EXPECT_EQ(parts.of_time[0], 0.1);
   EXPECT_EQ(parts.of_time[1], 0);
   EXPECT_EQ(parts.of_time[2], 0.05);
-  for (int n = 3; n < static_cast<int>(kMostRelaxationTimes); ++n)
+  for (int n = 3; n < static_cast<int>(kMaxRelaxationTimes); ++n)
     EXPECT_TRUE(times.add({{{{0.3, 10.0 + n}, {}}}}));
   EXPECT_TRUE(times.add({{{{0.3, 2}, {}}}})) << "which it has";
   EXPECT_FALSE(times.add({{{{0.3, 500}, {}}}}));
@@ -224,7 +224,7 @@ TEST(AdvanceRelaxation, OtherPartsComeInWithoutAStep) {
 
 /// A sphere moved in and out at one point of tissue.
 struct PressedSphere {
-  YieldingTissue tissue{0, {}, kModulus_N_per_mm2};
+  ContactLaw tissue{0, {}, kModulus_N_per_mm2};
   double radius_mm = 3, most_N_per_mm = std::numeric_limits<double>::infinity();
   Relaxing relaxing;
   double depth_mm = -1, force_N = 0, elastic_N = 0;
@@ -254,7 +254,7 @@ TEST(ComplementaryEnergy, IsWhatTheStoredEnergyLeavesOfForceTimesDepth) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 5000; ++n) {
-    YieldingTissue tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
+    ContactLaw tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
     tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
     if (n % 2 == 0) {
       // a neo-Hookean solution, stiffer or softer by up to a fifth of W
@@ -400,7 +400,7 @@ TEST(ProxyOnWhatRelaxes, ASeriesOfNothingIsFeltToTheBitAsWithoutOne) {
   floor.run.surfaces[0].relaxed = {};
   ProxyRun without = floor.run;
   without.relaxation_times = nullptr;
-  YieldFrame frame;
+  ComplianceFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 16, Vector<Patient>(-0.3, 0.1, 0), kModulus_N_per_mm2, 3};
   floor.run.yields = without.yields = &frame;
@@ -416,7 +416,7 @@ TEST(ProxyOnWhatRelaxes, ASeriesOfNothingIsFeltToTheBitAsWithoutOne) {
 
 TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
   RelaxingFloor floor(kTwoTerms);
-  YieldFrame frame;
+  ComplianceFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 16, {}, kModulus_N_per_mm2, 3};
   // half of the displacement is in non-relaxing tissue
@@ -429,8 +429,8 @@ TEST(ProxyOnWhatRelaxes, AFrameSaysWhatOfItRelaxes) {
   EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.part(), 0.01);
 }
 
-TEST(YieldFrame, HashesWhatRelaxesAndNothingWhereNothingDoes) {
-  YieldFrame frame;
+TEST(ComplianceFrame, HashesWhatRelaxesAndNothingWhereNothingDoes) {
+  ComplianceFrame frame;
   const std::uint64_t none = frame.hash();
   frame.spot[1].relaxed.of_time[3] = 0.25;
   const std::uint64_t one = frame.hash();

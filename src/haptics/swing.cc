@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 // evaluates a completed half cycle, from the last reversal to the extremum
-void end_half(double step_mm, SwingState& state) {
+void end_half(double step_mm, OscillationState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
   const bool by_itself = length_mm >= std::max(kSwingFeel.least_mm, kSwingFeel.least_steps * step_mm) &&
                          time_s <= kSwingFeel.longest_half_s &&
@@ -23,8 +23,8 @@ void end_half(double step_mm, SwingState& state) {
 
 }  // namespace
 
-void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
-                    SwingState& state) {
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
+                    OscillationState& state) {
   state.later_s = std::max(0.0, state.later_s - kSwingFeel.forget_later * dt_s);
   const double force = force_N.norm();
   state.free_s = force > 0 ? 0 : state.free_s + dt_s;

@@ -21,7 +21,7 @@ struct SeenSwing {
 SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
                   const std::function<double(const Vector<World>&)>& force_N_at, double time_s,
                   double rate_hz = 1000) {
-  SwingState state;
+  OscillationState state;
   SeenSwing seen;
   const auto read = [&](double at_s) {
     const Vector<World> tip = tip_at(at_s);
@@ -30,7 +30,7 @@ SeenSwing look_at(const std::function<Vector<World>(double)>& tip_at,
   for (int n = 1; n < time_s * rate_hz; ++n) {
     const Vector<World> tip = read(n / rate_hz);
     const Vector<World> force_N(std::max(0.0, force_N_at(tip)), 0, 0);
-    look_for_swing(force_N, tip - read((n - 1) / rate_hz), kSwingStep_mm, 1 / rate_hz, state);
+    detect_oscillation(force_N, tip - read((n - 1) / rate_hz), kSwingStep_mm, 1 / rate_hz, state);
     if (state.later_s > 0 && seen.found_s < 0) seen.found_s = n / rate_hz;
   }
   seen.later_s = state.later_s;
@@ -110,9 +110,9 @@ TEST(Swing, WhatAHandDoesIsNone) {
 }
 
 TEST(Swing, IsForgottenSlowly) {
-  SwingState state;
+  OscillationState state;
   state.later_s = 3e-3;
-  for (int n = 0; n < 10'000; ++n) look_for_swing({}, {}, kSwingStep_mm, 1e-3, state);
+  for (int n = 0; n < 10'000; ++n) detect_oscillation({}, {}, kSwingStep_mm, 1e-3, state);
   EXPECT_NEAR(state.later_s, 2e-3, 1e-9) << "a millisecond in 10 s, in the air, too";
 }
 

@@ -151,7 +151,7 @@ inline Model as_one_body(Model model, double cartilage_mm) {
   structure_of_label[kCartilage] = 1;
   const SignedField field = sampled_distance(
       seen.geometry(), [&](const Eigen::Vector3d& p) { return p.norm() - kBoneRadius_mm - cartilage_mm; }, 4);
-  FeltSurface outer;
+  ContactSurface outer;
   outer.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
   outer.owners = std::make_shared<const Owners>(*label_bricks(seen), structure_of_label);
   outer.to_N_per_mm = model.surfaces[1].stiffness_N_per_mm;

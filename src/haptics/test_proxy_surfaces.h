@@ -9,7 +9,7 @@
 
 #include "haptics/test_random.h"
 #include "palpate/haptics/proxy.h"
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 
 /// Test surfaces with exactly known distances, and an oracle for the penetration of a proxy's path.
 namespace palpate::testing {
@@ -67,9 +67,9 @@ inline double steepest_of(const SignedField& field) {
   return steepest;
 }
 
-inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm, double reach_mm = 6) {
+inline ContactSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm, double reach_mm = 6) {
   const SignedField field = sampled_distance(grid, distance_mm, reach_mm);
-  FeltSurface felt;
+  ContactSurface felt;
   felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
   felt.static_friction = felt.dynamic_friction = 0;
   return felt;
@@ -77,12 +77,12 @@ inline FeltSurface felt_surface(const GridGeometry& grid, const Distance& distan
 
 /// A tool moved through a sequence of poses, and the results of its proxy.
 struct ProxyRun {
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
   std::vector<ToolSphere> spheres{ToolSphere{}};  ///< tool parts with the identity attitude
   ProxyState state;
   ProxyResult result;
   double dt_s = 0.001;
-  const YieldFrame* yields = nullptr;
+  const ComplianceFrame* yields = nullptr;
   const RelaxationTimes* relaxation_times = nullptr;
   Holes holes;
   /// Maximum penetration at any point of any path, sampled every 0.01 mm; positive: below the surface.
@@ -91,7 +91,7 @@ struct ProxyRun {
   const ProxyResult& at(const Point<Patient>& tip,
                         const Eigen::Quaterniond& attitude = Eigen::Quaterniond::Identity()) {
     const ToolPose hand(tip, attitude);
-    ProxyWay way;
+    ProxyPath way;
     const ProxyState before = state;
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <span>
 
-#include "haptics/held_spheres.h"
+#include "haptics/proxy_spheres.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/haptics/feel.h"
 
@@ -70,11 +70,11 @@ ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
 // structure in contact; where structures touch or overlap, the one whose voxels are half a voxel below the
 // surface
 LabelId label_under(const Model& model, const ProxyContact& contact, const Point<Patient>& at,
-                    OwnersMemo& owners) {
+                    OwnerCache& owners) {
   const double half_voxel_mm = 0.5 * model.labels->geometry().min_spacing_mm();
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   // a tissue softer than the layer's lower bound belongs to an outer layer
-  const FeltSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
+  const ContactSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
   if (model.is_felt(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
     return label;
   const int structure = owners.at(model.surfaces, contact.surface, at).largest();
@@ -122,13 +122,13 @@ std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<Conta
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
   sort_few(std::span(order).first(count),
-           [](const auto* a, const auto* b) { return a->pull_mm > b->pull_mm; });
+           [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
   for (; n < std::min(count, told.size()); ++n) {
     const ProxyContact& contact = *order[n];
     const Point<Patient> place = place_of(contact, on.layer, on.spheres);
     told[n] = {label_under(model, contact, place, on.layer.owners), contact.sphere, place,
-               std::max(0.0, contact.pull_mm * on.force_N_per_mm)};
+               std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
   return n;
 }
@@ -146,16 +146,16 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, const Con
   return contact;
 }
 
-FeltStructure all_of_it(const PointContact& contact) {
+PathStructure all_of_it(const PointContact& contact) {
   return {contact.site.label, contact.site.depth_mm, 1};
 }
 
-std::array<FeltStructure, kMostTold> felt_by_proxy(const Model& model, const ProxyResult& result,
+std::array<PathStructure, kMostStructuresReported> felt_by_proxy(const Model& model, const ProxyResult& result,
                                                    const PointContact& strongest) {
-  static_assert(kMostTold == kMostFeltParts);
-  std::array<FeltStructure, kMostTold> felt;
+  static_assert(kMostStructuresReported == kMostPathSegments);
+  std::array<PathStructure, kMostStructuresReported> felt;
   for (int n = 0; n < result.felt_parts; ++n) {
-    const FeltPart& part = result.felt[static_cast<std::size_t>(n)];
+    const PathSegment& part = result.felt[static_cast<std::size_t>(n)];
     felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
                                          part.depth_mm, part.share};
   }
@@ -168,11 +168,11 @@ std::array<FeltStructure, kMostTold> felt_by_proxy(const Model& model, const Pro
 // stiffness. The rendered stiffness is low-pass filtered, so that it is continuous across the seam of two
 // structures; it starts at the contacts' value. The damper's velocity is averaged over a window that includes
 // free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
-double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double damping_N_s_per_mm,
+double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, double damping_N_s_per_mm,
                double dt_s, CouplingState& state) {
-  if (damping_N_s_per_mm > 0) state.pull_velocity.push(pull_mm - state.pull_mm, dt_s);
-  state.pull_mm = pull_mm;
-  const double stiffness = spring.stiffness_N_per_mm, length_mm = pull_mm.norm();
+  if (damping_N_s_per_mm > 0) state.pull_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
+  state.multiplier_mm = multiplier_mm;
+  const double stiffness = spring.stiffness_N_per_mm, length_mm = multiplier_mm.norm();
   if (!(stiffness > 0) || !(length_mm > 0)) {
     state.stiffness_N_per_mm = 0;
     return 1;
@@ -181,7 +181,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& pull_mm, double 
   // deformable tissue stiffens with depth, without a filter
   felt = felt > 0 && !spring.yields ? felt + (stiffness - felt) * -std::expm1(-dt_s / kTouchFeel.seam_s)
                                     : stiffness;
-  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(pull_mm) / length_mm;
+  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
   const double force_N = felt * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
 }
@@ -193,25 +193,25 @@ bool PointContact::is_touch() const {
   return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.least_N);
 }
 
-double HandContext::most_stiffness_N_per_mm() const {
-  return FeltStiffness(device).most_in_patient();
+double DeviceContext::max_stiffness_N_per_mm() const {
+  return RenderedStiffness(device).max_in_patient();
 }
 
-double HandContext::most_damping_N_s_per_mm() const {
-  return device.most_damping_N_s_per_mm > 0 ? FeltStiffness(device).in_patient(device.most_damping_N_s_per_mm)
+double DeviceContext::max_damping_N_s_per_mm() const {
+  return device.max_damping_N_s_per_mm > 0 ? RenderedStiffness(device).in_patient(device.max_damping_N_s_per_mm)
                                             : std::numeric_limits<double>::infinity();
 }
 
-ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   const DeviceParameters& gains = hand.device;
   const auto points = static_cast<double>(hand.tool.points_mm.size());
   ToolContact tool;
   // forces of points in contact at the same time add up
   const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
-  const double most_N_s_per_mm = hand.most_damping_N_s_per_mm() / points;
-  const double softer = FeltStiffness(gains).left_of_all(stiffness_N_per_mm);
+  const double most_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
+  const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
-  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(stiffness_N_per_mm * softer);
+  tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
   std::size_t told = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
@@ -223,7 +223,7 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
     if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
       tool.strongest = met.contact;
     if (!met.contact.is_touch()) continue;
-    static_assert(kMostContactsTold >= kMaxToolParts);
+    static_assert(kMostContactsReported >= kMaxToolParts);
     tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
   }
   sort_few(std::span(tool.contacts).first(told),
@@ -232,7 +232,7 @@ ToolContact touch_directly(const TickContext& tick, const HandContext& hand) {
   return tool;
 }
 
-HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
+HeldTool::HeldTool(const TickContext& tick, const DeviceContext& hand)
     : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
   for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
@@ -242,12 +242,12 @@ HeldTool::HeldTool(const TickContext& tick, const HandContext& hand)
                           in_patient(capsule.to_mm - capsule.from_mm)};
 }
 
-ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   const RelaxationTimes& times = tick.model.relaxation_times;
   const double peak_N = hand.device.limits.peak_force_N;
   ProxyOptions options;
   options.friction = tick.friction;
-  options.most_stiffness_N_per_mm = hand.most_stiffness_N_per_mm();
+  options.max_stiffness_N_per_mm = hand.max_stiffness_N_per_mm();
   options.dt_s = tick.dt_s;
   options.most_slip_N_per_s = kProxyFeel.most_slip_N_per_s / hand.device.force_gain;
   options.yields = tick.yields;
@@ -258,25 +258,25 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand) {
   return options;
 }
 
-ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const HeldTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
   const DeviceParameters& gains = hand.device;
-  const Vector<Patient> pull_mm =
+  const Vector<Patient> multiplier_mm =
       proxy.coupled ? (proxy.position - hand.tip) * proxy.part : Vector<Patient>();
-  const double most_N_s_per_mm = hand.most_damping_N_s_per_mm();
+  const double most_N_s_per_mm = hand.max_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
   // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
-  const double part = coupled(outermost, pull_mm, damping_N_s_per_mm, tick.dt_s, coupling), less = 1 - part;
+  const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling), less = 1 - part;
   ToolContact tool;
   std::size_t told = 0;
-  for (int n = 0; n < kMostLayers; ++n) {
+  for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // tool parts in the proxy's attitude
-    const HeldSpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
+    const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
     const double felt_N_per_mm = result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.part;
     told += tell_contacts(model, {layer, n == 0 ? felt_N_per_mm * part : felt_N_per_mm, turned.spheres()},
                           std::span(tool.contacts).subspan(told));
@@ -295,11 +295,11 @@ ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, con
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
                           (gains.force_gain / gains.scale);
   const double stored_mJ =
-      outermost.yields ? outermost.stored_mJ : 0.5 * coupling.stiffness_N_per_mm * pull_mm.squared_norm();
+      outermost.yields ? outermost.stored_mJ : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
   const double stiffness_N_per_mm =
       outermost.yields ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
-  tool.stiffness_N_per_mm = FeltStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
+  tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
                                                            outermost.tangent_N_per_mm);
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;

@@ -58,7 +58,7 @@ class ToolRun {
     constexpr int kTicks = 500;
     for (int n = 0; n <= kTicks; ++n) {
       const TickContext tick{model_, ForceMethod::kProxy, false, false, 1e-3, {}, {}};
-      const HandContext hand{
+      const DeviceContext hand{
           model_.tools[0], device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
       const HeldTool held(tick, hand);
       const ProxyResult result =
@@ -77,7 +77,7 @@ class ToolRun {
 
 int count(const ToolContact& contact) {
   int n = 0;
-  while (n < kMostContactsTold && contact.contacts[static_cast<std::size_t>(n)].label != 0) ++n;
+  while (n < kMostContactsReported && contact.contacts[static_cast<std::size_t>(n)].label != 0) ++n;
   return n;
 }
 
@@ -156,7 +156,7 @@ TEST(ToolContact, OfTheDirectMethodsEveryPointInsideIsOne) {
   model.tools[0].points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
   const TickContext tick{model, ForceMethod::kTrilinear, false, false, 1e-3, {}, {}};
   const DeviceParameters device;
-  const HandContext hand{
+  const DeviceContext hand{
       model.tools[0], device, Eigen::Matrix3d::Identity(), {0, 0, kBoneRadius_mm - 0.5}, {}};
   const ToolContact contact = touch_directly(tick, hand);
   ASSERT_EQ(count(contact), 2);

@@ -29,8 +29,8 @@ constexpr double kArc_mm = kToolTurnFeel.arc_strides * kProxyFeel.stride_mm();
 
 class Turn {
  public:
-  Turn(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way)
+  Turn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way)
       : surfaces_(surfaces),
         spheres_(spheres),
         layer_(layer),
@@ -68,7 +68,7 @@ class Turn {
 
     const double leg_rad =
         whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
-    NearSurfaces near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
+    PairSet near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
                       kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
     // the push of a step is at most a stride and is added to the arc
     room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
@@ -99,7 +99,7 @@ class Turn {
   }
 
   // one step of at most most_rad; returns the angle that was taken, 0 if none
-  double step(NearSurfaces& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun,
+  double step(PairSet& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun,
               double done_rad, double most_rad) {
     double angle_rad = std::min(most_rad, room_mm_ / farthest_mm_);
     for (std::size_t n = 0; n < near.count(); ++n) {
@@ -117,7 +117,7 @@ class Turn {
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!leave_surfaces(near, kProxyFeel.most_corrections, stride_mm, there)) continue;
+      if (!project_out(near, kProxyFeel.most_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
       if (!is_safe(near, angle_rad, push_mm)) continue;
       room_mm_ -= angle_rad * farthest_mm_ + push_mm;
@@ -130,7 +130,7 @@ class Turn {
   }
 
   // whether no sphere penetrates beyond the tolerance between the ends of a step
-  bool is_safe(const NearSurfaces& near, double angle_rad, double push_mm) const {
+  bool is_safe(const PairSet& near, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < near.count(); ++n) {
       const double way_mm = angle_rad * radius_mm_[static_cast<std::size_t>(near[n].sphere)] + push_mm;
       if (near[n].surface->steepest() * way_mm > clearance_mm_[n] + kProxyFeel.stride_mm()) return false;
@@ -142,12 +142,12 @@ class Turn {
     if (way_ != nullptr) way_->add(state_.position, state_.attitude);
   }
 
-  std::span<const FeltSurface> surfaces_;
+  std::span<const ContactSurface> surfaces_;
   std::span<const ToolSphere> spheres_;
   const int layer_;
   const Eigen::Quaterniond attitude_;
   ProxyLayer& state_;
-  ProxyWay* way_;
+  ProxyPath* way_;
   ToolTurn result_;
   std::array<double, kMostToolSpheres> radius_mm_{};  // radii of the spheres' arcs
   double farthest_mm_ = 0;                            // maximum of radius_mm_
@@ -161,8 +161,8 @@ class Turn {
 
 }  // namespace
 
-ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way) {
+ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way) {
   if (state.attitude.coeffs() == attitude.coeffs()) return {};
   return Turn(surfaces, spheres, layer, attitude, state, way).go();
 }

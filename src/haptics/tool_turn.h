@@ -3,7 +3,7 @@
 #include <span>
 
 #include "palpate/haptics/proxy.h"
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 
 namespace palpate {
 
@@ -21,7 +21,7 @@ struct ToolTurn {
 /// @param attitude  target attitude
 /// @param state     proxy of the layer, updated
 /// @param way       receives the pose after every step; may be null
-ToolTurn turn_tool(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyWay* way);
+ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                   const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* way);
 
 }  // namespace palpate

@@ -23,8 +23,8 @@ Eigen::Quaterniond about_y(double angle_rad) {
 }
 
 // a plate of 2 mm in the plane z = 0
-FeltSurface plate() {
-  FeltSurface felt = felt_surface(cube_grid(14, {0.5, 0.5, 0.5}),
+ContactSurface plate() {
+  ContactSurface felt = felt_surface(cube_grid(14, {0.5, 0.5, 0.5}),
                                   [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; });
   felt.stiffness_N_per_mm = 2;
   return felt;

@@ -72,7 +72,7 @@ double DepthLaw::most_s(double least) const {
   return s * s * s <= first_N ? s : beyond;
 }
 
-DepthLaw law_of(const YieldingTissue& tissue, double radius_mm) {
+DepthLaw law_of(const ContactLaw& tissue, double radius_mm) {
   const double modulus = tissue.modulus_N_per_mm2;
   const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
   return {tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
@@ -101,10 +101,10 @@ double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double
 
 }  // namespace
 
-std::uint64_t YieldFrame::hash() const {
+std::uint64_t ComplianceFrame::hash() const {
   std::uint64_t hash = kHashSeed;
   hash_word(hash, number);
-  for (const YieldSpot& one : spot) {
+  for (const LocalCompliance& one : spot) {
     for (int axis = 0; axis < 3; ++axis) {
       hash_double(hash, one.at[axis]);
       hash_double(hash, one.slope_per_N[axis]);
@@ -121,7 +121,7 @@ std::uint64_t YieldFrame::hash() const {
   return hash_finish(hash);
 }
 
-void YieldState::hash_into(std::uint64_t& hash) const {
+void ComplianceState::hash_into(std::uint64_t& hash) const {
   hash_word(hash, frame);
   for (const double value : {left_mm_per_N, left_modulus, elapsed_s, beyond_mm_per_N, modulus_N_per_mm2})
     hash_double(hash, value);
@@ -131,8 +131,8 @@ void YieldState::hash_into(std::uint64_t& hash) const {
     hash_double(hash, value);
 }
 
-YieldingTissue tissue_at(const YieldSpot& spot) {
-  YieldingTissue tissue{spot.beyond_half_space_mm_per_N(), spot.slope_per_N, spot.modulus_N_per_mm2};
+ContactLaw tissue_at(const LocalCompliance& spot) {
+  ContactLaw tissue{spot.beyond_half_space_mm_per_N(), spot.slope_per_N, spot.modulus_N_per_mm2};
   if (!spot.is_finite()) return tissue;
   tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
   tissue.stiffening_slope = spot.stiffening_slope;
@@ -140,9 +140,9 @@ YieldingTissue tissue_at(const YieldSpot& spot) {
   return tissue;
 }
 
-YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,
-                          double modulus_N_per_mm2, double dt_s, YieldState& state) {
-  YieldingTissue tissue;
+ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
+                          double modulus_N_per_mm2, double dt_s, ComplianceState& state) {
+  ContactLaw tissue;
   tissue.modulus_N_per_mm2 = modulus_N_per_mm2;
   if (spot.is_known()) {
     const double told = spot.compliance_mm_per_N;
@@ -183,7 +183,7 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
   return tissue;
 }
 
-YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
+YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm) {
   YieldForce force;
   if (!(depth_mm > 0)) return force;
@@ -201,20 +201,20 @@ YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double rad
     force.tangent_N_per_mm = s / law.per_N(s);
     force.stored_mJ = law.stored(s);
   }
-  const YieldAside aside = yield_aside(tissue, force.force_N);
-  force.aside_N =
+  const TangentialCoefficients aside = yield_aside(tissue, force.force_N);
+  force.tangential_force_N =
       tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3;
   return force;
 }
 
-YieldAside yield_aside(const YieldingTissue& tissue, double force_N) {
+TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N) {
   const double squared = force_N * force_N, first_N = tissue.finite_N;
   return {0.5 * squared, force_N <= first_N
                              ? squared * force_N * (1.0 / 3)
                              : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
 }
 
-double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
                         double most_N_per_mm) {
   if (!(force_N > 0)) return 0;
   const DepthLaw law = law_of(tissue, radius_mm);

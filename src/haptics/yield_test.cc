@@ -21,21 +21,21 @@ using testing::ProxyRun;
 constexpr double kModulus = 0.0125;  // E = 10 kPa, nu = 0.45
 
 // depth at a force, as in docs/concepts/tissue.md, and dd/dF
-double depth_mm(const YieldingTissue& tissue, double force_N, double radius_mm) {
+double depth_mm(const ContactLaw& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
   const double first_N = tissue.finite_N;
   return tissue.beyond_mm_per_N * force_N + 0.75 * force_N / (a * tissue.modulus_N_per_mm2) -
          tissue.stiffening_mm_per_N2 *
              (force_N < first_N ? force_N * force_N : 2 * first_N * force_N - first_N * first_N);
 }
-double give_mm_per_N(const YieldingTissue& tissue, double force_N, double radius_mm) {
+double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
   const double a = std::cbrt(3 * force_N * radius_mm / (4 * tissue.modulus_N_per_mm2));
   return tissue.beyond_mm_per_N + 0.5 / (a * tissue.modulus_N_per_mm2) -
          2 * tissue.stiffening_mm_per_N2 * std::min(force_N, tissue.finite_N);
 }
 
 // force by bisection, linear from where the compliance would be below the minimum
-double slow_force_N(const YieldingTissue& tissue, double depth, double radius_mm, double least_give) {
+double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double least_give) {
   double low = 0, high = 1e6;
   for (int n = 0; n < 200; ++n) {
     const double middle = 0.5 * (low + high);
@@ -63,7 +63,7 @@ TEST(CubeRoot, IsOneOverTheWholeRange) {
 }
 
 TEST(YieldForce, IsHertzOnAHalfSpace) {
-  const YieldingTissue half_space{0, {}, kModulus};
+  const ContactLaw half_space{0, {}, kModulus};
   for (const double radius_mm : {0.5, 3.0, 8.0})
     for (const double depth : {0.01, 1.0, 7.0}) {
       const YieldForce force = yield_force(half_space, depth, radius_mm);
@@ -87,7 +87,7 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 20'000; ++n) {
     const double radius_mm = 0.5 + 7 * unit(random);
-    YieldingTissue tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
+    ContactLaw tissue{0, {}, std::pow(10, 3 * unit(random) - 3)};
     // from stiff bone below to soft surroundings
     tissue.beyond_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
     // also with C that increases the stiffness; softening only where the other terms are soft enough
@@ -126,7 +126,7 @@ TEST(YieldForce, OverSomethingHardThatSoftensItGrowsWithTheDepthAndNotTooFast) {
   std::uniform_real_distribution<double> unit(0, 1);
   for (int n = 0; n < 300; ++n) {
     // B below 0, so that the law may exceed the stiffness limit, and may end
-    YieldingTissue tissue{-unit(random) / kModulus, {}, kModulus};
+    ContactLaw tissue{-unit(random) / kModulus, {}, kModulus};
     tissue.stiffening_mm_per_N2 = -std::pow(10, 4 * unit(random) - 1);
     tissue.finite_N = unit(random);
     double before_N = 0;
@@ -140,7 +140,7 @@ TEST(YieldForce, OverSomethingHardThatSoftensItGrowsWithTheDepthAndNotTooFast) {
 }
 
 TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
-  YieldingTissue tissue{3, {-0.8, 0.3, 0}, kModulus};
+  ContactLaw tissue{3, {-0.8, 0.3, 0}, kModulus};
   tissue.stiffening_mm_per_N2 = 12;
   tissue.stiffening_slope = {2, -5, 0};
   constexpr double kWay_mm = 1e-4;
@@ -151,18 +151,18 @@ TEST(YieldForce, AsideIsWhatItsEnergyLosesAlongTheSurface) {
     const YieldForce at = yield_force(tissue, 3, 3);
     ASSERT_EQ(at.force_N > tissue.finite_N, n < 2);
     const auto stored_at = [&](double way_mm) {
-      YieldingTissue there = tissue;
+      ContactLaw there = tissue;
       there.beyond_mm_per_N += way_mm * tissue.slope_per_N[axis];
       there.stiffening_mm_per_N2 += way_mm * tissue.stiffening_slope[axis];
       return yield_force(there, 3, 3).stored_mJ;
     };
     const double lost = (stored_at(-kWay_mm) - stored_at(kWay_mm)) / (2 * kWay_mm);
-    EXPECT_NEAR(at.aside_N[axis], lost, 1e-6 * at.force_N);
+    EXPECT_NEAR(at.tangential_force_N[axis], lost, 1e-6 * at.force_N);
   }
 }
 
 TEST(YieldForce, AHundredthDeeperIsNeverLess) {
-  const YieldingTissue stiff_below{-0.3 / kModulus, {}, kModulus};
+  const ContactLaw stiff_below{-0.3 / kModulus, {}, kModulus};
   double before_N = 0;
   for (int n = 1; n < 3000; ++n) {
     const double force_N = yield_force(stiff_below, 0.01 * n, 3, 2).force_N;
@@ -172,27 +172,27 @@ TEST(YieldForce, AHundredthDeeperIsNeverLess) {
   }
 }
 
-YieldFrame frame_of(std::uint32_t number, double compliance, const Vector<Patient>& slope = {}) {
-  YieldFrame frame;
+ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<Patient>& slope = {}) {
+  ComplianceFrame frame;
   frame.number = number;
   frame.spot[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
   return frame;
 }
 
 TEST(FeelYield, IsAHalfSpaceWhileNothingIsKnown) {
-  YieldState state;
-  const YieldingTissue tissue = feel_yield(0, {}, {1, 2, 3}, kModulus, 0.001, state);
+  ComplianceState state;
+  const ContactLaw tissue = blend_compliance(0, {}, {1, 2, 3}, kModulus, 0.001, state);
   EXPECT_EQ(tissue.beyond_mm_per_N, 0);
   EXPECT_EQ(tissue.modulus_N_per_mm2, kModulus);
   EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
 }
 
 TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
-  const YieldFrame frame = frame_of(1, 10, {0.5, 0, 0});
+  const ComplianceFrame frame = frame_of(1, 10, {0.5, 0, 0});
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
-    YieldState state;
-    return feel_yield(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
+    ComplianceState state;
+    return blend_compliance(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
   };
   EXPECT_NEAR(beyond_at(0).beyond_mm_per_N, 10 - half_space, 1e-12);
   EXPECT_NEAR(beyond_at(2).beyond_mm_per_N, 11 - half_space, 1e-12);
@@ -204,10 +204,10 @@ TEST(FeelYield, CarriesAFrameAlongTheSurfaceButNotFar) {
 }
 
 TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
-  YieldState state;
-  const YieldFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
-  const auto force_N = [&](const YieldFrame& frame) {
-    return yield_force(feel_yield(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
+  ComplianceState state;
+  const ComplianceFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
+  const auto force_N = [&](const ComplianceFrame& frame) {
+    return yield_force(blend_compliance(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
         .force_N;
   };
   const double stiff_N = force_N(first);
@@ -219,26 +219,26 @@ TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
     EXPECT_LT(before_N - now_N, 0.1 * stiff_N);
     before_N = now_N;
   }
-  YieldState fresh;
-  EXPECT_NEAR(before_N, yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+  ComplianceState fresh;
+  EXPECT_NEAR(before_N, yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
               1e-12);
   // no frame known: back to a half-space, blended as slowly
   EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
   // a tool that was away uses the newest frame at once
   state = {};
   EXPECT_NEAR(force_N(second),
-              yield_force(feel_yield(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
+              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
 }
 
 TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
   // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
-  YieldFrame known = frame_of(1, 16, {});
+  ComplianceFrame known = frame_of(1, 16, {});
   known.spot[0].modulus_N_per_mm2 = 0.01;
-  YieldState state;
-  feel_yield(1, known.spot[0], {}, 0.01, 0.001, state);
-  feel_yield(2, YieldSpot{}, {}, 0.2, 0.001, state);
+  ComplianceState state;
+  blend_compliance(1, known.spot[0], {}, 0.01, 0.001, state);
+  blend_compliance(2, LocalCompliance{}, {}, 0.2, 0.001, state);
   for (int n = 0; n < 14; ++n) {
-    const YieldingTissue tissue = feel_yield(2, YieldSpot{}, {}, 0.03, 0.001, state);
+    const ContactLaw tissue = blend_compliance(2, LocalCompliance{}, {}, 0.03, 0.001, state);
     ASSERT_GT(tissue.modulus_N_per_mm2, 0) << n;
     ASSERT_LE(tissue.modulus_N_per_mm2, 0.03) << n;
     const YieldForce force = yield_force(tissue, 2, 3);
@@ -247,29 +247,29 @@ TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
 }
 
 TEST(FeelYield, WhatANeoHookeanSolutionAddsComesInLikewise) {
-  YieldFrame frame = frame_of(1, 12);
+  ComplianceFrame frame = frame_of(1, 12);
   const std::uint64_t linear = frame.hash();
   frame.spot[0].stiffening_mm_per_N2 = 8;
   frame.spot[0].stiffening_slope = {1, 0, 0};
-  YieldState state;
+  ComplianceState state;
   // without finite_N there is no neo-Hookean term
-  EXPECT_EQ(feel_yield(1, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2, 0);
+  EXPECT_EQ(blend_compliance(1, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2, 0);
   EXPECT_EQ(frame.hash(), linear);
   frame.number = 2;
   frame.spot[0].finite_N = 0.2;
-  YieldFrame other = frame;
+  ComplianceFrame other = frame;
   other.spot[0].stiffening_slope = {0, 1, 0};
   EXPECT_NE(frame.hash(), other.hash());
   double before = 0;
   for (int n = 0; n < 15; ++n) {
-    const YieldingTissue tissue = feel_yield(2, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state);
+    const ContactLaw tissue = blend_compliance(2, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state);
     EXPECT_GT(tissue.stiffening_mm_per_N2, before);
     EXPECT_LT(tissue.stiffening_mm_per_N2 - before, 0.1 * 8);
     before = tissue.stiffening_mm_per_N2;
   }
   for (const double x : {0.5, 100.0}) {
-    YieldState fresh;
-    const YieldingTissue tissue = feel_yield(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
+    ComplianceState fresh;
+    const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
     const double most = kYieldFeel.most_stiffening * 12 / 0.2;
     EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, most));
     EXPECT_EQ(tissue.stiffening_slope, x < 1 ? frame.spot[0].stiffening_slope : Vector<Patient>());
@@ -301,7 +301,7 @@ TEST(ProxyOnWhatYields, GivesTheLawsForceEnergyAndStiffness) {
 
 TEST(ProxyOnWhatYields, GivesBackWhatSlidingOverAHardPlaceTakes) {
   // W decreases towards +x, as over something hard
-  const YieldFrame frame = frame_of(1, 16, {-0.8, 0, 0});
+  const ComplianceFrame frame = frame_of(1, 16, {-0.8, 0, 0});
   const auto work_mJ = [&](bool aside) {
     ProxyRun run = on_soft_floor();
     run.yields = &frame;
@@ -348,7 +348,7 @@ TEST(ProxyOnWhatYields, BreaksThroughAtItsForceWhateverTheDeviceHolds) {
 
 TEST(ProxyOnWhatYields, BoneWithinHasAllOfItsStiffness) {
   ProxyRun run = on_soft_floor();
-  FeltSurface bone =
+  ContactSurface bone =
       felt_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z() + 4; });
   bone.stiffness_N_per_mm = 5;
   bone.layer = 1;

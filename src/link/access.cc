@@ -85,7 +85,7 @@ Result<std::string> new_token() {
 
 }  // namespace
 
-double most_bits(std::string_view token) {
+double entropy_bound_bits(std::string_view token) {
   // reduce the token to its smallest period
   std::size_t piece = 1;
   while (piece < token.size() && token.substr(piece) != token.substr(0, token.size() - piece)) ++piece;
@@ -119,7 +119,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     Who who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
     if (token.size() < kLeastToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
-    const double bits = most_bits(token);
+    const double bits = entropy_bound_bits(token);
     if (bits < kLeastBits) return bad_line(source, line, "this line's token is guessed at once");
     if (bits < kGoodBits && warn)
       warn(source + ":" + std::to_string(line) +
@@ -127,7 +127,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (*role == Role::kLearner && !check_learner(who.learner))
       return bad_line(source, line, "this line has no pseudonym behind its token");
     // a token in two lines would be ambiguous
-    if (tokens.who_shows(token))
+    if (tokens.holder_of(token))
       return bad_line(source, line, "this line's token stands in another one, too");
     tokens.tokens_.push_back({digest_of(token), std::move(who)});
   }
@@ -160,7 +160,7 @@ Tokens::Digest Tokens::digest_of(std::string_view token) {
   return digest;
 }
 
-std::optional<Who> Tokens::who_shows(std::string_view token) const {
+std::optional<Who> Tokens::holder_of(std::string_view token) const {
   const Digest shown = digest_of(token);
   const Token* found = nullptr;
   // always compares with every token: constant time
@@ -211,8 +211,8 @@ Access::Admission Access::admit(std::string_view token, const AddressBlock& from
   if (tokens_.empty()) return {Who{Role::kControl, {}}};
   // a missing token is not a guess
   if (token.empty()) return {};
-  if (!guesses_.may_guess(from, now)) return {std::nullopt, true};
-  auto who = tokens_.who_shows(token);
+  if (!guesses_.may_check_token(from, now)) return {std::nullopt, true};
+  auto who = tokens_.holder_of(token);
   if (!who) guesses_.guessed_wrong(from, now);
   return {std::move(who)};
 }

@@ -31,7 +31,7 @@ class Tokens {
 
   bool empty() const { return tokens_.empty(); }
   /// Holder of a token; empty for an unknown token.
-  std::optional<Who> who_shows(std::string_view token) const;
+  std::optional<Who> holder_of(std::string_view token) const;
   /// Pseudonyms in the order of the file, without duplicates.
   std::vector<std::string> learners() const;
   bool has(Role role) const;
@@ -50,7 +50,7 @@ class Tokens {
 /// Upper bound of a token's entropy in bits: log2 of the alphabet size per character, 1 per character that
 /// continues a run (aaaa, abcd, 4321), and a repeated piece counted once. Dictionary words are not
 /// recognised.
-double most_bits(std::string_view token);
+double entropy_bound_bits(std::string_view token);
 
 /// Checks host names, origins and tokens of requests.
 class Access {
@@ -71,7 +71,7 @@ class Access {
   };
   Admission admit(std::string_view token, const AddressBlock& from, GuessLimit::Clock::time_point now);
   /// Called about every 100 ms, so that an address is forgotten a second after its last wrong token.
-  void forget_guesses(GuessLimit::Clock::time_point now) { guesses_.forget_the_quiet(now); }
+  void forget_inactive_guesses(GuessLimit::Clock::time_point now) { guesses_.forget_inactive(now); }
   /// Number of addresses for which a wrong token is remembered.
   std::size_t addresses_remembered() const { return guesses_.addresses(); }
   /// Token in "Bearer TOKEN"; empty if malformed.

@@ -26,11 +26,11 @@ Tokens both() {
 
 TEST(Tokens, GiveTheirRoles) {
   const Tokens tokens = both();
-  EXPECT_EQ(tokens.who_shows(kControl)->role, Role::kControl);
-  EXPECT_EQ(tokens.who_shows(kView)->role, Role::kView);
+  EXPECT_EQ(tokens.holder_of(kControl)->role, Role::kControl);
+  EXPECT_EQ(tokens.holder_of(kView)->role, Role::kView);
   for (const char* wrong :
        {"", "abcdefghijklmno", "abcdefghijklmnopq", "ABCDEFGHIJKLMNOP", "control abcdefghijklmnop"})
-    EXPECT_FALSE(tokens.who_shows(wrong)) << wrong;
+    EXPECT_FALSE(tokens.holder_of(wrong)) << wrong;
 }
 
 TEST(Tokens, SayWhichLearnerComes) {
@@ -39,11 +39,11 @@ TEST(Tokens, SayWhichLearnerComes) {
       "learner mzr9xbt4hvck7wq2 L042\n",
       "tokens");
   ASSERT_TRUE(tokens.ok()) << tokens.error().message();
-  EXPECT_EQ(tokens->who_shows("k7wq2mzr9xbt4hvc")->learner, "L042");
-  EXPECT_EQ(tokens->who_shows("9xbt4hvck7wq2mzr")->learner, "Lernende 7");
-  EXPECT_EQ(tokens->who_shows("9xbt4hvck7wq2mzr")->role, Role::kLearner);
-  EXPECT_EQ(tokens->who_shows("t4hvck7wq2mzr9xb")->role, Role::kTeacher);
-  EXPECT_EQ(tokens->who_shows("t4hvck7wq2mzr9xb")->learner, "");
+  EXPECT_EQ(tokens->holder_of("k7wq2mzr9xbt4hvc")->learner, "L042");
+  EXPECT_EQ(tokens->holder_of("9xbt4hvck7wq2mzr")->learner, "Lernende 7");
+  EXPECT_EQ(tokens->holder_of("9xbt4hvck7wq2mzr")->role, Role::kLearner);
+  EXPECT_EQ(tokens->holder_of("t4hvck7wq2mzr9xb")->role, Role::kTeacher);
+  EXPECT_EQ(tokens->holder_of("t4hvck7wq2mzr9xb")->learner, "");
   EXPECT_EQ(tokens->learners(), (std::vector<std::string>{"L042", "Lernende 7"}));
   EXPECT_TRUE(tokens->has(Role::kTeacher));
   EXPECT_FALSE(tokens->has(Role::kControl));
@@ -126,12 +126,12 @@ TEST(Tokens, NewOnesAreRandom) {
     for (const char* expected : {"control", "view"}) {
       lines >> role >> token;
       EXPECT_EQ(role, expected);
-      EXPECT_GE(most_bits(token), 80) << token;
+      EXPECT_GE(entropy_bound_bits(token), 80) << token;
       EXPECT_EQ(token.size(), 26u);
       EXPECT_TRUE(seen.insert(token).second) << token;
       for (const char c : token) ++characters[c];
     }
-    EXPECT_EQ(tokens->who_shows(token)->role, Role::kView);
+    EXPECT_EQ(tokens->holder_of(token)->role, Role::kView);
   }
   // 26 characters out of 32 equally likely ones are 130 bits; 812 expected of each, standard deviation 28
   ASSERT_EQ(characters.size(), 32u);

@@ -10,12 +10,12 @@ namespace {
 
 // time for the first request, including the TLS handshake; a later one may take longer
 constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
-// minimum throughput: this many bytes, or the rest of the answer, per kTakenWithin; slow readers would occupy
+// minimum throughput: this many bytes, or the rest of the answer, per kWriteTimeout; slow readers would occupy
 // connections
 constexpr std::size_t kTaken_bytes = HttpConnection::kPart_bytes;
-constexpr auto kTakenWithin = std::chrono::seconds(10);
-constexpr auto kMadeWithin = std::chrono::seconds(60);
-constexpr auto kLingers = std::chrono::seconds(1);
+constexpr auto kWriteTimeout = std::chrono::seconds(10);
+constexpr auto kGenerationTimeout = std::chrono::seconds(60);
+constexpr auto kLingerTime = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -67,7 +67,7 @@ void Connection::serve() {
 
   // the volume or picture may have to be generated first
   about_ = About::kMaking;
-  get_on(kMadeWithin);
+  extend_deadline(kGenerationTimeout);
   if (auto* picture = std::get_if<PictureWanted>(&answer)) {
     hub_.want_picture(std::move(picture->key), weak_from_this(),
                       [self = weak_from_this(), picture_head = std::move(picture->head),
@@ -110,7 +110,7 @@ void Connection::refuse_volume(const std::string& what) {
 void Connection::become_viewer() {
   // no bytes may follow the request before the upgrade is confirmed
   if (http_->has_more()) return send(Site::refusal(400), false);
-  hub_.make_room_for_silent_viewer();
+  hub_.drop_oldest_unauthenticated();
   const auto viewer = std::make_shared<Viewer>(http_->upgrade(), http_->peer(), http_->from(), hub_);
   closed_ = true;
   hub_.remove(shared_from_this());
@@ -118,7 +118,7 @@ void Connection::become_viewer() {
   viewer->begin();
 }
 
-void Connection::get_on(Clock::duration within) {
+void Connection::extend_deadline(Clock::duration within) {
   since_ = Clock::now();
   close_by_ = since_ + within;
 }
@@ -128,7 +128,7 @@ bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
   about_ = About::kTaking;
   taken_bytes_ = written_bytes_ = 0;
-  get_on(kTakenWithin);
+  extend_deadline(kWriteTimeout);
   return request_.method != "HEAD" && answer_.status != 304;
 }
 
@@ -161,7 +161,7 @@ void Connection::write(std::string_view head, std::string_view body, std::functi
   auto progress = [this](std::size_t taken) {
     if (written_bytes_ + taken < taken_bytes_ + kTaken_bytes) return;
     taken_bytes_ = written_bytes_ + taken;
-    get_on(kTakenWithin);
+    extend_deadline(kWriteTimeout);
   };
   http_->write(head, body, std::move(progress),
                [self = shared_from_this(), then = std::move(then)](bool ok, std::size_t taken) {
@@ -175,14 +175,14 @@ void Connection::write(std::string_view head, std::string_view body, std::functi
 void Connection::sent(bool keep_alive) {
   answer_ = {};
   if (!keep_alive) return linger();
-  get_on(kNextHeadWithin);
+  extend_deadline(kNextHeadWithin);
   read();
 }
 
 // Reads and discards further input for a moment: unread input would make the system reset the connection and
 // drop the answer.
 void Connection::linger() {
-  close_by_ = Clock::now() + kLingers;
+  close_by_ = Clock::now() + kLingerTime;
   http_->linger([self = shared_from_this()] { self->close(); });
 }
 

@@ -55,7 +55,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void write(std::string_view head, std::string_view body, std::function<void()> then);
   void sent(bool keep_alive);
   void linger();
-  void get_on(Clock::duration within);
+  void extend_deadline(Clock::duration within);
 
   std::shared_ptr<HttpConnection> http_;
   Hub& hub_;

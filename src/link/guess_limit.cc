@@ -7,8 +7,8 @@ constexpr auto kForgetEvery = std::chrono::milliseconds(100);
 
 }  // namespace
 
-bool GuessLimit::may_guess(const AddressBlock& from, Clock::time_point now) {
-  forget_the_quiet(now);
+bool GuessLimit::may_check_token(const AddressBlock& from, Clock::time_point now) {
+  forget_inactive(now);
   const auto known = accounts_.find(from);
   if (known != accounts_.end()) return known->second.left(now) >= 1;
   return accounts_.size() < kMostAddresses || shared_.left(now) >= 1;
@@ -24,7 +24,7 @@ void GuessLimit::guessed_wrong(const AddressBlock& from, Clock::time_point now) 
     shared_.take(now);
 }
 
-void GuessLimit::forget_the_quiet(Clock::time_point now) {
+void GuessLimit::forget_inactive(Clock::time_point now) {
   if (now < forgot_ + kForgetEvery) return;
   forgot_ = now;
   // a full account is equivalent to none

@@ -24,12 +24,12 @@ class GuessLimit {
   static constexpr std::size_t kMostAddresses = 4096;
 
   /// Whether a token from that address may be checked.
-  bool may_guess(const AddressBlock& from, Clock::time_point now);
+  bool may_check_token(const AddressBlock& from, Clock::time_point now);
   /// Counts a wrong token.
   void guessed_wrong(const AddressBlock& from, Clock::time_point now);
   /// Removes the accounts of addresses without a guess in the last second; does so at most every 100 ms.
   /// Without it an account would persist until the next token is checked.
-  void forget_the_quiet(Clock::time_point now);
+  void forget_inactive(Clock::time_point now);
   /// Number of addresses with an account.
   std::size_t addresses() const { return accounts_.size(); }
 

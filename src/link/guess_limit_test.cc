@@ -104,7 +104,7 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   const int tried = 3 * static_cast<int>(GuessLimit::kMostAddresses);
   for (int n = 0; n < tried; ++n) {
     const AddressBlock from = block(static_cast<std::uint32_t>(n));
-    if (!limit.may_guess(from, now)) continue;
+    if (!limit.may_check_token(from, now)) continue;
     ++looked_at;
     limit.guessed_wrong(from, now);
   }
@@ -112,7 +112,7 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMostAddresses + GuessLimit::kAtOnce));
   // inactive addresses are forgotten, even if no new address was accepted
   now += 300ms;
-  EXPECT_TRUE(limit.may_guess(block("10.9.9.9"), now));
+  EXPECT_TRUE(limit.may_check_token(block("10.9.9.9"), now));
   EXPECT_EQ(limit.addresses(), 0u);
 }
 
@@ -129,11 +129,11 @@ TEST(GuessLimit, NoAddressIsRememberedForLongerThanASecond) {
       now += std::chrono::milliseconds(random() % 250);
       // a request refused without a check does not count
       if (!access.admit("wrong-token-of-some-length", block("10.1.2.3"), now).too_many_guesses) last = now;
-      access.forget_guesses(now);
+      access.forget_inactive_guesses(now);
       EXPECT_EQ(access.addresses_remembered(), 1u) << round;
     }
-    for (now = last; now < last + 1s; now += 100ms) access.forget_guesses(now);
-    access.forget_guesses(last + 1s);
+    for (now = last; now < last + 1s; now += 100ms) access.forget_inactive_guesses(now);
+    access.forget_inactive_guesses(last + 1s);
     EXPECT_EQ(access.addresses_remembered(), 0u) << round;
   }
 }

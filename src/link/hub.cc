@@ -25,7 +25,7 @@ constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
 
 // roles with a reserved place, however many viewers there are
-bool keeps_a_place(Role role) {
+bool has_reserved_place(Role role) {
   return role == Role::kControl || role == Role::kTeacher;
 }
 
@@ -123,7 +123,7 @@ void Hub::make_room_for_connection() {
   std::shared_ptr(*oldest)->close();
 }
 
-void Hub::make_room_for_silent_viewer() {
+void Hub::drop_oldest_unauthenticated() {
   // a viewer that is closing occupies a place while it waits for the close frame
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
@@ -145,15 +145,15 @@ bool Hub::make_room_for_viewer(Role role) {
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
-    if (keeps_a_place(viewer->who().role)) continue;
+    if (has_reserved_place(viewer->who().role)) continue;
     ++looking;
     // the viewer that moves the tip is not dropped
     if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!keeps_a_place(role) && looking >= kMostViewers - kKeptForControl) return false;
+  if (!has_reserved_place(role) && looking >= kMostViewers - kKeptForControl) return false;
   if (all < kMostViewers) return true;
-  if (!keeps_a_place(role) || !latest) return false;
+  if (!has_reserved_place(role) || !latest) return false;
   latest->end(kTryAgainLater, "gives its place to one with control or a teacher");
   return true;
 }
@@ -182,13 +182,13 @@ void Hub::want_curves(const std::string& learner, std::function<void(Result<std:
 // ---- requests of viewers
 
 void Hub::welcome(Viewer& viewer) {
-  viewer.get_number(++greeted_);
+  viewer.set_number(++greeted_);
   count();
-  look_at_state();
+  publish_state();
   viewer.show_state();
   // a late viewer gets the current data, not what was last sent to others
-  if (viewer.wants_yields()) look_at_yields(Clock::now());
-  if (viewer.wants_training()) look_at_training(Clock::now());
+  if (viewer.wants_yields()) publish_yields(Clock::now());
+  if (viewer.wants_training()) publish_training(Clock::now());
   viewer.show_training();
   if (std::exchange(posing_, true)) return;
   next_pose_ = Clock::now();
@@ -266,7 +266,7 @@ Result<void> Hub::grant_lesson(const LessonRequest& request) {
   if (request.learner || request.task || request.end)
     if (auto taught = host_.teach(request); !taught) return taught;
   names_ = request.names.value_or(names_);
-  look_at_state();
+  publish_state();
   // a viewer that is no longer permitted loses the pointer
   if (pointer_ && !check_hand(*pointer_)) {
     (void)host_.take_pointer(false, pointer_->identity());
@@ -318,32 +318,32 @@ const Veil* Hub::veil_of(const Viewer& viewer) const {
   return site_.veil_of(viewer.who());
 }
 
-const Veil* Hub::laid_veil() const {
+const Veil* Hub::active_veil() const {
   return site_.veil_of({Role::kLearner, ""});
 }
 
-const std::string& Hub::told_training(const Viewer& viewer) const {
+const std::string& Hub::published_training(const Viewer& viewer) const {
   return veil_of(viewer) != nullptr ? veiled_training_ : training_;
 }
 
-std::shared_ptr<const std::string> Hub::told_plan(const Viewer& viewer) const {
+std::shared_ptr<const std::string> Hub::published_plan(const Viewer& viewer) const {
   return veil_of(viewer) != nullptr ? nullptr : told_plan_;
 }
 
-std::shared_ptr<const std::string> Hub::told_debriefing(const Viewer& viewer) const {
+std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewer) const {
   const bool is_own =
       debriefed_ && (viewer.who().role != Role::kLearner || debriefed_->learner == viewer.who().learner);
   return is_own ? debriefing_ : nullptr;
 }
 
 // the veil depends on the task that may be begun; if several may, one quiz suffices
-void Hub::look_at_veil() {
+void Hub::update_veil() {
   const auto& tasks = host_.scene().tasks;
   const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
-  site_.lay_veil(!names_ && (chosen == tasks.end() || chosen->quiz));
+  site_.set_veil_active(!names_ && (chosen == tasks.end() || chosen->quiz));
 }
 
-std::string Hub::sweeps_after(SweepsHad& had) const {
+std::string Hub::sweeps_after(SentSweeps& had) const {
   constexpr std::size_t kMostAtOnce = 200;
   had.count = std::min(had.count, state_.sweeps);
   const std::vector<SweepRecord> next = host_.sweeps(
@@ -367,20 +367,20 @@ std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState
   return least;
 }
 
-void Hub::look_at_state() {
-  look_at_plan();
+void Hub::publish_state() {
+  publish_plan();
   const ViewedState before = std::exchange(state_, host_.state());
   const std::uint64_t in_common = sweeps_in_common(before, state_);
   if (in_common < before.sweeps)
-    for (const auto& viewer : viewers_) viewer->keep_sweeps(in_common);
-  look_at_veil();
+    for (const auto& viewer : viewers_) viewer->truncate_sweeps(in_common);
+  update_veil();
   // complete state, as for a teacher
   StateReader whoever;
   whoever.holder = holder();
   whoever.viewers = welcomed_;
   whoever.names = names_;
   std::string text = state_json(state_, whoever), veiled_text;
-  const Veil* const veil = laid_veil();
+  const Veil* const veil = active_veil();
   whoever.veiled = veil != nullptr;
   if (veil != nullptr) veiled_text = state_json(veil->of(state_), whoever);
   const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
@@ -391,7 +391,7 @@ void Hub::look_at_state() {
     if (is_new_veiled || (is_new && veil_of(*viewer) == nullptr)) viewer->show_state();
 }
 
-void Hub::look_at_plan() {
+void Hub::publish_plan() {
   auto plan = host_.plan();
   if (plan == plan_) return;
   plan_ = std::move(plan);
@@ -416,10 +416,10 @@ void Hub::wait_for_poses() {
   });
 }
 
-void Hub::look_at_yields(Clock::time_point now) {
+void Hub::publish_yields(Clock::time_point now) {
   next_yields_ = now + kYieldPeriod;
   for (std::size_t device = 0; device < yields_.size(); ++device) {
-    LookedAt& looked = yields_[device];
+    LastPublished& looked = yields_[device];
     auto yield = host_.yielded(device);
     if (looked.message && yield == looked.yield) continue;
     looked.yield = std::move(yield);
@@ -431,12 +431,12 @@ void Hub::look_at_yields(Clock::time_point now) {
   for (const auto& viewer : viewers_) viewer->show_yields();
 }
 
-void Hub::look_at_training(Clock::time_point now) {
+void Hub::publish_training(Clock::time_point now) {
   next_training_ = now + kTrainingPeriod;
   if (host_.scene().tasks.empty()) return;
   const ViewedTraining training = host_.training();
   std::string text = training_json(training), veiled_text;
-  if (const Veil* const veil = laid_veil()) {
+  if (const Veil* const veil = active_veil()) {
     veiled_steps_->follow(training);
     veiled_text = training_json(veil->of(training, *veiled_steps_, veiled_tick_));
   }
@@ -454,7 +454,7 @@ void Hub::look_at_training(Clock::time_point now) {
     if (veil_of(*viewer) != nullptr ? is_new_veiled : is_new) viewer->show_training();
 }
 
-void Hub::look_at_navigation(Clock::time_point now) {
+void Hub::publish_navigation(Clock::time_point now) {
   next_navigation_ = now + kNavigationPeriod;
   const auto navigation = host_.navigation();
   if (!navigation) return;
@@ -468,13 +468,13 @@ void Hub::show_pose() {
   const Clock::time_point now = Clock::now();
   if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(),
                                              [](const auto& viewer) { return viewer->wants_navigation(); }))
-    look_at_navigation(now);
+    publish_navigation(now);
   if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
                                            [](const auto& viewer) { return viewer->wants_training(); }))
-    look_at_training(now);
+    publish_training(now);
   if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
                                          [](const auto& viewer) { return viewer->wants_yields(); }))
-    look_at_yields(now);
+    publish_yields(now);
   const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
   if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
   std::array<double, kMaxDevices> stiffness_N_per_mm{};
@@ -485,7 +485,7 @@ void Hub::show_pose() {
   struct Veiled {
     PoseMessage pose;
     NearMessage near;
-    bool tells_near;
+    bool reports_distances;
   };
   std::optional<Veiled> veiled;
   for (const auto& viewer : viewers_) {
@@ -495,11 +495,11 @@ void Hub::show_pose() {
       veiled_tick_ = veil->of(tick);
       veiled_steps_->see(veiled_tick_);
       veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
-                            NearMessage(veiled_tick_), veil->scene().tells_near()});
+                            NearMessage(veiled_tick_), veil->scene().reports_distances()});
     }
     const NearMessage& its_near = veil != nullptr ? veiled->near : near;
-    const bool tells_near = veil != nullptr ? veiled->tells_near : host_.scene().tells_near();
-    viewer->show(veil != nullptr ? veiled->pose : pose, tells_near ? &its_near : nullptr, now);
+    const bool reports_distances = veil != nullptr ? veiled->reports_distances : host_.scene().reports_distances();
+    viewer->show(veil != nullptr ? veiled->pose : pose, reports_distances ? &its_near : nullptr, now);
   }
 }
 
@@ -518,11 +518,11 @@ void Hub::sweep() {
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->check(now);
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->check(now);
   log_.catch_up(now);
-  site_.access().forget_guesses(now);
+  site_.access().forget_inactive_guesses(now);
   if (welcomed_ == 0) return;
   health_ = host_.health();
   answer_late();
-  look_at_state();
+  publish_state();
 }
 
 void Hub::answer_late() {

@@ -22,7 +22,7 @@ namespace palpate::link {
 
 class Connection;
 class Viewer;
-struct SweepsHad;
+struct SentSweeps;
 
 /// Shared state of a server's connections: the site, the session, the owner of the pointer. Used on the
 /// server's thread only.
@@ -60,7 +60,7 @@ class Hub {
   void remove(const std::shared_ptr<Viewer>& viewer);
   /// If there are too many WebSockets before their hello, closes the oldest: clients without a token cannot
   /// lock out those with one.
-  void make_room_for_silent_viewer();
+  void drop_oldest_unauthenticated();
   /// Whether a viewer that says hello gets a place. For a role with a reserved place, the most recent viewer
   /// of another role is closed if necessary.
   bool make_room_for_viewer(Role role);
@@ -91,29 +91,29 @@ class Hub {
   std::string answer(Viewer& viewer, const Request& request);
   void move_pointer(const Viewer& viewer, const TipMessage& tip);
   /// Publishes the state to every viewer if it has changed.
-  void look_at_state();
+  void publish_state();
   std::string state_for(const Viewer& viewer) const;
   /// First message to a viewer: its role and permissions.
   std::string welcome_for(const Who& who) const;
   /// Veil that applies to a viewer; null: none.
   const Veil* veil_of(const Viewer& viewer) const;
   /// Veil that currently applies to learners; null: none.
-  const Veil* laid_veil() const;
+  const Veil* active_veil() const;
   /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
-  std::string sweeps_after(SweepsHad& had) const;
+  std::string sweeps_after(SentSweeps& had) const;
   /// Latest deformation around a device.
-  const ToldYield& told_yield(std::size_t device) const { return yields_[device].told; }
+  const PublishedYield& published_yield(std::size_t device) const { return yields_[device].told; }
   /// Latest plan; null if there is none, and for a veiled viewer: the plan's author may have known what is
   /// hidden.
-  std::shared_ptr<const std::string> told_plan(const Viewer& viewer) const;
+  std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
   /// Publishes the progress of a run if it has changed.
-  void look_at_training(Clock::time_point now);
+  void publish_training(Clock::time_point now);
   /// Progress message published last; empty: the session has no tasks.
-  const std::string& told_training(const Viewer& viewer) const;
+  const std::string& published_training(const Viewer& viewer) const;
   /// Latest error estimate of a tracked tip; null: none.
-  const std::shared_ptr<const std::string>& told_navigation() const { return told_navigation_; }
+  const std::shared_ptr<const std::string>& published_navigation() const { return told_navigation_; }
   /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
-  std::shared_ptr<const std::string> told_debriefing(const Viewer& viewer) const;
+  std::shared_ptr<const std::string> published_debriefing(const Viewer& viewer) const;
 
  private:
   static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
@@ -123,15 +123,15 @@ class Hub {
   Result<void> grant_task(Viewer& viewer, TaskRequest request);
   Result<void> grant_lesson(const LessonRequest& request);
   Result<void> check_hand(const Viewer& viewer) const;
-  void look_at_veil();
+  void update_veil();
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
   void count();
   void wait_for_poses();
   void show_pose();
-  void look_at_yields(Clock::time_point now);
-  void look_at_plan();
-  void look_at_navigation(Clock::time_point now);
+  void publish_yields(Clock::time_point now);
+  void publish_plan();
+  void publish_navigation(Clock::time_point now);
   void wait_for_sweep();
   void sweep();
 
@@ -161,12 +161,12 @@ class Hub {
   TickRecord veiled_tick_;  ///< Last veiled tick
   bool names_ = false;      ///< Whether learners are shown what a quiz hides
   ViewedHealth health_;
-  struct LookedAt {
+  struct LastPublished {
     std::shared_ptr<const ViewedYield> yield;
     std::optional<YieldMessage> message;  ///< Message published last
-    ToldYield told;
+    PublishedYield told;
   };
-  std::array<LookedAt, kMaxDevices> yields_;
+  std::array<LastPublished, kMaxDevices> yields_;
   Clock::time_point next_yields_{};
   std::shared_ptr<const ViewedPlan> plan_;
   std::shared_ptr<const std::string> told_plan_;

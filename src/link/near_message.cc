@@ -43,7 +43,7 @@ NearMessage::NearMessage(const TickRecord& tick) {
   PALPATE_CHECK(out.at() == bytes_.data() + size_);
 }
 
-bool NearMessage::says_the_same(const NearMessage& other) const {
+bool NearMessage::equals_except_tick(const NearMessage& other) const {
   return size_ == other.size_ &&
          std::equal(bytes_.begin() + kAfterTick, bytes_.begin() + static_cast<std::ptrdiff_t>(size_),
                     other.bytes_.begin() + kAfterTick);

@@ -12,13 +12,13 @@ namespace palpate::link {
 /// docs/reference/viewer-messages.md.
 class NearMessage {
  public:
-  static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMostNearTold;
+  static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMostNearReported;
 
   NearMessage() = default;
   explicit NearMessage(const TickRecord& tick);
 
   /// Equal apart from the tick number.
-  bool says_the_same(const NearMessage& other) const;
+  bool equals_except_tick(const NearMessage& other) const;
   std::string_view bytes() const { return {bytes_.data(), size_}; }
 
  private:

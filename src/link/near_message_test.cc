@@ -24,7 +24,7 @@ TickRecord tick_near(int devices) {
     device.no_go = static_cast<std::uint16_t>(d + 1);
     device.no_go_depth_mm = 0.5 * (d + 1);
     device.no_go_N = 0.25 * (d + 1);
-    for (std::size_t n = 0; n < kMostNearTold; ++n) {
+    for (std::size_t n = 0; n < kMostNearReported; ++n) {
       device.near_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
       device.near_mm[n] = d - 2 + static_cast<double>(n);
     }
@@ -60,10 +60,10 @@ TEST(NearMessage, AnotherTickAloneSaysTheSame) {
   TickRecord tick = tick_near(2);
   const NearMessage before(tick);
   tick.tick += 7;
-  EXPECT_TRUE(NearMessage(tick).says_the_same(before));
+  EXPECT_TRUE(NearMessage(tick).equals_except_tick(before));
   tick.device[1].near_mm[7] += 0.01;
-  EXPECT_FALSE(NearMessage(tick).says_the_same(before));
-  EXPECT_FALSE(NearMessage(tick_near(1)).says_the_same(before));
+  EXPECT_FALSE(NearMessage(tick).equals_except_tick(before));
+  EXPECT_FALSE(NearMessage(tick_near(1)).equals_except_tick(before));
 }
 
 // Next message of distances, skipping others; empty if there is none within `poses` poses.

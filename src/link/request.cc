@@ -29,7 +29,7 @@ bool take(std::string_view& text, std::string_view front) {
 }
 
 // for a text that is not a valid message: whether `"type": "stop"` occurs anywhere in it
-bool says_stop(std::string_view text) {
+bool contains_stop(std::string_view text) {
   constexpr std::string_view kKey = "\"type\"";
   for (std::size_t at = text.find(kKey); at != text.npos; at = text.find(kKey, at + 1)) {
     std::string_view rest = text.substr(at + kKey.size());
@@ -291,7 +291,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
 std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
   // a stop is honoured however malformed the message is
   auto message = parse_message(text);
-  if (!message && says_stop(text)) message = Request{0, StopRequest{}};
+  if (!message && contains_stop(text)) message = Request{0, StopRequest{}};
   return message;
 }
 

@@ -4,7 +4,7 @@
 
 #include "link/pose_message.h"
 #include "link/task_json.h"
-#include "link/told_error.h"
+#include "link/error_json.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 #include "palpate_version.h"
@@ -208,7 +208,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                     {"input", scene.input},
                     {"peak_force_N", scene.peak_force_N},
                     {"continuous_force_N", scene.continuous_force_N},
-                    {"most_stiffness_N_per_mm", scene.most_stiffness_N_per_mm}};
+                    {"most_stiffness_N_per_mm", scene.max_stiffness_N_per_mm}};
   json["limits"] = {{"max_force_N", state.max_force_N},
                     {"least_max_force_N", scene.least_max_force_N},
                     {"most_max_force_N", scene.most_max_force_N},
@@ -218,7 +218,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   json["recording"] = scene.recording ? recording_json(*scene.recording) : Json();
   json["tasks"] = Json::array();
   for (const ViewedTask& task : scene.tasks) json["tasks"].push_back(task_json(task));
-  json["distances"] = scene.told_reach_mm ? Json{{"reach_mm", *scene.told_reach_mm}} : Json();
+  json["distances"] = scene.distance_reach_mm ? Json{{"reach_mm", *scene.distance_reach_mm}} : Json();
   json["no_go"] = Json::array();
   for (const ViewedNoGo& region : scene.no_go) json["no_go"].push_back(no_go_json(region));
   return text_of(json);

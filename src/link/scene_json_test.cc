@@ -82,7 +82,7 @@ TEST(SceneJson, HasTheCaveatsOfTheModel) {
 
 TEST(SceneJson, TellsWhatKeepsAway) {
   FakeHost host;
-  host.edit_scene().told_reach_mm = 15;
+  host.edit_scene().distance_reach_mm = 15;
   host.edit_scene().no_go = {{"artery\x1b[2J", 2, LabelId{2}},
                              {"behind", 1, ViewedNoGo::Plane{{1, 2, 3}, {0, -1, 0}}},
                              {"ball", 0.5, ViewedNoGo::Ball{{4, 5, 6}, 7.5}}};

@@ -59,7 +59,7 @@ class Site {
   Access& access() { return access_; }
   /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
   /// shown.
-  void lay_veil(bool is_laid) { is_veiled_ = is_laid; }
+  void set_veil_active(bool is_laid) { is_veiled_ = is_laid; }
   /// Veil for learners while it is on; null: none.
   const Veil* veil() const { return veil_; }
   /// Veil that applies to a viewer; null: none.

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "link/told_error.h"
+#include "link/error_json.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 

@@ -55,7 +55,7 @@ Veil::Veil(const ViewedScene& scene) : hidden_(kLabels), scene_(scene) {
   hide_in_tasks();
   scene_.content_hash = content_hash();
   // distances are measured to the surfaces of all structures, hidden ones included
-  scene_.told_reach_mm.reset();
+  scene_.distance_reach_mm.reset();
   is_cut_ = std::ranges::any_of(scene_.tools, &ViewedTool::cuts);
   contact_ = std::make_unique<const VeiledContact>(scene_);
 }

@@ -121,7 +121,7 @@ struct Draw {
     scene.scan = std::make_shared<const Volume<float>>(std::move(phantom.scan));
     scene.labels = label_bricks(whole);
     scene.content_hash = scene.labels->content_hash();
-    scene.told_reach_mm = 20;
+    scene.distance_reach_mm = 20;
     scene.no_go = {{"away", 1, scene.structures.front().label}};
     scene.tasks = {task_in(file, name, scene)};
     hidden = scene.tasks[0].to_find.front();

@@ -67,7 +67,7 @@ void hide_a_ball(FakeHost& host, const Place& at = kHere, int radius = 5) {
   for (ViewedTask::Region& region : scene.tasks[0].regions) region = region_in(scene, region);
   scene.caveats = {{"force", "tissues of 0.1 to 0.2 N/mm are felt as one"}};
   scene.no_go = {{"nodule", 1, LabelId{2}}};
-  scene.told_reach_mm = 20;
+  scene.distance_reach_mm = 20;
 }
 
 DeviceTick on_the_ball() {

@@ -98,7 +98,7 @@ LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
 }
 
 // distance to the surface along `outward`; 0 if it starts outside
-double VeiledContact::way_out_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const {
+double VeiledContact::exit_distance_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const {
   double before = solid_at(from_mm);
   if (before < kSurface) return 0;
   for (double way_mm = step_mm_; way_mm <= kMostDepth_mm; way_mm += step_mm_) {
@@ -126,7 +126,7 @@ VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t numbe
   LabelId label = 0;
   for (const Ball& ball : balls_of(scene_.tools[std::min(number, scene_.tools.size() - 1)])) {
     const Eigen::Vector3d place = tip + R_PatientTool * ball.centre_mm - ball.radius_mm * outward;
-    const double way_mm = way_out_mm(place, outward);
+    const double way_mm = exit_distance_mm(place, outward);
     if (way_mm > depth_mm) {
       depth_mm = way_mm;
       deepest = place;

@@ -30,7 +30,7 @@ class VeiledContact {
  private:
   double solid_at(const Eigen::Vector3d& place_mm) const;
   LabelId nearest_felt(const Eigen::Vector3d& place_mm) const;
-  double way_out_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const;
+  double exit_distance_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const;
 
   const ViewedScene& scene_;
   Eigen::Matrix3d R_WorldPatient_;

@@ -21,7 +21,7 @@ constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello 
                         kTooManyGuesses = 4429;
 
 // message for tissue at rest
-ToldYield untold_yield(std::size_t device) {
+PublishedYield message_at_rest(std::size_t device) {
   return {0, true, std::make_shared<const std::string>(YieldMessage(device, nullptr).bytes())};
 }
 
@@ -100,14 +100,14 @@ void Viewer::take(const Request& request) {
   // without room for its answer a request is not carried out, except for a stop
   const bool room = answers_.size() < kMostAnswers;
   if (!room && !std::holds_alternative<StopRequest>(request.what)) {
-    if (!std::exchange(deaf_, true)) hub_.log().say(peer_, "takes no answers, its requests are not granted");
+    if (!std::exchange(has_dropped_requests_, true)) hub_.log().say(peer_, "takes no answers, its requests are not granted");
     return;
   }
   std::string answer = hub_.answer(*this, request);
   // the answer precedes the state that it changed
   if (room) say(std::move(answer));
-  deaf_ = deaf_ && !room;
-  hub_.look_at_state();
+  has_dropped_requests_ = has_dropped_requests_ && !room;
+  hub_.publish_state();
 }
 
 void Viewer::greet(const Hello& hello) {
@@ -172,7 +172,7 @@ void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
-  if (wants_near_ && near && !(near_ && near->says_the_same(*near_))) {
+  if (wants_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
     near_ = *near;
     near_due_ = true;
   }
@@ -223,7 +223,7 @@ bool Viewer::next_sweeps() {
 // rarely changes
 bool Viewer::next_plan() {
   if (!welcomed_ || !wants_plan_) return false;
-  const auto told = hub_.told_plan(*this);
+  const auto told = hub_.published_plan(*this);
   if (plan_had_ == told) return false;
   plan_had_ = told;
   if (!plan_had_) return false;
@@ -233,8 +233,8 @@ bool Viewer::next_plan() {
 
 // alternates with poses
 bool Viewer::next_navigation() {
-  if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.told_navigation()) return false;
-  navigation_had_ = hub_.told_navigation();
+  if (!welcomed_ || !wants_navigation_ || navigation_had_ == hub_.published_navigation()) return false;
+  navigation_had_ = hub_.published_navigation();
   text_out_ = *navigation_had_;
   return true;
 }
@@ -242,15 +242,15 @@ bool Viewer::next_navigation() {
 // the debriefing precedes the message that the run is over; alternates with poses
 bool Viewer::next_training() {
   if (!welcomed_ || !wants_training_) return false;
-  if (auto told = hub_.told_debriefing(*this); debriefing_had_ != told) {
+  if (auto told = hub_.published_debriefing(*this); debriefing_had_ != told) {
     debriefing_had_ = std::move(told);
     if (debriefing_had_) {
       text_out_ = *debriefing_had_;
       return true;
     }
   }
-  if (!std::exchange(training_due_, false) || hub_.told_training(*this).empty()) return false;
-  text_out_ = hub_.told_training(*this);
+  if (!std::exchange(training_due_, false) || hub_.published_training(*this).empty()) return false;
+  text_out_ = hub_.published_training(*this);
   return true;
 }
 
@@ -262,7 +262,7 @@ bool Viewer::next_yield() {
     // the deformation of tissue reveals its structure
     const bool is_veiled = hub_.veil_of(*this) != nullptr;
     if (is_veiled && yields_had_[device] == 0) continue;
-    const ToldYield told = is_veiled ? untold_yield(device) : hub_.told_yield(device);
+    const PublishedYield told = is_veiled ? message_at_rest(device) : hub_.published_yield(device);
     const std::uint64_t had = std::exchange(yields_had_[device], told.number);
     // a viewer that has received nothing assumes tissue at rest
     if (had == told.number || (had == 0 && told.rests)) continue;
@@ -274,7 +274,7 @@ bool Viewer::next_yield() {
 }
 
 // on a slow connection, poses have priority
-void Viewer::rest_from_yields() {
+void Viewer::defer_yields() {
   const Clock::time_point now = Clock::now();
   no_yield_before_ = now + 2 * (now - write_begun_);
 }
@@ -285,7 +285,7 @@ void Viewer::write(std::string_view bytes, bool binary) {
   socket_->write(bytes, binary, [self = shared_from_this()](bool ok) {
     self->writing_ = false;
     if (!ok) return self->write_failed();
-    if (std::exchange(self->yield_is_out_, false)) self->rest_from_yields();
+    if (std::exchange(self->yield_is_out_, false)) self->defer_yields();
     self->write_next();
   });
 }

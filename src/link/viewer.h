@@ -23,7 +23,7 @@ namespace palpate::link {
 class Hub;
 
 /// Sweeps that a viewer has received.
-struct SweepsHad {
+struct SentSweeps {
   std::uint64_t count = 0;  ///< Number of received sweeps that are still valid
   std::uint64_t shown =
       0;  ///< Number of sweeps that the page shows; those beyond `count` were undone and must be dropped
@@ -85,9 +85,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Clock::time_point hello_by() const { return hello_by_; }
   const Who& who() const { return who_; }
   /// Invalidates the received sweeps beyond `count`, after an undo.
-  void keep_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
+  void truncate_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
   /// Sets the viewer's number, unique within this server.
-  void get_number(std::uint32_t number) { number_ = number; }
+  void set_number(std::uint32_t number) { number_ = number; }
   ViewerIdentity identity() const { return {number_, may(who_.role, Right::kHand, true)}; }
 
  private:
@@ -103,7 +103,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool next_training();
   bool next_plan();
   bool next_navigation();
-  void rest_from_yields();
+  void defer_yields();
   /// @param bytes  have to stay valid until the write has finished
   void write(std::string_view bytes, bool binary);
   void write_failed();
@@ -123,11 +123,11 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Clock::time_point next_pose_{};
 
   std::deque<std::string> answers_;
-  bool deaf_ = false;  // has ignored requests for want of room for answers
+  bool has_dropped_requests_ = false;  // has ignored requests for want of room for answers
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
-  SweepsHad sweeps_had_;
+  SentSweeps sweeps_had_;
   bool wants_yields_ = false, yield_is_out_ = false;
-  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< ToldYield::number; 0: none shown
+  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< PublishedYield::number; 0: none shown
   std::size_t next_yielding_ = 0;                        ///< next device in round-robin order
   Clock::time_point no_yield_before_{};
   std::shared_ptr<const std::string> yield_out_;

@@ -92,7 +92,7 @@ int hex_digit(char c) {
 }
 
 /// Parses colour and opacity of the first structures, two hexadecimal digits per component.
-bool take_looks(std::string_view text, std::size_t structures, PictureKey& key) {
+bool parse_looks(std::string_view text, std::size_t structures, PictureKey& key) {
   if (text.size() % 8 != 0 || text.size() / 8 > structures) return false;
   for (std::size_t n = 0; n < text.size() / 8; ++n) {
     std::array<int, 4> bytes{};
@@ -133,7 +133,7 @@ std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_
     const std::string_view name = take_part(value, '=');
     bool is_good = false;
     if (name == "looks" && !std::exchange(has_looks, true)) {
-      is_good = take_looks(value, structures, key);
+      is_good = parse_looks(value, structures, key);
     } else if (const auto numbers = numbers_in(value)) {
       if (name == "view" && !std::exchange(has_view, true)) is_good = take_view(*numbers, key);
       if (name == "cut" && !std::exchange(has_cut, true)) is_good = take_cut(*numbers, key);

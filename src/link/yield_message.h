@@ -48,7 +48,7 @@ class YieldMessage {
 };
 
 /// Latest deformation message of one device, shared by the viewers.
-struct ToldYield {
+struct PublishedYield {
   std::uint64_t number = 0;  ///< Changes with each message; 0: none yet
   bool rests = true;
   std::shared_ptr<const std::string> bytes;

@@ -247,7 +247,7 @@ std::vector<Caveat> merged_layers(const Model& model) {
     std::snprintf(text, sizeof text,
                   "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
                   "contact has at most %d layers of stiffness",
-                  layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMostLayers);
+                  layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMaxLayers);
     caveats.push_back({CaveatKind::kForce, text});
   }
   return caveats;
@@ -288,9 +288,9 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
 }
 
 // What the tool is kept away from is told in any case: how near it comes is to be known before it is pushed.
-ToldDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
+ReportedDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
                                 const std::vector<std::size_t>& voxels) {
-  ToldDistances told;
+  ReportedDistances told;
   told.reach_mm = settings.reach_mm;
   const auto is_kept_away_from = [&](std::size_t label) {
     return std::ranges::any_of(parts.no_go, [&](const NoGoRegion& region) {
@@ -417,14 +417,14 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
   std::vector<std::optional<Rgb>> said;
   for (const TissueSettings& settings : scene.tissues) said.push_back(settings.colour);
-  take_colours_of_tissues(parts.segments, parts.tissue_of_label, said);
+  apply_tissue_colours(parts.segments, parts.tissue_of_label, said);
 
   parts.labels = label_bricks(flat);
   const std::vector<std::size_t> voxels = label_counts(*parts.labels);
   auto no_go = no_go_of(scene, no_go_ids, parts.segments, voxels);
   if (!no_go) return no_go.error();
   parts.no_go = *std::move(no_go);
-  parts.told_distances = told_distances_of(scene.distances, parts, voxels);
+  parts.reported_distances = told_distances_of(scene.distances, parts, voxels);
   return ready;
 }
 

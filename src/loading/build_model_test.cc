@@ -224,7 +224,7 @@ TEST(BuildModel, WhatKeepsAwayIsToldWhicheverDistancesAreAskedFor) {
   const auto told = [&](const std::string& more) {
     const auto model = build_model(scene_of(std::string(kScene) + more), &labels, nullptr);
     PALPATE_CHECK(model.ok());
-    return (*model)->told_distances.structures;
+    return (*model)->reported_distances.structures;
   };
   const std::string region = "[[no_go]]\nname = 'there'\nstructures = [2]\n",
                     plane = "[[no_go]]\nname = 'behind'\npoint = [0, 0, 0]\noutward = 'left'\n";
@@ -586,7 +586,7 @@ TEST(BuildModel, WhatIsThinIsSaidInOneLine) {
 }
 
 TEST(BuildModel, TissuesMergedIntoOneContactLayerAreACaveat) {
-  constexpr int kTissues = kMostLayers + 1;
+  constexpr int kTissues = kMaxLayers + 1;
   LabelMap map;
   map.layers.emplace_back(grid_of(1, 40));
   std::string scene;

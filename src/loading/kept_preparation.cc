@@ -409,7 +409,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> KeptPreparing::outer_surface
   }
   if (missing.size() < groups.size()) report_found(progress);
   // what is ready is kept, also where somebody stops it later
-  for (const std::vector<std::size_t>& go : in_goes(missing)) {
+  for (const std::vector<std::size_t>& go : disjoint_batches(missing)) {
     std::vector<std::vector<LabelId>> together;
     for (const std::size_t n : go) together.push_back(missing[n]);
     auto prepared = Preparing::outer_surfaces(labels, together, options, progress);

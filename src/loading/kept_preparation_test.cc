@@ -111,7 +111,7 @@ class KeptPreparation : public ::testing::Test {
   ~KeptPreparation() override { set_cache({}); }
 
   void use(const std::string& name = "cache") {
-    set_cache({folder_ / name, kUsualCacheBytes, [this](const std::string& w) { warned_.push_back(w); }});
+    set_cache({folder_ / name, kDefaultCacheBytes, [this](const std::string& w) { warned_.push_back(w); }});
   }
   static void use_none() { set_cache({}); }
 
@@ -147,7 +147,7 @@ std::uint64_t hash_of(const std::vector<float>& voxels) {
 
 std::vector<std::uint64_t> surface_hashes(const Model& model) {
   std::vector<std::uint64_t> hashes;
-  for (const FeltSurface& felt : model.surfaces)
+  for (const ContactSurface& felt : model.surfaces)
     hashes.push_back(felt.surface ? felt.surface->content_hash() : 0);
   return hashes;
 }
@@ -340,7 +340,7 @@ TEST_F(KeptPreparation, WhatIsEditedIsTheSameToo) {
     change.stiffness_N_per_mm = 0.8;
     const auto felt = next_version({model, model}, change);
     PALPATE_CHECK(felt.ok());
-    const auto fields = next_version(*felt, {felt->felt->version + 1, ModelChange::kFieldsMadeAnew});
+    const auto fields = next_version(*felt, {felt->felt->version + 1, ModelChange::kFieldsRebuilt});
     PALPATE_CHECK(fields.ok());
     return fields->felt;
   };

@@ -91,7 +91,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn, Unpacked::kKept, scan_volume, placing);
+    auto read = read_scan(*scan_file, progress, warn, VoxelCaching::kKept, scan_volume, placing);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -100,7 +100,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   if (progress.stopped()) return Progress::interrupted();
   if (labels_file) {
     const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-    auto read = read_labels(*labels_file, names_file, progress, warn, doubtful, Unpacked::kKept,
+    auto read = read_labels(*labels_file, names_file, progress, warn, doubtful, VoxelCaching::kKept,
                             scan ? &scan->scan.geometry() : nullptr, placing, scan_file);
     if (!read) return read.error();
     labels = std::move(*read);
@@ -172,7 +172,7 @@ Result<ReadScene> read_with_proposal(const Study& study, const Progress& progres
     input.labels = study.labels;
     input.scan = study.scan;
   } else {
-    auto volume = read_volume(study.scan, {}, progress, warn, Unpacked::kKept, study.volume);
+    auto volume = read_volume(study.scan, {}, progress, warn, VoxelCaching::kKept, study.volume);
     if (!volume) return volume.error();
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {
       volumes.oriented = labels->header.has_geometry;
@@ -222,7 +222,7 @@ Result<ReadScene> read_scene_or_data_set(const std::string& what,
     return Error{ErrorKind::kUsage, "a number of a volume goes with a DICOM file or a folder of them", what,
                  "leave --volume out; in a scene file: scan_volume = N"};
   if (find_entry(what)) return read_data_set(what, progress, warn, preparation);
-  if (auto other = something_else(what)) return *std::move(other);
+  if (auto other = describe_non_volume(what)) return *std::move(other);
   auto scene = load_scene(what);
   if (!scene) {
     Error error = scene.error();

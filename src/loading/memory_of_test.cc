@@ -14,7 +14,7 @@ MemoryForecast measured_memory(const Model& model) {
   memory.labels = model.labels->bytes();
   memory.field = std::visit([](const auto& bricks) { return bricks.bytes(); }, model.field->bricks());
   std::set<const Surface*> seen;
-  for (const FeltSurface& felt : model.surfaces)
+  for (const ContactSurface& felt : model.surfaces)
     if (felt.surface && seen.insert(felt.surface.get()).second)
       memory.surfaces += felt.surface->position().bricks().bytes() + felt.surface->normal().bricks().bytes();
   return memory;

@@ -33,9 +33,9 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   ASSERT_EQ((*ready)->surfaces.size(), 3u) << "those two, and what they have in common";
   for (const std::size_t structure : {0u, 1u})
     EXPECT_EQ((*ready)->surfaces[structure].stiffness_N_per_mm, model->tissues[structure].stiffness_N_per_mm);
-  const FeltSurface& bone = (*ready)->surfaces[0];
-  const FeltSurface& shell = (*ready)->surfaces[1];
-  const FeltSurface& common = (*ready)->surfaces[2];
+  const ContactSurface& bone = (*ready)->surfaces[0];
+  const ContactSurface& shell = (*ready)->surfaces[1];
+  const ContactSurface& common = (*ready)->surfaces[2];
   EXPECT_EQ(shell.surface, nullptr) << "never gone through, never met by itself";
   EXPECT_EQ(shell.layer, 0);
   EXPECT_EQ(common.layer, 0);
@@ -69,7 +69,7 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
   EXPECT_EQ((*ready)->surfaces[1].beneath, 2);
   EXPECT_EQ((*ready)->surfaces[2].opened_by, (std::vector<std::int16_t>{1}));
   // the bone's part in the first layer, and what is its own
-  const FeltSurface& first = (*ready)->surfaces[3];
+  const ContactSurface& first = (*ready)->surfaces[3];
   EXPECT_EQ(first.structure, 0);
   EXPECT_EQ(first.layer, 0);
   EXPECT_EQ(first.beneath, 2);
@@ -103,19 +103,19 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
     const auto ready = ready_for(std::make_shared<const Model>(model), methods);
     ASSERT_TRUE(ready.ok()) << ready.error().message();
     int deepest = 0;
-    for (const FeltSurface& felt : (*ready)->surfaces) {
+    for (const ContactSurface& felt : (*ready)->surfaces) {
       deepest = std::max(deepest, felt.layer);
       EXPECT_LT(felt.from_N_per_mm, felt.to_N_per_mm);
     }
-    EXPECT_LT(deepest, kMostLayers);
-    EXPECT_GE(deepest, std::min(kStructures, kMostLayers) / 2);
+    EXPECT_LT(deepest, kMaxLayers);
+    EXPECT_GE(deepest, std::min(kStructures, kMaxLayers) / 2);
     // each gives all of its stiffness, over the layers together
     for (int n = 0; n < kStructures; ++n) {
-      const FeltSurface& structure = (*ready)->surfaces[static_cast<std::size_t>(n)];
+      const ContactSurface& structure = (*ready)->surfaces[static_cast<std::size_t>(n)];
       double sum = 0;
       for (int layer = 0; layer <= structure.layer; ++layer) {
         const auto of_layer =
-            std::find_if((*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const FeltSurface& felt) {
+            std::find_if((*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const ContactSurface& felt) {
               const Point<Patient> inside(6, 6, 4 + 3 * n);
               return felt.layer == layer && felt.surface != nullptr && felt.surface->distance_mm(inside) < 0;
             });

@@ -22,7 +22,7 @@ void give(const ModelChange& change, Tissue& tissue) {
 void give_to_surfaces(int index, const Tissue& tissue, Model& model) {
   for (std::size_t s = 0; s < model.label_of_surface.size(); ++s) {
     if (model.tissue_of_label[model.label_of_surface[s]] != index) continue;
-    FeltSurface& surface = model.surfaces[s];
+    ContactSurface& surface = model.surfaces[s];
     surface.stiffness_N_per_mm = tissue.stiffness_N_per_mm;
     surface.static_friction = tissue.static_friction;
     surface.dynamic_friction = tissue.friction_coefficient;
@@ -38,25 +38,25 @@ std::shared_ptr<const ForceField> trilinear_left(const Model& felt, const Model&
 
 // sets the hashes of the version after a change
 void hash_after(const Model& felt, const ModelChange& change, Model& next) {
-  std::uint64_t hash = felt.uncut_hash;
+  std::uint64_t hash = felt.hash_before_removal;
   hash_word(hash, change.tissue);
   for (const double value : {change.stiffness_N_per_mm, change.static_friction, change.dynamic_friction,
                              change.viscosity_N_s_per_mm})
     hash_double(hash, value);
-  next.uncut_hash = hash_finish(hash);
-  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.uncut_hash) : next.uncut_hash;
+  next.hash_before_removal = hash_finish(hash);
+  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.hash_before_removal) : next.hash_before_removal;
 }
 
 Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
                                               const Preparing& preparing, const Progress& progress) {
   // a file may contain any value
   const double coarsened = change.stiffness_N_per_mm;
-  if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMostTissueCoarsened))
+  if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
     return Error{ErrorKind::kBadInput,
                  "no machine asks for cells " + std::to_string(coarsened) + " times as long", "", ""};
   auto under = under_law(felt, law_of(change), preparing, progress);
   if (!under) return under.error();
-  return going_by(felt, **under, change);
+  return with_law(felt, **under, change);
 }
 
 }  // namespace
@@ -68,7 +68,7 @@ ModelChange unchanged(const Model& model, std::size_t tissue) {
           of.friction_coefficient, of.viscosity_N_s_per_mm};
 }
 
-bool fields_suit(const Model& felt, const Model& made) {
+bool fields_match(const Model& felt, const Model& made) {
   return std::equal(felt.tissues.begin(), felt.tissues.end(), made.tissues.begin(), made.tissues.end(),
                     [](const Tissue& a, const Tissue& b) {
                       return !a.felt || a.stiffness_N_per_mm == b.stiffness_N_per_mm;
@@ -94,7 +94,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
   give(change, tissue);
   if (auto fine = check_tissue_values(next->tissues, change.tissue); !fine) return fine.error();
   give_to_surfaces(static_cast<int>(change.tissue), tissue, *next);
-  if (fields_suit(*next, made)) {
+  if (fields_match(*next, made)) {
     next->methods = made.methods;
   } else {
     next->methods = {};
@@ -109,7 +109,7 @@ bool can_make_fields(const Model& model) {
   return model.ramp_width_mm > 0;
 }
 
-Result<std::shared_ptr<const Model>> with_new_fields(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
                                                      const Progress& progress) {
   if (!can_make_fields(felt))
     return Error{ErrorKind::kBadInput, "a union Gaussian is made once, for the scene's stiffnesses", "", ""};
@@ -135,14 +135,14 @@ Result<std::shared_ptr<const Model>> with_new_fields(const Model& felt, const Mo
   return ready;
 }
 
-std::shared_ptr<const Model> taking_fields(const Model& felt, const Model& fields) {
-  PALPATE_CHECK(fields_suit(felt, fields));
+std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields) {
+  PALPATE_CHECK(fields_match(felt, fields));
   auto next = std::make_shared<Model>(felt);
   next->version = felt.version + 1;
   next->field = fields.field;
   next->level_of_label = fields.level_of_label;
   next->methods = fields.methods;
-  hash_after(felt, {next->version, ModelChange::kFieldsMadeAnew}, *next);
+  hash_after(felt, {next->version, ModelChange::kFieldsRebuilt}, *next);
   return next;
 }
 
@@ -185,7 +185,7 @@ Result<void> check_law(const Model& felt, TissueLaw law) {
                        " has other surfaces, which are made of what is whole",
                    "", "begin with that law, or change to it before anything is cut"};
   }
-  if (is_moving(law) && felt.carving != nullptr && !felt.carving->tells_parts())
+  if (is_moving(law) && felt.carving != nullptr && !felt.carving->records_fractions())
     return Error{ErrorKind::kBadInput,
                  "what was cut away from tissue that did not move was not counted in parts of voxels", "",
                  "begin with the law by which it moves, or change to it before anything is cut"};
@@ -204,7 +204,7 @@ Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law,
   return with_surfaces(std::move(next), preparing, progress);
 }
 
-std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, const ModelChange& change) {
+std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, const ModelChange& change) {
   auto next = std::make_shared<Model>(under);
   next->version = change.version;
   // set by change_of_law()
@@ -213,7 +213,7 @@ std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, con
   return next;
 }
 
-std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change) {
+std::shared_ptr<const Carving> carving_after(const Carving* carving, const ModelChange& change) {
   if (carving == nullptr || !change.is_of_stroke()) return nullptr;
   return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
 }
@@ -233,7 +233,7 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
     return ModelVersions{carved_by(*now.felt, cuts)->taken_from(*now.felt), now.made};
   }
   if (change.is_of_stroke()) {
-    const auto carving = other_stroke(now.felt->carving.get(), change);
+    const auto carving = carving_after(now.felt->carving.get(), change);
     if (carving == nullptr)
       return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "", ""};
     return ModelVersions{carving->taken_from(*now.felt), now.made};
@@ -243,14 +243,14 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
     if (!felt) return felt.error();
     return ModelVersions{*std::move(felt), now.made};
   }
-  if (change.tissue != ModelChange::kFieldsMadeAnew) {
+  if (change.tissue != ModelChange::kFieldsRebuilt) {
     auto felt = changed_model(*now.felt, *now.made, change);
     if (!felt) return felt.error();
     return ModelVersions{*std::move(felt), now.made};
   }
-  const auto fields = with_new_fields(*now.felt, *now.made, progress);
+  const auto fields = with_rebuilt_fields(*now.felt, *now.made, progress);
   if (!fields) return fields.error();
-  const auto felt = taking_fields(*now.felt, **fields);
+  const auto felt = with_fields(*now.felt, **fields);
   return ModelVersions{felt, felt};
 }
 

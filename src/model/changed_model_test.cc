@@ -67,18 +67,18 @@ TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
   ModelChange rougher = unchanged(*made, kCartilageTissue);
   rougher.static_friction = 0.5;
   const auto second = *changed_model(*made, *made, rougher);
-  EXPECT_TRUE(fields_suit(*second, *made));
+  EXPECT_TRUE(fields_match(*second, *made));
   EXPECT_EQ(second->methods, made->methods);
 
   const auto third = stiffened(*second, *made, kCartilageTissue, 0.5);
-  EXPECT_FALSE(fields_suit(*third, *made));
+  EXPECT_FALSE(fields_match(*third, *made));
   EXPECT_TRUE(third->has(ForceMethod::kProxy));
   EXPECT_TRUE(third->has(ForceMethod::kTrilinear)) << "a tick has to have it";
   EXPECT_FALSE(third->has(ForceMethod::kSpline));
   EXPECT_FALSE(third->has(ForceMethod::kSmoothSphere));
 
   const auto fourth = stiffened(*third, *made, kCartilageTissue, 0.75);
-  EXPECT_TRUE(fields_suit(*fourth, *made));
+  EXPECT_TRUE(fields_match(*fourth, *made));
   EXPECT_EQ(fourth->methods, made->methods);
 }
 
@@ -187,7 +187,7 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
       EXPECT_EQ(now.made, made);
     }
     ASSERT_TRUE(can_make_fields(*now.felt));
-    const auto last = next_version(now, {now.felt->version + 1, ModelChange::kFieldsMadeAnew});
+    const auto last = next_version(now, {now.felt->version + 1, ModelChange::kFieldsRebuilt});
     ASSERT_TRUE(last.ok()) << last.error().message();
     const Model &felt = *(*last).felt, &expected = *oracle;
     EXPECT_EQ((*last).made, (*last).felt);
@@ -215,7 +215,7 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
 TEST(ChangedModel, AUnionGaussianIsMadeOnce) {
   const auto made = ball();
   EXPECT_FALSE(can_make_fields(*made));
-  EXPECT_FALSE(next_version({made, made}, {2, ModelChange::kFieldsMadeAnew}).ok());
+  EXPECT_FALSE(next_version({made, made}, {2, ModelChange::kFieldsRebuilt}).ok());
 }
 
 TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
@@ -257,7 +257,7 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
     EXPECT_FALSE(
         next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, none)).ok());
 
-  LawsByVersion laws(TissueLaw::kElastic, 1.25);
+  LawHistory laws(TissueLaw::kElastic, 1.25);
   laws.hear({2, 0});
   laws.hear({5, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kNeoHookean), 1.6});
   laws.hear({3, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kLayers)});

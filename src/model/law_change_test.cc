@@ -74,7 +74,7 @@ class LedTip {
     parameters_.method = ForceMethod::kProxy;
     parameters_.friction = parameters_.viscosity = false;
     parameters_.max_force_N = parameters_.device[0].limits.peak_force_N = 20;
-    parameters_.device[0].most_stiffness_N_per_mm = 2;
+    parameters_.device[0].max_stiffness_N_per_mm = 2;
     stay(0.6);
   }
   /// Moves the tip's sphere to a depth below the surface at rest.
@@ -124,7 +124,7 @@ class LedTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  YieldsOnVirtualClock yields_{1000};
+  VirtualClockYieldSolver yields_{1000};
   double z_ = kRadius_mm + 3, largest_step_N_ = 0;
 };
 
@@ -143,7 +143,7 @@ TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
     EXPECT_EQ(is.label_of_surface, to->label_of_surface);
     ASSERT_EQ(is.surfaces.size(), to->surfaces.size());
     for (std::size_t s = 0; s < is.surfaces.size(); ++s) {
-      const FeltSurface &a = is.surfaces[s], &b = to->surfaces[s];
+      const ContactSurface &a = is.surfaces[s], &b = to->surfaces[s];
       ASSERT_EQ(a.surface == nullptr, b.surface == nullptr) << s;
       if (a.surface != nullptr) {
         EXPECT_EQ(a.surface->content_hash(), b.surface->content_hash()) << s;

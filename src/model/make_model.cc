@@ -224,7 +224,7 @@ Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, Tis
     if (tissue.elastic && tissue.felt && !times.add(tissue.relaxation))
       return Error{
           ErrorKind::kBadInput,
-          "the tissues relax with more than " + std::to_string(kMostRelaxationTimes) + " different times", "",
+          "the tissues relax with more than " + std::to_string(kMaxRelaxationTimes) + " different times", "",
           "let some of them have the same `relaxation` times"};
   }
   return times;
@@ -254,7 +254,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;
   model->no_go = std::move(parts.no_go);
-  model->told_distances = std::move(parts.told_distances);
+  model->reported_distances = std::move(parts.reported_distances);
   model->X_WorldPatient = supine_from_feet(grid);
   set_levels(*model);
 
@@ -271,7 +271,7 @@ Result<MadeModel> make_model(ModelParts parts, const Preparing& preparing, const
     model->field = *std::move(field);
     model->reach_mm = grid.spacing_mm.maxCoeff() + kDeepestRamp_mm;
   }
-  model->content_hash = model->uncut_hash = content_hash(*model);
+  model->content_hash = model->hash_before_removal = content_hash(*model);
   auto trilinear = make_force_field(*model, ForceMethod::kTrilinear);
   if (!trilinear) return trilinear.error();
   model->methods[index_of(ForceMethod::kTrilinear)] = *std::move(trilinear);

@@ -44,7 +44,7 @@ TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
   };
   const double no_number = std::numeric_limits<double>::quiet_NaN();
   for (const double modulus : {kElasticModulusRange.min_kPa, kElasticModulusRange.max_kPa})
-    for (const double ratio : {0.0, kMostPoissonsRatio})
+    for (const double ratio : {0.0, kMaxPoissonsRatio})
       EXPECT_EQ(complaint({modulus, ratio}), "no error") << modulus << " kPa, " << ratio;
   for (const double modulus : {0.0, -1.0, 0.09, 100'001.0, no_number, HUGE_VAL})
     EXPECT_THAT(complaint({modulus, 0.45}), HasSubstr("tissue \"organ\" has a Young's modulus of"))
@@ -81,10 +81,10 @@ TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
     tissue.relaxation = {{{{0.1, time_s}, {0.1, 2 * time_s}}}};
     parts.tissues.push_back(tissue);
   };
-  for (std::size_t n = 0; n < kMostRelaxationTimes / 2; ++n) add(0.5 + 0.01 * static_cast<double>(n));
+  for (std::size_t n = 0; n < kMaxRelaxationTimes / 2; ++n) add(0.5 + 0.01 * static_cast<double>(n));
   const auto made = make_model(ModelParts(parts));
   ASSERT_TRUE(made.ok()) << made.error().message();
-  EXPECT_EQ(made->model->relaxation_times.count, kMostRelaxationTimes);
+  EXPECT_EQ(made->model->relaxation_times.count, kMaxRelaxationTimes);
   add(7);
   const auto too_many = make_model(ModelParts(parts));
   ASSERT_FALSE(too_many.ok());
@@ -122,10 +122,10 @@ TEST(MakeModel, AGridsSizeIsPartOfTheHash) {
 TEST(Preparing, GroupsWithAStructureInCommonGoOneAfterTheOther) {
   using Groups = std::vector<std::vector<LabelId>>;
   using Goes = std::vector<std::vector<std::size_t>>;
-  EXPECT_EQ(in_goes(Groups{}), Goes{});
-  EXPECT_EQ(in_goes(Groups{{1, 2}, {3}, {4, 5}}), (Goes{{0, 1, 2}}));
+  EXPECT_EQ(disjoint_batches(Groups{}), Goes{});
+  EXPECT_EQ(disjoint_batches(Groups{{1, 2}, {3}, {4, 5}}), (Goes{{0, 1, 2}}));
   // typical layers: all, the stiffer ones, the stiffest; and a group disjoint from the second
-  EXPECT_EQ(in_goes(Groups{{1, 2, 3}, {2, 3}, {3}, {1}, {4}}), (Goes{{0, 4}, {1, 3}, {2}}));
+  EXPECT_EQ(disjoint_batches(Groups{{1, 2, 3}, {2, 3}, {3}, {1}, {4}}), (Goes{{0, 4}, {1, 3}, {2}}));
 }
 
 }  // namespace

@@ -254,7 +254,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, bool proxy, cons
   forecast.making_field = static_cast<std::uint64_t>(with_heap(peak));
   double surfaces = 0;
   // surfaces for the tool's distances that the proxy does not have, and all trees
-  std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.told_distances);
+  std::vector<LabelId> tracked = tracked_structures(parts.no_go, parts.reported_distances);
   double trees = 0;
   for (const LabelId label : tracked) trees += tree_bytes(estimate, label);
   const bool has_surfaces = proxy || !tracked.empty();

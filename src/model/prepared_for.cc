@@ -28,7 +28,7 @@ std::vector<LabelId> felt_structures(const Model& model) {
 }
 
 Error too_many(std::size_t structures, std::size_t common) {
-  std::string what = "the proxy takes at most " + std::to_string(kMostSurfaces) + " surfaces, and here are " +
+  std::string what = "the proxy takes at most " + std::to_string(kMaxSurfaces) + " surfaces, and here are " +
                      std::to_string(structures) + " felt structures";
   if (common > 0) what += " and " + std::to_string(common) + " surfaces that those that touch have in common";
   return {ErrorKind::kBadInput, what, "",
@@ -57,7 +57,7 @@ class SurfacesNeeded {
       if (yields(label)) softest_ = std::min(softest_, model.tissue_of(label)->stiffness_N_per_mm);
     for (const LabelId label : felt) {
       const Tissue& tissue = *model.tissue_of(label);
-      FeltSurface structure;
+      ContactSurface structure;
       structure.stiffness_N_per_mm = stiffness_of(label);
       if (yields(label)) {
         structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
@@ -91,7 +91,7 @@ class SurfacesNeeded {
   }
 
   /// The model's surfaces with their geometry. Errors: those of prepare_outer_surfaces.
-  Result<std::vector<FeltSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
+  Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
                                            const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
     const auto options = felt_surface_options(model_.tools, labels.geometry());
@@ -166,7 +166,7 @@ class SurfacesNeeded {
     const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
     const int place = own ? structure : static_cast<int>(surfaces_.size());
     if (!own) surfaces_.emplace_back();
-    FeltSurface& felt = surfaces_[static_cast<std::size_t>(place)];
+    ContactSurface& felt = surfaces_[static_cast<std::size_t>(place)];
     felt.structure = own ? -1 : structure;
     felt.beneath = beneath;
     felt.layer = layer;
@@ -198,7 +198,7 @@ class SurfacesNeeded {
   const std::vector<LabelId>& felt_;
   const std::vector<std::pair<LabelId, LabelId>>& touching_;
   double softest_ = std::numeric_limits<double>::infinity();  // least stiffness of deformable tissues
-  std::vector<FeltSurface> surfaces_;
+  std::vector<ContactSurface> surfaces_;
   // key: layer, and whether the surface lies beneath one that can be punctured
   std::map<std::pair<int, bool>, std::vector<Part>> parts_;
 };
@@ -232,11 +232,11 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
                                                    const Preparing& preparing, const Progress& progress) {
   const std::vector<LabelId> felt = felt_structures(*model);
-  if (felt.size() > kMostSurfaces) return too_many(felt.size(), 0);
+  if (felt.size() > kMaxSurfaces) return too_many(felt.size(), 0);
   const auto touching = preparing.touching_pairs(*model->labels, felt, progress);
   if (!touching) return touching.error();
   SurfacesNeeded needed(*model, felt, *touching);
-  if (needed.structures() + needed.common() > kMostSurfaces)
+  if (needed.structures() + needed.common() > kMaxSurfaces)
     return too_many(needed.structures(), needed.common());
   auto surfaces = needed.prepare(*model->labels, preparing, progress);
   if (!surfaces) return surfaces.error();
@@ -252,11 +252,11 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
                                                           const Progress& progress) {
   const std::vector<LabelId> felt = felt_structures(model);
-  if (felt.size() > kMostSurfaces) return too_many(felt.size(), 0);
+  if (felt.size() > kMaxSurfaces) return too_many(felt.size(), 0);
   const auto touching = preparing.touching_pairs(*model.labels, felt, progress);
   if (!touching) return touching.error();
   const SurfacesNeeded needed(model, felt, *touching);
-  if (needed.structures() + needed.common() > kMostSurfaces)
+  if (needed.structures() + needed.common() > kMaxSurfaces)
     return too_many(needed.structures(), needed.common());
   return needed.groups();
 }
@@ -273,7 +273,7 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
   return ready ? with_distances(*std::move(ready), preparing, progress) : ready;
 }
 
-std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told) {
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ReportedDistances& told) {
   std::vector<LabelId> tracked = told.structures;
   for (const NoGoRegion& region : no_go)
     if (const auto* structure = std::get_if<NoGoStructure>(&region.place))
@@ -285,7 +285,7 @@ std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, co
 
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
                                                     const Preparing& preparing, const Progress& progress) {
-  const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->told_distances);
+  const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->reported_distances);
   if (tracked.empty() || !model->distances.structures().empty()) return model;
   PALPATE_CHECK(model->carving == nullptr);
 
@@ -314,14 +314,14 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   const bool done = for_each_index(count, worker_count(0, count), [&](int /*worker*/, int index) {
     if (progress.stopped()) return false;
     const auto n = static_cast<std::size_t>(index);
-    const auto& told = model->told_distances.structures;
+    const auto& told = model->reported_distances.structures;
     structures[n] = {tracked[n], std::make_shared<const SurfaceTree>(surfaces[n]),
                      std::binary_search(told.begin(), told.end(), tracked[n])};
     return true;
   });
   if (!done) return Progress::interrupted();
   auto more = std::make_shared<Model>(*model);
-  more->distances = Distances(std::move(structures), model->told_distances.reach_mm);
+  more->distances = Distances(std::move(structures), model->reported_distances.reach_mm);
   for (NoGoRegion& region : more->no_go)
     if (auto* structure = std::get_if<NoGoStructure>(&region.place))
       structure->tracked = static_cast<int>(

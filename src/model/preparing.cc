@@ -19,7 +19,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
   std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());
-  const std::vector<std::vector<std::size_t>> goes = in_goes(groups);
+  const std::vector<std::vector<std::size_t>> goes = disjoint_batches(groups);
   for (const std::vector<std::size_t>& go : goes) {
     std::vector<std::vector<LabelId>> together;
     for (const std::size_t place : go) together.push_back(groups[place]);
@@ -30,7 +30,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
   return surfaces;
 }
 
-std::vector<std::vector<std::size_t>> in_goes(const std::vector<std::vector<LabelId>>& groups) {
+std::vector<std::vector<std::size_t>> disjoint_batches(const std::vector<std::vector<LabelId>>& groups) {
   std::vector<std::vector<std::size_t>> goes;
   std::vector<std::set<LabelId>> taken;  // labels used by each batch
   for (std::size_t place = 0; place < groups.size(); ++place) {

@@ -51,11 +51,11 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
 
 TEST(StiffnessLayers, AsManyAsThereIsRoomForAreWithinTheErrorOfOne) {
   std::vector<double> twelve;
-  for (int n = 0; n < kMostLayers; ++n) twelve.push_back(0.03 * std::pow(1.4, n));
+  for (int n = 0; n < kMaxLayers; ++n) twelve.push_back(0.03 * std::pow(1.4, n));
   for (const StiffnessRange& layer : stiffness_layers(twelve)) EXPECT_EQ(layer.error(), 0);
   twelve.push_back(0.0315 * 1.4);
   const auto layers = stiffness_layers(twelve);
-  EXPECT_EQ(layers.size(), static_cast<std::size_t>(kMostLayers));
+  EXPECT_EQ(layers.size(), static_cast<std::size_t>(kMaxLayers));
   EXPECT_LE(layers[1].error(), 0.05);
 }
 

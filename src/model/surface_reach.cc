@@ -21,18 +21,18 @@ Result<SurfaceOptions> felt_surface_options(std::span<const Tool> tools, const G
   for (std::size_t number = 0; number < tools.size(); ++number) {
     const double radius_mm = widest_radius_mm(tools[number]);
     // the centre's distance is only valid if the voxels around it are in range too
-    if (radius_mm + spacing_mm > kMostSurfaceReach_mm) {
+    if (radius_mm + spacing_mm > kMaxSurfaceReach_mm) {
       char what[200];
       std::snprintf(
           what, sizeof what,
           "a tool of %.3g mm radius is too wide for voxels of %.3g mm: together they are more than %g mm",
-          radius_mm, spacing_mm, kMostSurfaceReach_mm);
+          radius_mm, spacing_mm, kMaxSurfaceReach_mm);
       return Error{ErrorKind::kBadInput, what, "",
                    std::string("set a smaller `radius` under [") + (number == 0 ? "tool" : "second_tool") +
                        "], or give labels with finer voxels"};
     }
     const double needed_mm = radius_mm + std::max(1.0, 2 * spacing_mm - 1);
-    options.reach_mm = std::clamp(needed_mm, options.reach_mm, kMostSurfaceReach_mm);
+    options.reach_mm = std::clamp(needed_mm, options.reach_mm, kMaxSurfaceReach_mm);
   }
   return options;
 }

@@ -53,7 +53,7 @@ TEST(SurfaceReach, GrowsWithTheWidestPartOfAnyToolAndWithTheSlices) {
 }
 
 TEST(SurfaceReach, ThickSlicesAreTakenAsFarAsASurfaceReaches) {
-  EXPECT_EQ(surface_reach::reach_mm({surface_reach::sphere(3)}, 10), kMostSurfaceReach_mm);
+  EXPECT_EQ(surface_reach::reach_mm({surface_reach::sphere(3)}, 10), kMaxSurfaceReach_mm);
 }
 
 TEST(SurfaceReach, AToolThatIsTooWideForTheSlicesIsRefused) {

@@ -814,7 +814,7 @@ DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
 
 }  // namespace
 
-DeviceMaker openhaptics_maker(const OpenHapticsSettings& settings) {
+DeviceVendor openhaptics_maker(const OpenHapticsSettings& settings) {
   return {"touch", "3D Systems Touch, Touch X and Phantom Premium, by OpenHaptics",
           [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
           [settings] { return look_for_hd(settings); }};

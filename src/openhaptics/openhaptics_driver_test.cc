@@ -315,7 +315,7 @@ TEST(OpenHaptics, InALoopNothingIsStrongerOrStifferThanItBears) {
       << (*loop)->snapshot().device[0].tip_world_mm[0];
   const TickRecord seen = (*loop)->snapshot();
   EXPECT_FLOAT_EQ(static_cast<float>(seen.device[0].peak_force_N), 3.3F);
-  EXPECT_EQ(seen.device[0].most_stiffness_N_per_mm,
+  EXPECT_EQ(seen.device[0].max_stiffness_N_per_mm,
             careful_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
   (*loop)->stop();
   EXPECT_LE(rig.device.largest_N, 3.3);
@@ -365,7 +365,7 @@ TEST(OpenHaptics, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
 
 TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   FakeHd& fake = fake_hd();
-  const DeviceMaker maker = openhaptics_maker(fake_hd_settings());
+  const DeviceVendor maker = openhaptics_maker(fake_hd_settings());
   EXPECT_EQ(maker.name, "touch");
   DeviceReport report = maker.look();
   ASSERT_EQ(report.connected.size(), 1u);

@@ -63,11 +63,11 @@ double most_beyond_mm(const Recording& recording, const Model& model, double for
     const DeviceTick& d = t.device[0];
     const Point<Patient> tip(d.tip_patient_mm[0], d.tip_patient_mm[1], d.tip_patient_mm[2]);
     const auto explained_mm = [&](double stiffness) {
-      return force_N / std::min(stiffness, d.most_stiffness_N_per_mm) + kMostBeyond_mm;
+      return force_N / std::min(stiffness, d.max_stiffness_N_per_mm) + kMostBeyond_mm;
     };
     if (d.label != 0)
       most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
-    for (const FeltSurface& s : model.surfaces) {
+    for (const ContactSurface& s : model.surfaces) {
       if (s.surface == nullptr) continue;
       // an outer surface renders the stiffness of the structure in contact
       const double stiffness = s.owners != nullptr && d.label != 0

@@ -102,7 +102,7 @@ class HandTruth : public ::testing::Test {
   void expect_never_deeper(double force_N, double stiffness_N_per_mm) const {
     for (const TickRecord& t : recording_.ticks) {
       const DeviceTick& d = t.device[0];
-      const double felt = std::min(stiffness_N_per_mm, d.most_stiffness_N_per_mm);
+      const double felt = std::min(stiffness_N_per_mm, d.max_stiffness_N_per_mm);
       if (std::isnan(d.depth_mm)) continue;
       ASSERT_LE(d.depth_mm, force_N / felt + 1) << t.time_s << " s";
     }

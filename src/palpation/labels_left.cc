@@ -69,7 +69,7 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
           }
           follow(event.change, removed);
           if (!event.change.is_of_stroke()) continue;
-          auto other = other_stroke(carving.get(), event.change);
+          auto other = carving_after(carving.get(), event.change);
           if (other == nullptr)
             return Error{ErrorKind::kBadInput, "there is no stroke that could be undone or done again", "",
                          ""};

@@ -11,7 +11,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/recorded_model.h"
-#include "palpate/palpation/told_loop.h"
+#include "palpate/palpation/logged_loop.h"
 #include "palpate/servo/feel.h"
 #include "palpate/tissue/yield_solver.h"
 
@@ -91,9 +91,9 @@ Parameters parameters_of(const TickRecord& recorded) {
         in.force_gain,
         in.scale,
         {in.peak_force_N, in.continuous_force_N, in.peak_torque_Nmm, in.peak_gripper_N, in.slew_N_per_s},
-        in.most_stiffness_N_per_mm,
+        in.max_stiffness_N_per_mm,
         in.position_step_mm,
-        in.most_damping_N_s_per_mm,
+        in.max_damping_N_s_per_mm,
         in.delay_s};
   }
   return parameters;
@@ -102,7 +102,7 @@ Parameters parameters_of(const TickRecord& recorded) {
 // methods used in the recording
 Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   std::vector<ForceMethod> methods;
-  for (const RecordingHead::FeltMethod& felt : head.methods) {
+  for (const RecordingHead::UsedMethod& felt : head.methods) {
     if (felt.method >= kForceMethods.size())
       return Error{
           ErrorKind::kBadInput,
@@ -128,7 +128,7 @@ class Replayer {
       changes_.push_back({event.change, {}});
       if (event.change.tissue == ModelChange::kCut) changes_.back().cuts = std::exchange(cuts_, {});
     }
-    if (changes_.size() > kMostUnfelt || cuts_.size() > kMostUnfelt || solutions_.size() > kMostUnfelt)
+    if (changes_.size() > kMostPendingChanges || cuts_.size() > kMostPendingChanges || solutions_.size() > kMostPendingChanges)
       return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
                    "", ""};
     for (const TickRecord& recorded : part.ticks) {
@@ -144,7 +144,7 @@ class Replayer {
 
  private:
   // normally a few between two ticks; in format 3, whose changes have no tick, kMaxChanges in total
-  static constexpr std::size_t kMostUnfelt = 100'000;
+  static constexpr std::size_t kMostPendingChanges = 100'000;
   // a solution takes a few frames on a busy machine, at up to 10 kHz
   static constexpr std::size_t kMostInputs = 20'000;
   Result<void> advance_to(const TickRecord& recorded);
@@ -308,7 +308,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
       },
       progress);
   if (replayer.differs()) {
-    const std::string other = head.header.feel.empty() ? "" : first_other_feel(head.header.feel);
+    const std::string other = head.header.feel.empty() ? "" : first_feel_difference(head.header.feel);
     if (!other.empty())
       result.difference += "; it was recorded with other settings: " + printable_name(other);
     return result;

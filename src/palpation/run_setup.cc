@@ -99,10 +99,10 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   const auto held = held_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
                                    setup.script.rate_hz, setup.script.delay_s, progress);
   if (!held) return held.error();
-  setup.parameters.device[0].most_stiffness_N_per_mm = held->most_N_per_mm;
+  setup.parameters.device[0].max_stiffness_N_per_mm = held->most_N_per_mm;
   const HeldDamping borne =
       held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
-  setup.parameters.device[0].most_damping_N_s_per_mm = borne.most_N_s_per_mm;
+  setup.parameters.device[0].max_damping_N_s_per_mm = borne.most_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
   setup.trouble =
       out_of_reach(setup, held->most_N_per_mm / std::max(held->asked_N_per_mm, held->most_N_per_mm));

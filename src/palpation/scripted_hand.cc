@@ -192,12 +192,12 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
   const auto* approach = std::get_if<ApproachStep>(&action);
   if (!approach) return step;
 
-  TouchWish wish;
+  TouchRequest wish;
   wish.clearance_mm = approach->clearance_mm;
   wish.landmark = approach->landmark;
   wish.from = approach->from;
   if (approach->point) {
-    step.structure = felt_structure_near(*model_, *approach->point);
+    step.structure = contact_structure_near(*model_, *approach->point);
     if (step.structure == 0)
       return Error{ErrorKind::kBadInput,
                    "no felt structure within 5 mm of the point " + place_text(*approach->point), where,
@@ -415,10 +415,10 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
   }
   const bool inside = (felt.device[0].flags & kFlagInside) != 0;
   met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
-  if (const auto over = overreach(felt, dt_s); over || met_s_ > kEncounter_s)
-    return try_elsewhere(felt, "on the way the hand met " + (met != 0 ? model_->name_of(met) : "something") +
+  if (const auto over = excess_depth(felt, dt_s); over || met_s_ > kEncounter_s)
+    return try_next_place(felt, "on the way the hand met " + (met != 0 ? model_->name_of(met) : "something") +
                                    " at " + place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
-  if (stuck_s_ > kStuck_s) return try_elsewhere(felt, "the hand got stuck on the way");
+  if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the way");
   walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
 }
 
@@ -446,28 +446,28 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
     return true;
   }
   if (device.label != 0 && met_s_ >= kOther_s) {
-    try_elsewhere(felt, touched_instead(felt));
+    try_next_place(felt, wrong_contact(felt));
     return false;
   }
-  if (overreach(felt, dt_s)) {
-    try_elsewhere(felt,
+  if (excess_depth(felt, dt_s)) {
+    try_next_place(felt,
                   "the tip went in without a touch at " + place_text(point<Patient>(device.tip_patient_mm)));
     return false;
   }
   const double most_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
   const Point<World> front = X * way_in_.back();
   const double behind_mm = (tip_of(felt) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
-  if (behind_mm > most_mm || lead_mm > most_mm + leash_mm(felt)) {
-    try_elsewhere(felt, "nothing was felt where its surface was expected, at " +
+  if (behind_mm > most_mm || lead_mm > most_mm + tracking_tolerance_mm(felt)) {
+    try_next_place(felt, "nothing was felt where its surface was expected, at " +
                             place_text(step.places.places[place_].surface.point));
     return false;
   }
-  intention_ += inward_ * (std::min(kTouching_mm_s, careful_mm_s(step.structure, felt)) * dt_s);
+  intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, felt)) * dt_s);
   return false;
 }
 
 // retreats, then tries the next place
-void ScriptedHand::try_elsewhere(const TickRecord& felt, const std::string& why) {
+void ScriptedHand::try_next_place(const TickRecord& felt, const std::string& why) {
   refusal_ = why;
   ++place_;
   way_in_.resize(way_in_.size() - way_.size());
@@ -481,9 +481,9 @@ void ScriptedHand::try_elsewhere(const TickRecord& felt, const std::string& why)
 bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const auto& action = std::get<PressStep>(step.action);
   wanted_N_ = asked_N_ = action.force_N;
-  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
   if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-  keep_contact(felt, dt_s);
+  regulate_contact(felt, dt_s);
   const bool at_force =
       felt.device[0].label == step.structure && (cutting_ || is_within(felt_N_, asked_N_, kSettledWithin));
   settled_s_ = at_force ? settled_s_ + dt_s : 0;
@@ -497,9 +497,9 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double
 
 bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const auto& action = std::get<HoldStep>(step.action);
-  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
   if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
-  keep_contact(felt, dt_s);
+  regulate_contact(felt, dt_s);
   const double force_N = norm(felt.device[0].force_N);
   const bool held = felt.device[0].label == step.structure &&
                     (asked_N_ == 0 || cutting_ || is_within(force_N, asked_N_, kHeldWithin));
@@ -514,7 +514,7 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& felt, double 
 
 bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double dt_s) {
   const auto& action = std::get<SlideStep>(step.action);
-  if (const auto over = overreach(felt, dt_s)) return fail(step, felt, "it met something: " + *over);
+  if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, "it met something: " + *over);
   if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
   const Transform<World, Patient> X = X_WorldPatient(felt);
   const Vector<World> direction = (X * action.direction).normalized();
@@ -526,12 +526,12 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double
   if (step_time_s_ > 0) slid_mm_ += (X * (here - contact_)).dot(along.normalized());
   contact_ = here;
   sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
-  keep_contact(felt, dt_s);
+  regulate_contact(felt, dt_s);
   if (slid_mm_ >= action.distance_mm) {
-    const auto badly = kept_badly(step_time_s_ + dt_s);
+    const auto badly = force_deviation(step_time_s_ + dt_s);
     return badly ? fail(step, felt, *badly) : true;
   }
-  const double speed_mm_s = std::min(action.speed_mm_s, careful_mm_s(step.structure, felt));
+  const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, felt));
   intention_ += along.normalized() * (speed_mm_s * dt_s);
   if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
   return fail(step, felt, text_of("it got %.1f mm far", slid_mm_));
@@ -541,10 +541,10 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, doubl
                           Eigen::Quaterniond& target) {
   const auto& action = std::get<RotateStep>(step.action);
   if (touching_) {
-    if (const auto over = overreach(felt, dt_s)) return fail(step, felt, *over);
+    if (const auto over = excess_depth(felt, dt_s)) return fail(step, felt, *over);
     if (const auto why = lost(step, felt, dt_s)) return fail(step, felt, *why);
     sum_Ns_ += norm(felt.device[0].force_N) * dt_s;
-    keep_contact(felt, dt_s);
+    regulate_contact(felt, dt_s);
   } else if (!turning_) {
     // step back, so that the rotating object does not hit the hand
     if (step_time_s_ == 0 && !begin_step_back(felt))
@@ -562,13 +562,13 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& felt, doubl
   target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, action.axis_world.normalized())) * rotation_start_;
   turned_s_ += dt_s;
   if (turned_s_ < action.seconds + kTurningFeel.interval_s) return false;
-  const auto badly = touching_ ? kept_badly(turned_s_) : std::nullopt;
+  const auto badly = touching_ ? force_deviation(turned_s_) : std::nullopt;
   return badly ? fail(step, felt, *badly) : true;
 }
 
 bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& felt, double dt_s,
                                  HandCommands& commands) {
-  if (touching_) keep_contact(felt, dt_s);
+  if (touching_) regulate_contact(felt, dt_s);
   commands.method = change.method;
   return true;
 }
@@ -578,18 +578,18 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& fel
 bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
-  if (touching_) keep_contact(felt, dt_s);
+  if (touching_) regulate_contact(felt, dt_s);
   const TissueLaw law = std::get<LawStep>(step.action).law;
   if (step_time_s_ == 0) {
     commands.law = law;
     return false;
   }
-  if (commands.law_led_to == 0u) return fail(step, felt, "its surfaces could not be made");
-  if (commands.law_led_to && felt.model_version >= *commands.law_led_to) {
+  if (commands.law_version == 0u) return fail(step, felt, "its surfaces could not be made");
+  if (commands.law_version && felt.model_version >= *commands.law_version) {
     law_ = law;
     settled_s_ += dt_s;
     if (!touching_ || settled_s_ >= kLongestPush_s) return true;
-    (void)overreach(felt, dt_s);
+    (void)excess_depth(felt, dt_s);
     return settled_s_ >= kBriefly_s && over_s_ == 0;
   }
   return step_time_s_ + dt_s >= kLongest_s && fail(step, felt, "its surfaces were not made in time");
@@ -599,7 +599,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& felt, d
 bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 20;
-  if (touching_) keep_contact(felt, dt_s);
+  if (touching_) regulate_contact(felt, dt_s);
   if (step_time_s_ == 0) {
     commands.scope = std::get<ScopeStep>(step.action);
     return false;
@@ -610,7 +610,7 @@ bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& felt, d
 
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, double dt_s,
                                 HandCommands& commands) {
-  if (touching_) keep_contact(felt, dt_s);
+  if (touching_) regulate_contact(felt, dt_s);
   cutting_ = motor.on;
   commands.motor = motor.on;
   return true;
@@ -620,15 +620,15 @@ bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& felt, 
 bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& felt, double dt_s,
                                  HandCommands& commands) {
   constexpr double kCarved_s = 0.2, kLongest_s = 2;
-  if (touching_) keep_contact(felt, dt_s);
+  if (touching_) regulate_contact(felt, dt_s);
   if (cutting_) return fail(step, felt, "the motor runs");
   const double now_s = step_time_s_ + dt_s;
   if (step_time_s_ < kCarved_s) {
     if (now_s >= kCarved_s) commands.stroke = std::get<StrokeStep>(step.action).action;
     return false;
   }
-  if (commands.stroke_led_to == 0u) return fail(step, felt, "there is none");
-  if (commands.stroke_led_to && felt.model_version >= *commands.stroke_led_to) return true;
+  if (commands.stroke_version == 0u) return fail(step, felt, "there is none");
+  if (commands.stroke_version && felt.model_version >= *commands.stroke_version) return true;
   return now_s >= kLongest_s && fail(step, felt, "it was not done in time");
 }
 
@@ -648,18 +648,18 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& fel
   const Tissue& tissue = *model_->tissue_of(structure);
   const double own =
       is_elastic(law_) && tissue.elastic ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
-  const FeltStiffness gains(device);
-  const double most = gains.most_in_patient();
+  const RenderedStiffness gains(device);
+  const double most = gains.max_in_patient();
   if (!(most > 0)) return own;
   if (felt_by_proxy(felt)) return std::min(own, most);
   const double all =
       model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
-  return own * gains.left_of_all(all);
+  return own * gains.direct_method_factor(all);
 }
 
 // secant stiffness of an elastic half-space at the target force
 double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
-  const YieldingTissue half_space{0, {}, contact_modulus_N_per_mm2(constants)};
+  const ContactLaw half_space{0, {}, contact_modulus_N_per_mm2(constants)};
   const double force_N = std::max(wanted_N_, touch_N_);
   const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
   // Hertz contact: depth grows with force to the power 2/3
@@ -668,7 +668,7 @@ double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const 
 
 // Detects a tip that is deeper than the target force explains, or, during an approach, than the touch force
 // does.
-std::optional<std::string> ScriptedHand::overreach(const TickRecord& felt, double dt_s) {
+std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const double force_N = limited(std::max(wanted_N_, touch_N_), felt);
   const LabelId met = device.label != 0 ? device.label : steps_[step_].structure;
@@ -694,20 +694,20 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
   const DeviceTick& device = felt.device[0];
   off_s_ = device.label == step.structure ? 0 : off_s_ + dt_s;
   if ((device.flags & kFlagRuptured) != 0) return "the tool went through a surface";
-  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : touched_instead(felt);
+  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : wrong_contact(felt);
 
   // the tip is farther from the intended position than force and friction explain
   const double lag_mm = (tip_of(felt) - intention_).norm();
   const double force_mm = 1.5e3 * std::max(wanted_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
-  if (lag_mm > force_mm + leash_mm(felt) + kPushedAway_mm)
+  if (lag_mm > force_mm + tracking_tolerance_mm(felt) + kPushedAway_mm)
     return text_of("the tip was pushed %.0f mm from where the hand would be", lag_mm);
   // a person who perceives the loss of contact stops pushing
-  if (device.label == 0 && lag_mm > leash_mm(felt)) intention_ = tip_of(felt);
+  if (device.label == 0 && lag_mm > tracking_tolerance_mm(felt)) intention_ = tip_of(felt);
   return std::nullopt;
 }
 
 // description if the mean force of a step deviates from the pressed force
-std::optional<std::string> ScriptedHand::kept_badly(double time_s) const {
+std::optional<std::string> ScriptedHand::force_deviation(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
   if (asked_N_ == 0 || cutting_ || is_within(mean_N, asked_N_, kHeldWithin)) return std::nullopt;
   return text_of("%.2f N in the mean, asked for %.2f N", mean_N, asked_N_);
@@ -765,7 +765,7 @@ std::string ScriptedHand::skipped() const {
   return count == 1 ? "; line " + lines + " is skipped" : "; lines " + lines + " are skipped";
 }
 
-std::string ScriptedHand::touched_instead(const TickRecord& felt) const {
+std::string ScriptedHand::wrong_contact(const TickRecord& felt) const {
   return "it touched " + model_->name_of(felt.device[0].label) + " instead, at " +
          place_text(point<Patient>(felt.device[0].proxy_patient_mm));
 }
@@ -773,14 +773,14 @@ std::string ScriptedHand::touched_instead(const TickRecord& felt) const {
 // ---- motion
 
 // lag of the tip behind a hand in free motion
-double ScriptedHand::leash_mm(const TickRecord& felt) const {
+double ScriptedHand::tracking_tolerance_mm(const TickRecord& felt) const {
   return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * felt.device[0].scale + kLeash_mm;
 }
 
 // speed at which an unexpected surface is penetrated by at most kCarefulDip before the hand stops
-double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) const {
+double ScriptedHand::careful_speed_mm_s(LabelId structure, const TickRecord& felt) const {
   const DeviceTick& device = felt.device[0];
-  const double wall_N_per_m = 1e3 * FeltStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
+  const double wall_N_per_m = 1e3 * RenderedStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
   const double mass_kg = device_.mass_kg + hand_.mass_kg;
   return std::max(kLeastCareful_mm_s,
                   kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
@@ -788,7 +788,7 @@ double ScriptedHand::careful_mm_s(LabelId structure, const TickRecord& felt) con
 
 // moves along the remaining path, not ahead of the tip; true at its end
 bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) {
-  if ((tip_of(felt) - intention_).norm() > leash_mm(felt)) {
+  if ((tip_of(felt) - intention_).norm() > tracking_tolerance_mm(felt)) {
     stuck_s_ += dt_s;
     return false;
   }
@@ -797,7 +797,7 @@ bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) 
   const LabelId structure = steps_[step_].structure;
   if (structure != 0) {
     const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * intention_) / kRoom_mm);
-    speed_mm_s = std::min(speed_mm_s, careful_mm_s(structure, felt) * room);
+    speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, felt) * room);
   }
   double left_mm = speed_mm_s * dt_s;
   while (!way_.empty()) {
@@ -816,10 +816,10 @@ bool ScriptedHand::walk(double speed_mm_s, const TickRecord& felt, double dt_s) 
 }
 
 // moves the intended position along the pressing direction until the target force is perceived
-void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
+void ScriptedHand::regulate_force(const TickRecord& felt, double dt_s) {
   const DeviceTick& device = felt.device[0];
   const double hand = 1e-3 * hand_.stiffness_N_per_m;
-  const double wall = FeltStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, felt));
+  const double wall = RenderedStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, felt));
   const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
   const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
   const double error_N = limited(std::max(wanted_N_, touch_N_), felt) - felt_N_;
@@ -827,11 +827,11 @@ void ScriptedHand::keep_force(const TickRecord& felt, double dt_s) {
 }
 
 // presses along the perceived normal, and follows the surface if the object rotates
-void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
+void ScriptedHand::regulate_contact(const TickRecord& felt, double dt_s) {
   if (felt_normal_.norm() > 0.5) inward_ = -felt_normal_.normalized();
   const Point<Patient> at = point<Patient>(felt.device[0].proxy_patient_mm);
   if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(felt) * at - *lay_ * at);
-  keep_force(felt, dt_s);
+  regulate_force(felt, dt_s);
 
   // extend the return path by the current position
   const auto& n = felt.device[0].normal_patient;
@@ -841,9 +841,9 @@ void ScriptedHand::keep_contact(const TickRecord& felt, double dt_s) {
 }
 
 void ScriptedHand::begin_withdrawal(const TickRecord& felt) {
-  leaving_from_ = tip_of(felt);
+  retreat_start_ = tip_of(felt);
   // drop corners that the intended position reached but the tip, held back by contact, did not
-  const Point<Patient> tip = X_WorldPatient(felt).inverse() * leaving_from_;
+  const Point<Patient> tip = X_WorldPatient(felt).inverse() * retreat_start_;
   while (way_in_.size() > 1) {
     const Vector<Patient> last = way_in_.back() - way_in_[way_in_.size() - 2];
     if ((tip - way_in_.back()).dot(last) >= 0 || (tip - way_in_.back()).norm() > kPushedAway_mm) break;
@@ -859,7 +859,7 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt
   const DeviceTick& device = felt.device[0];
   const Point<World> here = tip_of(felt);
   const double lag_mm = (here - intention_).norm();
-  const bool pressed = device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > leash_mm(felt));
+  const bool pressed = device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > tracking_tolerance_mm(felt));
   bool at_its_end = false;
   if (pressed) {
     pressed_s_ += dt_s;
@@ -871,7 +871,7 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt
   }
 
   // done outside the ramp's range and without force
-  const bool ramp_ended = (here - leaving_from_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
+  const bool ramp_ended = (here - retreat_start_).norm() > kWayOutInSigmas * model_->sigma_mm + kWayOut_mm;
   const bool free = free_space_.reachable(X_WorldPatient(felt).inverse() * here);
   if (ramp_ended && free && felt_N_ < kFree_N) return true;
   left_s_ += at_its_end ? dt_s : 0;

@@ -137,10 +137,10 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   };
   ASSERT_GT(ticks_until_asked(), 0);
   // another edit of a tissue, and another cut
-  commands.stroke_led_to.reset();
+  commands.stroke_version.reset();
   for (; felt.model_version < 7; ++felt.model_version) (void)hand->next(felt, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0);
-  commands.stroke_led_to = 8;
+  commands.stroke_version = 8;
   (void)hand->next(felt, 1e-3, commands);
   EXPECT_EQ(hand->progress(), 0) << "which is not felt yet";
   felt.model_version = 8;
@@ -148,7 +148,7 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   EXPECT_EQ(hand->progress(), 0.5);
   // a stroke that does not exist
   ASSERT_GT(ticks_until_asked(), 0);
-  commands.stroke_led_to = 0;
+  commands.stroke_version = 0;
   felt.model_version = 9;
   (void)hand->next(felt, 1e-3, commands);
   ASSERT_EQ(hand->trouble().size(), 1u);

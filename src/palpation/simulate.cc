@@ -49,7 +49,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
   RemovedVolume removed(model);
   NearestMeter nearest(model);
   const auto write_block = [&]() -> Result<void> {
-    const auto told = run.take_told();
+    const auto told = run.take_events();
     for (const RecordingEvent& event : told) {
       if (event.kind == RecordingEvent::Kind::kSweep) {
         const Cut cut = cut_of(event.sweep);

@@ -27,7 +27,7 @@ Vector<Patient> outward_normal(const Model& model, const Point<Patient>& x) {
 
 // the part of the grid, in voxels, where a structure's faces are anatomical and not the end of the scan:
 // excludes margins at sides of the volume that the structure comes close to
-struct Uncut {
+struct AnatomicalRange {
   std::array<double, 3> low, high;
   bool contains(int i, int j, int k) const {
     const std::array<int, 3> index{i, j, k};
@@ -37,7 +37,7 @@ struct Uncut {
   }
 };
 
-Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
+AnatomicalRange anatomical_range(const Bricks<LabelId>& labels, LabelId structure) {
   const GridGeometry& grid = labels.geometry();
   std::array<int, 3> first = grid.dims, last{-1, -1, -1};
   labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
@@ -50,7 +50,7 @@ Uncut uncut_part(const Bricks<LabelId>& labels, LabelId structure) {
       }
     }
   });
-  Uncut part;
+  AnatomicalRange part;
   for (int axis = 0; axis < 3; ++axis) {
     // scans are often padded by one or two empty slices
     const double near = kNearBorder_mm / grid.spacing_mm[axis];
@@ -167,7 +167,7 @@ std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure)
   const Bricks<LabelId>& labels = *model.labels;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto& faces = BrickLayout::kFaces;
-  const Uncut uncut = uncut_part(labels, structure);
+  const AnatomicalRange uncut = anatomical_range(labels, structure);
   std::vector<Point<Patient>> border;
   labels.for_each_piece([&](const RowPiece<LabelId>& piece) {
     if (piece.uniform && model.is_felt(*piece.voxels)) return;

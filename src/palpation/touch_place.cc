@@ -14,7 +14,7 @@ constexpr std::size_t kMostPlaces = 8;
 // minimum distance between two places to be tried
 constexpr double kApart_mm = 4, kApartByWish_mm = 2;
 // a requested place may be missed by this much in favour of one that suits a press better
-constexpr double kWorthOfSuiting_mm = 2;
+constexpr double kSuitabilityBonus_mm = 2;
 // tilt of an approach against the normal, and minimum cosine for a requested direction
 constexpr double kTilt = 35 * std::numbers::pi / 180, kLeastFacing = 0.3;
 // if no straight segment of the requested length exists, it may be longer by this much
@@ -87,7 +87,7 @@ class Stretch {
 };
 
 // distance from the requested place, mm, up to a constant
-double astray_mm(const TouchWish& wish, const Point<Patient>& p) {
+double deviation_mm(const TouchRequest& wish, const Point<Patient>& p) {
   if (wish.landmark) return -wish.landmark->dot(p - Point<Patient>());
   double least = std::numeric_limits<double>::infinity();
   for (const Point<Patient>& q : wish.near) least = std::min(least, (p - q).squared_norm());
@@ -125,7 +125,7 @@ double tool_reach_mm(const Tool& tool) {
 }
 
 TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, LabelId structure,
-                              const TouchWish& wish) {
+                              const TouchRequest& wish) {
   TouchPlaces found;
   std::vector<Point<Patient>> border = border_voxels(model, structure);
   if (border.empty()) {
@@ -139,12 +139,12 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
     std::vector<std::pair<double, Point<Patient>>> astray;
     double least = std::numeric_limits<double>::infinity();
     for (const Point<Patient>& p : border) {
-      astray.emplace_back(astray_mm(wish, p), p);
+      astray.emplace_back(deviation_mm(wish, p), p);
       least = std::min(least, astray.back().first);
     }
     border.clear();
     for (const auto& [mm, p] : astray)
-      if (mm <= least + kAstray_mm) border.push_back(p);
+      if (mm <= least + kPlaceTolerance_mm) border.push_back(p);
   }
   std::vector<SurfaceCandidate> candidates = surface_candidates(model, structure, border, wish.clearance_mm);
   if (candidates.empty()) {
@@ -155,7 +155,7 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   if (!anywhere) {
     const double best = candidates.front().score;
     for (SurfaceCandidate& c : candidates)
-      c.score = -astray_mm(wish, c.surface.point) + kWorthOfSuiting_mm * c.score / best;
+      c.score = -deviation_mm(wish, c.surface.point) + kSuitabilityBonus_mm * c.score / best;
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.score > b.score; });
   }
@@ -196,20 +196,20 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   return found;
 }
 
-LabelId felt_structure_near(const Model& model, const Point<Patient>& point) {
+LabelId contact_structure_near(const Model& model, const Point<Patient>& point) {
   const Bricks<LabelId>& labels = *model.labels;
   const GridGeometry& grid = labels.geometry();
   const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
   const Point<Voxel> at = X_PatientVoxel.inverse() * point;
   std::array<int, 3> low{}, high{};
   for (int axis = 0; axis < 3; ++axis) {
-    const double reach = kAstray_mm / grid.spacing_mm[axis] + 1;
+    const double reach = kPlaceTolerance_mm / grid.spacing_mm[axis] + 1;
     const double last = grid.dims[axis] - 1;
     low[axis] = static_cast<int>(std::clamp(std::floor(at[axis] - reach), 0.0, last));
     high[axis] = static_cast<int>(std::clamp(std::ceil(at[axis] + reach), 0.0, last));
   }
   LabelId nearest = 0;
-  double least_mm = kAstray_mm;
+  double least_mm = kPlaceTolerance_mm;
   for (int k = low[2]; k <= high[2]; ++k)
     for (int j = low[1]; j <= high[1]; ++j)
       for (int i = low[0]; i <= high[0]; ++i) {

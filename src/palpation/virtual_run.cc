@@ -4,7 +4,7 @@
 
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
-#include "palpate/palpation/told_loop.h"
+#include "palpate/palpation/logged_loop.h"
 
 namespace palpate {
 
@@ -72,7 +72,7 @@ void VirtualRun::cut_what_was_swept() {
 
 void VirtualRun::change_stroke(StrokeAction action) {
   const ModelChange change = change_of_stroke(*model_, action);
-  const auto carving = other_stroke(model_->carving.get(), change);
+  const auto carving = carving_after(model_->carving.get(), change);
   stroke_led_to_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
   model_ = carving->taken_from(*model_);

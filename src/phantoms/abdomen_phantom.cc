@@ -32,7 +32,7 @@ PhantomPlan plan_of(const AbdomenParameters& abdomen) {
   using enum PhantomMaterial;
   PhantomPlan plan;
   plan.field = field_of(abdomen);
-  PhantomChance chance(abdomen.settings.seed);
+  PhantomVariation chance(abdomen.settings.seed);
   const double fat = abdomen.skin_mm, muscle = fat + abdomen.fat_mm, inside = muscle + abdomen.muscle_mm;
   const double back = inside + kInside_mm;
   // the edge runs across with a slight tilt, the rib with a larger one

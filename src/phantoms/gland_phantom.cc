@@ -67,7 +67,7 @@ PhantomPlan plan_of(const GlandParameters& gland) {
   using enum PhantomMaterial;
   PhantomPlan plan;
   plan.field = field_of(gland);
-  PhantomChance chance(gland.settings.seed);
+  PhantomVariation chance(gland.settings.seed);
   const double width = chance.factor(0.06), depth = chance.factor(0.06);
   const double half = 0.5 * gland.gland_mm / gland.size;
   const double turn = chance.offset(0.15), thick = 0.62 * chance.factor(0.1),

@@ -286,7 +286,7 @@ std::vector<PhantomPart> knee_phantom_parts(const KneeShape& knee) {
 }
 
 KneeShape knee_shape(std::uint64_t seed) {
-  PhantomChance chance(seed);
+  PhantomVariation chance(seed);
   KneeShape knee;
   for (int axis = 0; axis < 3; ++axis) knee.stretch[axis] = chance.factor(0.06);
   knee.medial_condyle = chance.factor(0.04);
@@ -348,7 +348,7 @@ const std::vector<SiteView>& site_views() {
 
 }  // namespace
 
-std::size_t knee_places(const std::string& structure) {
+std::size_t knee_site_count(const std::string& structure) {
   return static_cast<std::size_t>(
       std::ranges::count_if(site_views(), [&](const SiteView& view) { return view.structure == structure; }));
 }

@@ -38,8 +38,8 @@ struct KneeSite {
 /// Finds a site on a structure.
 /// @param place  index of the site, from 0, for a structure with several accessible sites
 KneeSite knee_site(const std::string& structure, const Shape& shape, std::size_t place = 0);
-/// Number of sites of a structure, at most kKneePlaces.
-std::size_t knee_places(const std::string& structure);
-inline constexpr std::size_t kKneePlaces = 4;
+/// Number of sites of a structure, at most kMaxKneeSites.
+std::size_t knee_site_count(const std::string& structure);
+inline constexpr std::size_t kMaxKneeSites = 4;
 
 }  // namespace palpate

@@ -35,8 +35,8 @@ std::optional<std::vector<PhantomNodule>> nodules_in_disc(
     const std::function<std::optional<PhantomNodule>(double, double)>& nodule_at) {
   constexpr int kCasts = 1000;
   if (asked.nodules > 0 && reach_mm < 0) return std::nullopt;
-  // PhantomChance does not vary with seed 0
-  PhantomChance chance(seed == 0 ? std::numeric_limits<std::uint64_t>::max() : seed);
+  // PhantomVariation does not vary with seed 0
+  PhantomVariation chance(seed == 0 ? std::numeric_limits<std::uint64_t>::max() : seed);
   std::vector<PhantomNodule> nodules;
   for (std::uint64_t n = 0; n < asked.nodules; ++n) {
     bool placed = false;

@@ -9,9 +9,9 @@ namespace palpate {
 
 /// Natural variation determined by a seed, uniform between limits, so that a few phantoms cover the whole
 /// range. Seed 0: no variation.
-class PhantomChance {
+class PhantomVariation {
  public:
-  explicit PhantomChance(std::uint64_t seed) : varied_(seed != 0) {
+  explicit PhantomVariation(std::uint64_t seed) : varied_(seed != 0) {
     std::uint64_t state = kHashSeed;
     hash_word(state, seed);
     random_.seed(hash_finish(state));

@@ -82,7 +82,7 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
            15, p.lesion_mm);
   v.whole({"lesion-at", "",
            "Which place on its structure `lesion` is at: 0 the usual one, and of a cartilage three more."},
-          kKneePlaces - 1, p.lesion_at);
+          kMaxKneeSites - 1, p.lesion_at);
   v.number(
       {"lesion-depth", "mm",
        "Of the centre of `lesion` below the surface of its structure; 0: half a ball that can be touched."},

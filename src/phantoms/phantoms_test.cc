@@ -231,7 +231,7 @@ TEST(Phantoms, ALesionIsThereInEveryStructureOfEveryKnee) {
       const auto parts = knee_phantom_parts(knee_shape(n == 0 ? 0 : 1 + random() % 100000));
       const auto found = std::ranges::find(parts, part.name, &PhantomPart::name);
       std::vector<KneeSite> sites;
-      for (std::size_t place = 0; place < knee_places(part.name); ++place) {
+      for (std::size_t place = 0; place < knee_site_count(part.name); ++place) {
         const KneeSite site = knee_site(part.name, found->shape, place);
         EXPECT_NEAR(found->shape.distance_mm(site.point), 0, 1e-5) << part.name << place;
         EXPECT_LT(found->shape.distance_mm(site.point - 0.3 * site.normal), 0) << part.name << place;

@@ -20,7 +20,7 @@ PhantomPlan plan_of(const ShellParameters& shell) {
   PhantomPlan plan;
   plan.field = field_of(shell);
   plan.imaging = PhantomImaging::kCt;
-  PhantomChance chance(shell.settings.seed);
+  PhantomVariation chance(shell.settings.seed);
   Eigen::Vector3d radii = Eigen::Vector3d::Constant(shell.radius_mm);
   for (int axis = 0; axis < 3; ++axis) radii[axis] *= chance.factor(0.08);
   // random position relative to the voxel lattice

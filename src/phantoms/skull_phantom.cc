@@ -51,7 +51,7 @@ PhantomPlan plan_of(const SkullParameters& skull) {
   plan.imaging = PhantomImaging::kCt;
   // wall thicknesses in mm are independent of the scale
   const double thick = skull.thickness_mm / skull.size, thin = skull.temporal_mm / skull.size;
-  PhantomChance chance(skull.settings.seed);
+  PhantomVariation chance(skull.settings.seed);
   const Eigen::Vector3d radii(72 * chance.factor(0.06), 92 * chance.factor(0.06), 74 * chance.factor(0.06));
   const double temple_y = -14 + chance.offset(4), temple_z = -6 + chance.offset(4);
   const double front_y = -0.86 * radii[1] + chance.offset(2);

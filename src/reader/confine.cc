@@ -31,7 +31,7 @@ int landlock_version() {
 
 // Restricts file access by Landlock. Rules refer to the files themselves and not to their names: another file
 // that replaces one of them cannot be opened.
-void hold_to_files(std::span<const int> files) {
+void restrict_files(std::span<const int> files) {
   landlock_ruleset_attr handled{};
   handled.handled_access_fs = kHandled;
   // later versions of the structure have more members, which stay zero, as the first version requires
@@ -104,7 +104,7 @@ bool sanitized() {
 #endif
 }
 
-bool can_hold_to_files() {
+bool can_restrict_files() {
   return landlock_version() >= 1;
 }
 
@@ -123,8 +123,8 @@ void confine(int parent, std::span<const int> keep, std::span<const int> files) 
   limit(RLIMIT_NPROC, 0);
   // required for Landlock and seccomp
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return;
-  hold_to_files(files);
-  hold_to_calls();
+  restrict_files(files);
+  restrict_system_calls();
 }
 
 }  // namespace palpate::reader

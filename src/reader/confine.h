@@ -9,8 +9,8 @@ namespace palpate::reader {
 /// denied to a confined process: then only the restrictions marked * apply.
 bool sanitized();
 /// True if this kernel can restrict a process to files (Landlock), and to system calls (seccomp).
-bool can_hold_to_files();
-bool can_hold_to_calls();
+bool can_restrict_files();
+bool can_restrict_system_calls();
 
 /// Irrevocably removes from a new process with a single thread
 /// - * survival of `parent`, stdin, stdout and (without a sanitizer) stderr, all descriptors except those in
@@ -26,6 +26,6 @@ bool can_hold_to_calls();
 void confine(int parent, std::span<const int> keep, std::span<const int> files);
 
 /// Denies all system calls except those listed at confine(). False if the kernel does not support it.
-bool hold_to_calls();
+bool restrict_system_calls();
 
 }  // namespace palpate::reader

@@ -109,7 +109,7 @@ TEST_F(Confined, GetsNoMemoryWithoutEnd) {
 }
 
 TEST_F(Confined, OpensNoOtherFile) {
-  if (!can_hold_to_files())
+  if (!can_restrict_files())
     GTEST_SKIP() << "this kernel has no Landlock: nothing but its limits hold a reader";
   EXPECT_EQ(outcome([&] { return open_to_read(other_); }), EACCES);
   EXPECT_EQ(outcome([&] { return open_to_read("/etc/passwd"); }), EACCES);
@@ -118,7 +118,7 @@ TEST_F(Confined, OpensNoOtherFile) {
 }
 
 TEST_F(Confined, OfAFolderOpensWhatStandsInItAndBelow) {
-  if (!can_hold_to_files()) GTEST_SKIP() << "this kernel has no Landlock";
+  if (!can_restrict_files()) GTEST_SKIP() << "this kernel has no Landlock";
   std::filesystem::create_directories(folder_ / "given" / "below");
   std::ofstream(folder_ / "given" / "below" / "inside") << "content";
   std::filesystem::create_symlink(other_, folder_ / "given" / "link");
@@ -132,7 +132,7 @@ TEST_F(Confined, OfAFolderOpensWhatStandsInItAndBelow) {
 }
 
 TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {
-  if (!can_hold_to_files())
+  if (!can_restrict_files())
     GTEST_SKIP() << "this kernel has no Landlock: a reader opens what stands under the name";
   const auto opened = InputFile::open(file_);
   ASSERT_TRUE(opened);
@@ -146,7 +146,7 @@ TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {
 }
 
 TEST_F(Confined, ReachesNobody) {
-  if (!can_hold_to_calls())
+  if (!can_restrict_system_calls())
     GTEST_SKIP() << "this kernel has no seccomp: nothing but its limits hold a reader";
   const pid_t test = ::getpid();
   const auto refused = [&](const char* what, const std::function<long()>& attempt) {
@@ -181,7 +181,7 @@ TEST_F(Confined, ReachesNobody) {
 }
 
 TEST_F(Confined, ChangesNothing) {
-  if (!can_hold_to_calls())
+  if (!can_restrict_system_calls())
     GTEST_SKIP() << "this kernel has no seccomp: nothing but its limits hold a reader";
   const auto refused = [&](const char* what, const std::function<long()>& attempt) {
     EXPECT_EQ(outcome(attempt), EPERM) << what;
@@ -230,17 +230,17 @@ void become_old_kernel(bool without_files, bool without_calls) {
 }
 
 TEST_F(Confined, ReadsOnWhereTheKernelLacksAWall) {
-  if (!can_hold_to_calls()) GTEST_SKIP() << "this kernel has no seccomp, by which another one is played";
-  const bool has_landlock = can_hold_to_files();
+  if (!can_restrict_system_calls()) GTEST_SKIP() << "this kernel has no seccomp, by which another one is played";
+  const bool has_landlock = can_restrict_files();
   for (const bool without_files : {false, true})
     for (const bool without_calls : {false, true}) {
       palpate::testing::Child kernel([&] {
         become_old_kernel(without_files, without_calls);
-        PALPATE_CHECK(can_hold_to_calls() == !without_calls);
-        PALPATE_CHECK(can_hold_to_files() == (has_landlock && !without_files));
+        PALPATE_CHECK(can_restrict_system_calls() == !without_calls);
+        PALPATE_CHECK(can_restrict_files() == (has_landlock && !without_files));
         PALPATE_CHECK(outcome([&] { return open_to_read(file_); }) == 0);
         // each mechanism works independently
-        PALPATE_CHECK(outcome([&] { return open_to_read(other_); }) == (can_hold_to_files() ? EACCES : 0));
+        PALPATE_CHECK(outcome([&] { return open_to_read(other_); }) == (can_restrict_files() ? EACCES : 0));
         PALPATE_CHECK(outcome([] { return ::socket(AF_UNIX, SOCK_STREAM, 0); }) ==
                       (without_calls ? 0 : EPERM));
         PALPATE_CHECK(outcome([&] { return ::truncate(file_.c_str(), 0); }) == (without_calls ? 0 : EPERM));

@@ -48,7 +48,7 @@ bool ParentEnd::write(std::span<const std::byte> bytes) {
   return true;
 }
 
-bool ParentEnd::wait_for_word() {
+bool ParentEnd::wait_for_grant() {
   std::uint64_t word = 0;
   while (true) {
     pollfd words{words_, POLLIN, 0};

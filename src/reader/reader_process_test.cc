@@ -187,7 +187,7 @@ TEST_F(ReaderProcessTest, SharedBytesGoToAndFroByWords) {
           std::memcpy(parent.shared().data(), &n, sizeof n);
           const std::byte there{};
           // nothing is overwritten before the parent has allowed it
-          if (!parent.write({&there, 1}) || !parent.wait_for_word()) return false;
+          if (!parent.write({&there, 1}) || !parent.wait_for_grant()) return false;
         }
         return true;
       },

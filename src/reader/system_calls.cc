@@ -176,12 +176,12 @@ Filter filter_for(std::uint32_t own_process) {
 
 }  // namespace
 
-bool can_hold_to_calls() {
+bool can_restrict_system_calls() {
   // a null filter: kernels with seccomp filters report the bad address (EFAULT)
   return kMachine != 0 && ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, nullptr) != 0 && errno == EFAULT;
 }
 
-bool hold_to_calls() {
+bool restrict_system_calls() {
   return kMachine != 0 && filter_for(static_cast<std::uint32_t>(::getpid())).install();
 }
 

@@ -298,7 +298,7 @@ RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
     read(Attribute(group.get(), name), value);
   });
   require(header.devices >= 1, "it names 0 devices");
-  require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMostTissueCoarsened,
+  require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMaxTissueCoarsening,
           "its soft tissue was solved in cells of no length that there is");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
@@ -456,7 +456,7 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
 // computes the part of the head that depends on ticks, from the few columns needed
 void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, bool versions,
                 RecordingHead& head, EventQueue& events) {
-  TicksSeen seen;
+  TickProperties seen;
   const std::uint64_t end = rows.first + rows.count;
   for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
     const std::uint64_t count = std::min(kBlockRows, end - first);

@@ -350,9 +350,9 @@ TEST_F(Hostile, Format3IsStillRead) {
   EXPECT_EQ(read->events[0].tick, 5u);
   EXPECT_EQ(read->events[1].change, (ModelChange{3, 1, 0.7}));
   EXPECT_EQ(read->events[1].tick, 5u);
-  EXPECT_EQ(read->events[2].change, (ModelChange{4, ModelChange::kFieldsMadeAnew}));
+  EXPECT_EQ(read->events[2].change, (ModelChange{4, ModelChange::kFieldsRebuilt}));
   EXPECT_EQ(read->events[2].tick, 11u);
-  EXPECT_EQ(read->ticks[3].device[0].most_damping_N_s_per_mm, 0) << "not known";
+  EXPECT_EQ(read->ticks[3].device[0].max_damping_N_s_per_mm, 0) << "not known";
   const auto wild = read_with({{2.5, 0, 0.8, 0.3, 0.2, 0.1}});
   ASSERT_FALSE(wild);
   EXPECT_THAT(wild.error().what, HasSubstr("no version or tissue"));
@@ -519,7 +519,7 @@ TEST(Stream, BelievesNoPart) {
   standing[2].time_s = standing[1].time_s;
   EXPECT_THAT(error_of(stream_of(standing, {}, head)), HasSubstr("not what its beginning says"));
   other = head;
-  other.clock_rises = false;
+  other.is_clock_monotonic = false;
   EXPECT_EQ(error_of(stream_of(standing, {}, other)), "no error");
   // more ticks than declared, more events than a part may hold, empty parts without end
   other = head;

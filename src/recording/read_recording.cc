@@ -131,7 +131,7 @@ Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file,
 RecordingSource::RecordingSource(const Recording& recording) : memory_(&recording) {
   head_.header = recording.header;
   head_.summary = recording.summary;
-  internal::TicksSeen seen;
+  internal::TickProperties seen;
   for (const TickRecord& tick : recording.ticks) seen.see(tick.tick, tick.time_s, tick.method);
   seen.tell(head_);
 }

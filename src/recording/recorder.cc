@@ -52,7 +52,7 @@ class RingRecorder : public Recorder {
   void stop();
   void drain();
   void take(std::span<const TickRecord> ticks);
-  void take_heard(const TickRecord& tick);
+  void take_acknowledged(const TickRecord& tick);
   Result<void> hear(std::span<const TickRecord> ticks);
   Result<void> write(std::span<const TickRecord> ticks);
   void give_up(const Error& error);
@@ -64,7 +64,7 @@ class RingRecorder : public Recorder {
   const See see_;
   EventLog* const told_;  // null: no external commands
   std::vector<TickRecord> batch_;
-  std::list<RecordingEvent> unheard_;   // events that no tick has acknowledged yet
+  std::list<RecordingEvent> pending_;   // events that no tick has acknowledged yet
   std::vector<RecordingEvent> events_;  // events of the batch
 
   std::thread thread_;
@@ -131,15 +131,15 @@ bool had_heard(const TickRecord& tick, const RecordingEvent& event) {
 }
 
 // moves the events that this tick is the first to acknowledge
-void RingRecorder::take_heard(const TickRecord& tick) {
-  for (auto row = unheard_.begin(); row != unheard_.end();) {
+void RingRecorder::take_acknowledged(const TickRecord& tick) {
+  for (auto row = pending_.begin(); row != pending_.end();) {
     if (!had_heard(tick, *row)) {
       ++row;
       continue;
     }
     row->tick = tick.tick;
     events_.push_back(*row);
-    row = unheard_.erase(row);
+    row = pending_.erase(row);
   }
 }
 
@@ -147,8 +147,8 @@ void RingRecorder::take_heard(const TickRecord& tick) {
 Result<void> RingRecorder::hear(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
-    if (told_ != nullptr) told_->take(unheard_);
-    for (const TickRecord& tick : ticks) take_heard(tick);
+    if (told_ != nullptr) told_->take(pending_);
+    for (const TickRecord& tick : ticks) take_acknowledged(tick);
     return {};
   } catch (const std::bad_alloc&) {
     return output_error(file_, ENOMEM);

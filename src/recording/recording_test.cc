@@ -125,7 +125,7 @@ TEST(RecordingSource, TellsWhatTheTicksAreAndReadsThemAgain) {
     for (const RecordingSource& source : {*opened, RecordingSource(*recording)}) {
       const RecordingHead& head = source.head();
       EXPECT_EQ(head.ticks, ticks.size());
-      EXPECT_EQ(head.clock_rises, rises);
+      EXPECT_EQ(head.is_clock_monotonic, rises);
       ASSERT_EQ(head.methods.size(), 3u);
       EXPECT_EQ(head.methods[0].method, 5);
       EXPECT_EQ(head.methods[1].method, 1);

@@ -65,12 +65,12 @@ RecordingSummary receive_summary(Receiver& in) {
   return summary;
 }
 
-void receive_methods(Receiver& in, std::vector<RecordingHead::FeltMethod>& methods) {
+void receive_methods(Receiver& in, std::vector<RecordingHead::UsedMethod>& methods) {
   std::uint32_t count = 0;
   in.get(count);
   if (count > kMaxMethods) in.fail("it lists too many methods");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    RecordingHead::FeltMethod felt;
+    RecordingHead::UsedMethod felt;
     in.get(felt.method);
     in.get(felt.tick);
     methods.push_back(felt);
@@ -87,7 +87,7 @@ RecordingHead receive_accepted(Receiver& in) {
   in.get(complete);
   if (complete) head.summary = receive_summary(in);
   in.get(head.ticks);
-  in.get(head.clock_rises);
+  in.get(head.is_clock_monotonic);
   receive_methods(in, head.methods);
 
   if (header.devices < 1 || header.devices > kMaxDevices)
@@ -189,9 +189,9 @@ bool send_head(ByteTarget& target, const RecordingHead& head) {
   out.put(head.summary.has_value());
   if (head.summary) send_summary(out, *head.summary);
   out.put(head.ticks);
-  out.put(head.clock_rises);
+  out.put(head.is_clock_monotonic);
   out.put(static_cast<std::uint32_t>(head.methods.size()));
-  for (const RecordingHead::FeltMethod& felt : head.methods) {
+  for (const RecordingHead::UsedMethod& felt : head.methods) {
     out.put(felt.method);
     out.put(felt.tick);
   }
@@ -214,7 +214,7 @@ bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std
   return out.ok();
 }
 
-void TicksSeen::see(std::uint64_t tick, double time_s, std::uint8_t method) {
+void TickProperties::see(std::uint64_t tick, double time_s, std::uint8_t method) {
   clock_rises_ = clock_rises_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
   last_s_ = time_s;
   ++ticks_;
@@ -222,17 +222,17 @@ void TicksSeen::see(std::uint64_t tick, double time_s, std::uint8_t method) {
   methods_.push_back({method, tick});
 }
 
-void TicksSeen::tell(RecordingHead& head) const {
+void TickProperties::tell(RecordingHead& head) const {
   head.ticks = ticks_;
-  head.clock_rises = clock_rises_;
+  head.is_clock_monotonic = clock_rises_;
   head.methods = methods_;
 }
 
-bool TicksSeen::agrees_with(const RecordingHead& head) const {
-  const auto same = [](const RecordingHead::FeltMethod& a, const RecordingHead::FeltMethod& b) {
+bool TickProperties::agrees_with(const RecordingHead& head) const {
+  const auto same = [](const RecordingHead::UsedMethod& a, const RecordingHead::UsedMethod& b) {
     return a.method == b.method && a.tick == b.tick;
   };
-  return (clock_rises_ || !head.clock_rises) && methods_.size() <= head.methods.size() &&
+  return (clock_rises_ || !head.is_clock_monotonic) && methods_.size() <= head.methods.size() &&
          std::equal(methods_.begin(), methods_.end(), head.methods.begin(), same);
 }
 
@@ -259,7 +259,7 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
   std::vector<RecordingEvent> events;
   std::vector<std::byte> buffer;
   std::uint64_t last_event_tick = 0;
-  TicksSeen seen;
+  TickProperties seen;
   for (std::uint64_t left = head.ticks; left > 0;) {
     if (progress.stopped()) return Progress::interrupted();
     std::uint32_t event_count = 0, tick_count = 0;

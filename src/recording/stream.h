@@ -34,7 +34,7 @@ using reader::ByteSource;
 using reader::ByteTarget;
 
 /// Properties of the sequence of ticks that the head contains, accumulated from the first tick on.
-class TicksSeen {
+class TickProperties {
  public:
   void see(std::uint64_t tick, double time_s, std::uint8_t method);
   /// Stores them in a head.
@@ -47,7 +47,7 @@ class TicksSeen {
   bool clock_rises_ = true;
   double last_s_ = 0;
   std::array<bool, 256> felt_{};
-  std::vector<RecordingHead::FeltMethod> methods_;
+  std::vector<RecordingHead::UsedMethod> methods_;
 };
 
 bool send_refusal(ByteTarget& target, const Error& refusal);

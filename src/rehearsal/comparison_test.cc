@@ -217,7 +217,7 @@ TEST(ComparePlan, AShaftHasItsAngleWhereTheDeviceTellsOne) {
   EXPECT_TRUE(std::isnan(shaft_deg()));
   // the patient's superior in World, to which the shaft is turned, and then 20 degrees away from it
   const Vector<World> up = (model.X_WorldPatient * Vector<Patient>(0, 0, 1)).normalized();
-  const Eigen::Quaterniond upright = smallest_turn(Eigen::Vector3d(0, 0, 1), up.eigen());
+  const Eigen::Quaterniond upright = shortest_rotation(Eigen::Vector3d(0, 0, 1), up.eigen());
   const Eigen::Vector3d across = up.cross(Vector<World>(1, 0, 0)).normalized().eigen();
   const Eigen::Quaterniond tilted(Eigen::AngleAxisd(20 * kDegree, across) * upright);
   for (std::size_t n = 0; n < run.ticks.size(); ++n) {
@@ -317,7 +317,7 @@ TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
   model.tools[0].radius_mm = 1;
   model.tools[0].burr = BurrSettings{.length_mm = 8, .end_radius_mm = 2};
   const Vector<World> right = (model.X_WorldPatient * Vector<Patient>(-1, 0, 0)).normalized();
-  const Eigen::Quaterniond turned = smallest_turn(Eigen::Vector3d(0, 0, 1), right.eigen());
+  const Eigen::Quaterniond turned = shortest_rotation(Eigen::Vector3d(0, 0, 1), right.eigen());
   // the head lies along -x: its far end is 8 mm nearer to the ball than the tip, and wider
   Recording run = run_along([](double t) { return Point<Patient>(40 - 5 * t, 0, 0); }, 1);
   for (TickRecord& tick : run.ticks) {

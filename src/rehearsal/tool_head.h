@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "palpate/haptics/told_pose.h"
+#include "palpate/haptics/recorded_pose.h"
 #include "palpate/rehearsal/structure_distance.h"
 
 namespace palpate {

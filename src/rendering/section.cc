@@ -42,7 +42,7 @@ Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<
 
 }  // namespace
 
-Point<Patient> place_at_rest(const Point<Patient>& seen, const TissueMoved& moved) {
+Point<Patient> rest_position(const Point<Patient>& seen, const TissueDisplacement& moved) {
   constexpr int kWholeSteps = 6;
   Point<Patient> at = seen;
   for (int step = 0; step < kMostAtRestSteps; ++step) {

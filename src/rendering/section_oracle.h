@@ -69,7 +69,7 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
 
 /// The same for displaced tissue: rest positions by Newton's method.
 inline std::vector<OraclePixel> oracle_section(const Model& model, const SectionPlane& plane,
-                                               const TissueMoved& moved) {
+                                               const TissueDisplacement& moved) {
   const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   std::vector<OraclePixel> pixels;

@@ -61,15 +61,15 @@ Row clipped(const PixelsInGrid& pixels, int row, int width) {
 }
 
 /// Collects the displaced pixels with their rest positions.
-void find_moved(const GridGeometry& grid, const SectionPlane& plane, const TissueMoved& moved,
-                std::vector<internal::section::MovedPixel>& pixels) {
+void find_displaced(const GridGeometry& grid, const SectionPlane& plane, const TissueDisplacement& moved,
+                std::vector<internal::section::DisplacedPixel>& pixels) {
   const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
   for (int y = 0; y < plane.height_px; ++y)
     for (int x = 0; x < plane.width_px; ++x) {
-      const Point<Patient> seen = plane.at(x, y), at_rest = place_at_rest(seen, moved);
+      const Point<Patient> seen = plane.at(x, y), at_rest = rest_position(seen, moved);
       if (at_rest == seen) continue;
       const Eigen::Vector3d voxel = (X_VoxelPatient * at_rest).eigen();
-      internal::section::MovedPixel& pixel = pixels.emplace_back();
+      internal::section::DisplacedPixel& pixel = pixels.emplace_back();
       pixel.row = y;
       pixel.column = x;
       pixel.at_rest.end = 1;
@@ -150,7 +150,7 @@ PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
     const PixelsInGrid in_grid(volumes_->grid(), plane);
     for (int y = 0; y < plane.height_px; ++y) row[y] = clipped(in_grid, y, plane.width_px);
     for (int a = 0; a < 3; ++a) rows.step[a] = in_grid.step[a];
-    if (style_.moved) find_moved(volumes_->grid(), plane, style_.moved, pixels_->moved());
+    if (style_.moved) find_displaced(volumes_->grid(), plane, style_.moved, pixels_->moved());
     const bool has_window = style_.window_low < style_.window_high;
     const std::array<double, 2> window = has_window || layers == Layers::kLabels
                                              ? std::array{style_.window_low, style_.window_high}

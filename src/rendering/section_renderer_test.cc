@@ -267,19 +267,19 @@ TEST(SectionRenderer, FindsWhereTissueLayAtRest) {
     const Push push = random_push(grid, random);
     const Point<Patient> lay =
         grid.X_PatientVoxel() * Point<Voxel>(30 * part(random), 30 * part(random), 30 * part(random));
-    const Point<Patient> found = place_at_rest(lay + push(lay), push);
+    const Point<Patient> found = rest_position(lay + push(lay), push);
     // each iteration leaves at most 0.3 of the error
     EXPECT_LT((found - lay).norm(), 4 * kAtRestNear_mm);
   }
   // without displacement immediately; for a constant displacement after one step; in folded tissue some point
   // nearby
   const Point<Patient> at(1, 2, 3);
-  EXPECT_EQ(place_at_rest(at, [](const Point<Patient>&) { return Vector<Patient>(); }), at);
+  EXPECT_EQ(rest_position(at, [](const Point<Patient>&) { return Vector<Patient>(); }), at);
   const Vector<Patient> same(0.5, -1, 2);
-  EXPECT_LT((place_at_rest(at, [&](const Point<Patient>&) { return same; }) - (at - same)).norm(), 1e-12);
+  EXPECT_LT((rest_position(at, [&](const Point<Patient>&) { return same; }) - (at - same)).norm(), 1e-12);
   const Push folding{at, {0, 0, 9}, 3};
   for (double z = -5; z < 15; z += 0.1) {
-    const Point<Patient> found = place_at_rest(at + Vector<Patient>(0, 0, z), folding);
+    const Point<Patient> found = rest_position(at + Vector<Patient>(0, 0, z), folding);
     EXPECT_LT((found - (at + Vector<Patient>(0, 0, z))).norm(), 9.1);
   }
 }
@@ -345,7 +345,7 @@ TEST(SectionRenderer, PlanesThatAreNoneShowBackground) {
   const Model model = noise_model(test::make_grid({20, 20, 20}, 2), Values::kWhole, 4, random);
   for (const SectionStorage storage : kStorages) {
     SectionRenderer renderer(model, style_for(Values::kWhole), storage);
-    for (const Point<Patient>& centre : test::places_that_are_none(model.scan->geometry())) {
+    for (const Point<Patient>& centre : test::invalid_points(model.scan->geometry())) {
       for (const double bad : {1.0, std::numeric_limits<double>::quiet_NaN()}) {
         SectionPlane plane = anatomical_section(AnatomicalPlane::kAxial, centre, 50, 33, 20);
         plane.right[0] *= bad;

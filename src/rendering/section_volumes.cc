@@ -269,7 +269,7 @@ void PixelView::sample_next_band() {
 }
 
 // samples a one-pixel picture, since the kernel writes whole vectors
-void PixelView::sample_at_rest(const MovedPixel& moved) {
+void PixelView::sample_at_rest(const DisplacedPixel& moved) {
   alignas(64) std::uint8_t some_grey[3 * kPixelPadding]{};
   alignas(64) LabelId some_labels[3 * kPixelPadding]{};
   const Band one{0, 1, kPixelPadding, some_grey + kPixelPadding, some_labels + kPixelPadding};

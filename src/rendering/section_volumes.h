@@ -61,7 +61,7 @@ class Volumes {
 };
 
 /// Pixel of displaced tissue, with a one-pixel row at its rest position; empty if that is outside the volume.
-struct MovedPixel {
+struct DisplacedPixel {
   int row = 0, column = 0;
   Row at_rest;
 };
@@ -72,13 +72,13 @@ class Pixels {
   /// Grows the buffers if necessary. The band begins below the two rows.
   Band sized(int width, int height);
   std::vector<Row>& rows() { return rows_; }
-  std::vector<MovedPixel>& moved() { return moved_; }
+  std::vector<DisplacedPixel>& moved() { return moved_; }
 
  private:
   std::vector<std::uint8_t> grey_;
   std::vector<LabelId> labels_;
   std::vector<Row> rows_;
-  std::vector<MovedPixel> moved_;
+  std::vector<DisplacedPixel> moved_;
 };
 
 /// Iterates over a picture row by row, from the top: `while (next())`. A band of rows is sampled when its
@@ -87,7 +87,7 @@ struct PixelView {
   /// @param volume  without the layers that are not needed
   /// @param moved   sorted by rows, then by columns
   PixelView(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
-            const Band& band, std::span<const MovedPixel> moved)
+            const Band& band, std::span<const DisplacedPixel> moved)
       : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band), moved_(moved) {}
   bool next();
 
@@ -99,7 +99,7 @@ struct PixelView {
 
  private:
   void sample_next_band();
-  void sample_at_rest(const MovedPixel& moved);
+  void sample_at_rest(const DisplacedPixel& moved);
   // for sampled rows and the two above them
   LabelId* labels_of(int row) const { return band_.labels + (row - band_.first) * band_.stride; }
   std::uint8_t* grey_of(int row) const { return band_.grey + (row - band_.first) * band_.stride; }
@@ -109,7 +109,7 @@ struct PixelView {
   Rows rows_;
   std::uint8_t background_;
   Band band_;
-  std::span<const MovedPixel> moved_;  ///< Remaining ones
+  std::span<const DisplacedPixel> moved_;  ///< Remaining ones
 };
 
 }  // namespace palpate::internal::section

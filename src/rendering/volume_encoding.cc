@@ -243,14 +243,14 @@ std::size_t BlockRows::bytes() const {
 
 // ---- leaps ------------------------------------------------------------------------------------------------
 
-Leaps::Leaps(const GridGeometry& grid) : voxels_(grid.dims) {
+EmptySpaceMap::EmptySpaceMap(const GridGeometry& grid) : voxels_(grid.dims) {
   // cells 0 ... voxels, and one more, to which positions at the border may be rounded
   for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kCubeSide + 1;
   leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
   filled_.resize(leap_.size());
 }
 
-void Leaps::fill(const BlockRows& rows, const Cubes& cubes) {
+void EmptySpaceMap::fill(const BlockRows& rows, const Cubes& cubes) {
   for (int c = cubes[2][0]; c <= cubes[2][1]; ++c)
     for (int b = cubes[1][0]; b <= cubes[1][1]; ++b)
       std::fill_n(filled_.begin() + static_cast<std::ptrdiff_t>(index(cubes[0][0], b, c)),
@@ -286,7 +286,7 @@ void Leaps::fill(const BlockRows& rows, const Cubes& cubes) {
     }
 }
 
-void Leaps::pass(const Cubes& region, int step) {
+void EmptySpaceMap::pass(const Cubes& region, int step) {
   const auto order = [&](int n, std::size_t axis) {
     return step > 0 ? n : region[axis][0] + region[axis][1] - n;
   };
@@ -321,7 +321,7 @@ void Leaps::pass(const Cubes& region, int step) {
     }
 }
 
-void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
+void EmptySpaceMap::find(const BlockRows& rows, const VoxelBox& box) {
   // cubes that the box may fill or empty, and those whose leaps depend on them
   Cubes looked{}, region{};
   for (std::size_t a = 0; a < 3; ++a) {
@@ -340,7 +340,7 @@ void Leaps::find(const BlockRows& rows, const VoxelBox& box) {
   pass(region, -1);
 }
 
-CubesView Leaps::view(int x, int y, int z) const {
+CubesView EmptySpaceMap::view(int x, int y, int z) const {
   const std::int32_t steps[3] = {1, cubes_[0], cubes_[0] * cubes_[1]};
   constexpr int kShift = kCubeShift;
   return {filled_.data(), leap_.data(), {steps[x], steps[y], steps[z]}, {kShift * x, kShift * y, kShift * z}};

@@ -68,10 +68,10 @@ class BlockRows {
 };
 
 /// Empty-space skipping for rays.
-class Leaps {
+class EmptySpaceMap {
  public:
-  Leaps() = default;
-  explicit Leaps(const GridGeometry& grid);
+  EmptySpaceMap() = default;
+  explicit EmptySpaceMap(const GridGeometry& grid);
   /// Updates from the voxels of a box, using rows along i.
   void find(const BlockRows& rows, const VoxelBox& box);
   /// @param x, y, z  axes of the grid in the order of a view
@@ -106,7 +106,7 @@ class Encoding {
   const GridGeometry& grid() const { return grid_; }
   /// @param axis  principal axis of the view
   const BlockRows& rows_for(int axis) const { return rows_[axis == 0 ? 1 : 0]; }
-  const Leaps& leaps() const { return leaps_; }
+  const EmptySpaceMap& leaps() const { return leaps_; }
   std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + leaps_.bytes(); }
 
  private:
@@ -118,7 +118,7 @@ class Encoding {
   Eigen::Matrix3d to_patient_;                 ///< Transforms a gradient per voxel to one per mm
   std::array<std::vector<float>, 3> kernels_;  ///< Smoothing of the opacity along i, j, k
   std::array<BlockRows, 2> rows_;
-  Leaps leaps_;
+  EmptySpaceMap leaps_;
   bool is_new_ = true;
 };
 

@@ -24,8 +24,8 @@ using internal::volume_picture::kCubeSide;
 using internal::volume_picture::kDepthSteps;
 using internal::volume_picture::kGroup;
 using internal::volume_picture::kNoPlane;
-using internal::volume_picture::Leaps;
-using internal::volume_picture::LitBlocks;
+using internal::volume_picture::EmptySpaceMap;
+using internal::volume_picture::LitBlockCache;
 using internal::volume_picture::RowsView;
 using internal::volume_picture::SamplePlane;
 using internal::volume_picture::trace_rays;
@@ -40,7 +40,7 @@ struct Grid {
   std::vector<std::uint64_t> mask;
   std::vector<std::uint32_t> first;
   std::vector<VoxelBlock> voxels = std::vector<VoxelBlock>(1 + kGroup);  ///< All equal but the first
-  std::unique_ptr<LitBlocks> lit = std::make_unique<LitBlocks>();
+  std::unique_ptr<LitBlockCache> lit = std::make_unique<LitBlockCache>();
 
   Grid(const std::array<int, 3>& size, std::uint16_t extinction)
       : count(size),
@@ -95,7 +95,7 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     const RowsView rows = grid.view();
     GridGeometry geometry;
     geometry.dims = count;
-    const Leaps leaps(geometry);
+    const EmptySpaceMap leaps(geometry);
     // no leaps: every plane is sampled
     const std::size_t cubes = (static_cast<std::size_t>(count[0] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[1] + 1) / 4 + 1) *

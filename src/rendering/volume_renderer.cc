@@ -14,9 +14,9 @@ namespace palpate {
 using internal::volume_picture::CubesView;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
-using internal::volume_picture::Gathered;
-using internal::volume_picture::LitBlocks;
-using internal::volume_picture::MixingRoom;
+using internal::volume_picture::AccumulatedLine;
+using internal::volume_picture::LitBlockCache;
+using internal::volume_picture::MixingBuffers;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
@@ -34,7 +34,7 @@ struct Line {
 struct Scratch {
   std::vector<Line> lines;                   ///< kMostLines per thread
   std::vector<std::vector<float>> mixing;    ///< Per thread
-  std::vector<LitBlocks> lit;                ///< Per thread
+  std::vector<LitBlockCache> lit;                ///< Per thread
   std::vector<std::vector<TracedRay>> rays;  ///< Per thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
@@ -82,7 +82,7 @@ class Ways {
     return {rise < 0 ? bounded : -kNoPlane, rise > 0 ? bounded : kNoPlane};
   }
 
-  void find(int v, const Gathered& line) const {
+  void find(int v, const AccumulatedLine& line) const {
     Eigen::Vector3d at;
     at[view_.z] = view_.z_ref;
     at[view_.y] = view_.y_ref_0 + view_.y_ref_per_v * v;
@@ -122,7 +122,7 @@ RowsView rows_of(RowsView rows, const GridGeometry& grid, const Factored& view) 
   return rows;
 }
 
-Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clipped, bool has_depth) {
+AccumulatedLine line_of(internal::volume_picture::Line& line, int width, bool is_clipped, bool has_depth) {
   constexpr int kChunk = internal::volume_picture::kChunk;
   const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
   line.floats.resize(9 * stride);
@@ -130,7 +130,7 @@ Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clippe
   line.open.assign((chunks + 63) / 64, ~std::uint64_t{0});
   if (chunks % 64 != 0) line.open.back() = (std::uint64_t{1} << chunks % 64) - 1;
   const auto part = [&](std::size_t n) { return line.floats.data() + n * stride; };
-  Gathered gathered{};
+  AccumulatedLine gathered{};
   for (std::size_t n = 0; n < 3; ++n) gathered.channel[n] = part(n);
   gathered.clear = part(3);
   gathered.met = has_depth ? part(4) : nullptr;
@@ -146,11 +146,11 @@ Gathered line_of(internal::volume_picture::Line& line, int width, bool is_clippe
   return gathered;
 }
 
-MixingRoom mixing_room(std::vector<float>& floats, LitBlocks& lit, int row_voxels) {
+MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int row_voxels) {
   const std::size_t room = static_cast<std::size_t>(row_voxels) +
                            2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
   floats.resize(4 * internal::volume_picture::kMostRows * room);
-  MixingRoom rows{};
+  MixingBuffers rows{};
   rows.lit = &lit;
   float* next = floats.data();
   for (auto& pair : rows.pair)
@@ -193,7 +193,7 @@ struct RayStart {
 /// Traces individual rays for some pixels of a row, through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
-           LitBlocks& lit, std::uint8_t* rgb, float* met) {
+           LitBlockCache& lit, std::uint8_t* rgb, float* met) {
   const Factored& view = starts.view;
   rays.resize(kMostRays);
   for (std::size_t from = 0; from < columns.size(); from += kMostRays) {
@@ -310,23 +310,23 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     const int runs = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, runs);
     scratch_->lit.resize(
         std::max(scratch_->lit.size(), static_cast<std::size_t>(std::max(workers, warpers))));
-    for (LitBlocks& lit : scratch_->lit) lit.forget();
+    for (LitBlockCache& lit : scratch_->lit) lit.forget();
 
     for_each_index(groups, workers, [&](int worker, int group) {
       const int first = group * kMostLines, count = std::min(kMostLines, view->height - first);
-      std::array<Gathered, kMostLines> lines{};
+      std::array<AccumulatedLine, kMostLines> lines{};
       for (int n = 0; n < count; ++n) {
         auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMostLines + n)];
         lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
         ways.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
-      gather_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
+      accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
                    view->width, lines.data(),
                    mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
                                scratch_->lit[static_cast<std::size_t>(worker)],
                                rows.blocks * internal::volume_picture::kBlock));
       for (int n = 0; n < count; ++n) {
-        const Gathered& line = lines[static_cast<std::size_t>(n)];
+        const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
         const std::size_t at = stride * static_cast<std::size_t>(first + n);
         pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
         std::copy_n(line.begun, view->width, &scratch_->begun[at]);

@@ -46,7 +46,7 @@ constexpr float kTiny = 1e-7f;
 /// An edge lies between two intermediate pixels if the second difference of radiance, of 1023, exceeds this
 /// at both. A linear gradient has none; a crease exceeds it at both, by more than the error of the
 /// interpolation.
-constexpr std::int32_t kBend = 50;
+constexpr std::int32_t kCreaseThreshold = 50;
 /// An edge also lies between four pixels that differ by more than this if the second difference is large at
 /// one of them.
 constexpr float kApart = 50;
@@ -101,27 +101,27 @@ HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitB
   }
 }
 
-HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
-  const std::uint32_t slot = place % LitBlocks::kCount;
+HWY_NOINLINE void light_now(const RowsView& rows, std::uint32_t place, LitBlockCache& lit) {
+  const std::uint32_t slot = place % LitBlockCache::kCount;
   light_block(rows.voxels[place], rows.light, lit.lit[slot]);
   lit.place[slot] = place;
 }
 
-HWY_INLINE bool is_lit(std::uint32_t place, const LitBlocks& lit) {
-  return lit.place[place % LitBlocks::kCount] == place;
+HWY_INLINE bool is_lit(std::uint32_t place, const LitBlockCache& lit) {
+  return lit.place[place % LitBlockCache::kCount] == place;
 }
 
 /// Returns a lit block, valid until the next call.
-HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlocks& lit) {
-  const std::uint32_t slot = place % LitBlocks::kCount;
+HWY_INLINE const LitBlock& lit_block(const RowsView& rows, std::uint32_t place, LitBlockCache& lit) {
+  const std::uint32_t slot = place % LitBlockCache::kCount;
   if (HWY_UNLIKELY(!is_lit(place, lit))) light_now(rows, place, lit);
   return lit.lit[slot];
 }
 
 /// Prefetches a block, in its lit or unlit form. Selected without a branch, which would often be
 /// mispredicted.
-HWY_INLINE void ask_for_block(const RowsView& rows, std::uint32_t place, const LitBlocks& lit) {
-  const std::uint32_t slot = place % LitBlocks::kCount;
+HWY_INLINE void prefetch_block(const RowsView& rows, std::uint32_t place, const LitBlockCache& lit) {
+  const std::uint32_t slot = place % LitBlockCache::kCount;
   const auto there = reinterpret_cast<std::uintptr_t>(&lit.lit[slot]),
              far = reinterpret_cast<std::uintptr_t>(&rows.voxels[place]),
              is_there = std::uintptr_t{0} - static_cast<std::uintptr_t>(lit.place[slot] == place);
@@ -169,8 +169,8 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
 
 /// Prefetches blocks begin ... end - 1 of a pair of rows early, since they are usually not cached.
 /// @returns whether any of them is stored
-HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begin, int end,
-                             const LitBlocks& lit) {
+HWY_INLINE bool prefetch_pair(const RowsView& rows, const RowPair& pair, int begin, int end,
+                             const LitBlockCache& lit) {
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
@@ -185,7 +185,7 @@ HWY_INLINE bool ask_for_pair(const RowsView& rows, const RowPair& pair, int begi
 /// Mixes blocks begin ... end - 1 of a pair of rows, with `to` starting at block `first`; blocks beyond
 /// either end count as empty.
 HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin, int end, int first,
-                           LitBlocks& lit, float* const* to) {
+                           LitBlockCache& lit, float* const* to) {
   const DF d;
   for (int b = begin; b < end; ++b) {
     const int at = (b - first) * kBlock;
@@ -199,7 +199,7 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
         const std::uint32_t place = place_of(pair.mask[n], pair.first[n], b);
         if (place == 0) continue;
         // the second block may evict the first from its slot
-        if (count == 1 && (places[0] - place) % LitBlocks::kCount == 0) {
+        if (count == 1 && (places[0] - place) % LitBlockCache::kCount == 0) {
           aside = *blocks[0];
           blocks[0] = &aside;
         }
@@ -241,7 +241,7 @@ constexpr float kClose = 0.999f;
 /// @param place  position of the first one in the mixed row
 /// @returns whether all pixels are opaque now
 template <bool kIsClose>
-HWY_NOINLINE bool take_samples(const Gathered& line, const MixedLine& mixed, int at, float place, float step,
+HWY_NOINLINE bool take_samples(const AccumulatedLine& line, const MixedLine& mixed, int at, float place, float step,
                                float plane) {
   const DF d;
   const DI di;
@@ -339,7 +339,7 @@ struct LinesOnPlane {
   int row_count = 0;
   RowPair rows[kMostRows];
   int line_count = 0;
-  const Gathered* line[kMostLines];
+  const AccumulatedLine* line[kMostLines];
   int before[kMostLines];  ///< Per line: index in `rows` of the row before it
   float part[kMostLines];  ///< Per line: fraction beyond that row
 };
@@ -370,7 +370,7 @@ HWY_INLINE BlockRange blocks_around(const SamplePlane& plane, int first, int las
 }
 
 /// Blocks around the non-opaque pixels of a line's chunks begin ... end - 1.
-HWY_INLINE BlockRange blocks_seen(const Gathered& line, const SamplePlane& plane, int begin, int end) {
+HWY_INLINE BlockRange blocks_seen(const AccumulatedLine& line, const SamplePlane& plane, int begin, int end) {
   const auto is_open = [&](int chunk) { return (line.open[chunk / 64] >> chunk % 64 & 1) != 0; };
   while (begin < end && !is_open(begin)) ++begin;
   while (begin < end && !is_open(end - 1)) --end;
@@ -384,7 +384,7 @@ HWY_INLINE BlockRange blocks_seen(const Gathered& line, const SamplePlane& plane
 
 /// Samples pixels begin ... end - 1, in whole chunks, of the lines with open chunks there.
 HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
-                                 float number, int begin, int end, const MixingRoom& room) {
+                                 float number, int begin, int end, const MixingBuffers& room) {
   // beyond these blocks the row is empty, and pixels farther out read its padding
   const int origin = blocks_around(plane, begin, begin).first;
   // only visible parts are mixed, since much of the surroundings is occluded
@@ -398,7 +398,7 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   const float* const* mixed[kMostRows];
   for (int n = 0; n < lines.row_count; ++n)
     mixed[n] =
-        ask_for_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n] : nullptr;
+        prefetch_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n] : nullptr;
   for (int n = 0; n < lines.row_count; ++n)
     if (mixed[n] != nullptr)
       mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *room.lit, room.pair[n]);
@@ -413,7 +413,7 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
     // a row without stored blocks was not mixed
     if (between.near == nullptr) between.near = between.far, between.near_weight = 0;
     if (between.far == nullptr) between.far = between.near, between.far_weight = 0;
-    const Gathered& line = *lines.line[n];
+    const AccumulatedLine& line = *lines.line[n];
     const auto open = [&](int w) { return line.open[w]; };
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
@@ -426,9 +426,9 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   }
 }
 
-HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
+HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
                                         const SamplePlane& plane, float number, int width,
-                                        const MixingRoom& room) {
+                                        const MixingBuffers& room) {
   const auto there = [&](int w) {
     std::uint64_t any = 0;
     for (int n = 0; n < lines.row_count; ++n)
@@ -466,9 +466,9 @@ HWY_NOINLINE void gather_lines_on_plane(const RowsView& rows, const LinesOnPlane
 }
 
 /// Processes the open ones among lines v ... v + count - 1 on a plane.
-HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
-                               int width, const Gathered* lines, const bool* is_open,
-                               const MixingRoom& room) {
+HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
+                               int width, const AccumulatedLine* lines, const bool* is_open,
+                               const MixingBuffers& room) {
   LinesOnPlane near;
   for (int n = 0; n < count; ++n) {
     const double y = plane.y_per_v * (v + n) + plane.y_0;
@@ -476,7 +476,7 @@ HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, f
     const int below = static_cast<int>(y + 1) - 1;
     if (near.line_count > 0 && below + 1 - near.first >= kMostRows) {
       // lines so far apart that they share few rows are processed separately
-      gather_lines_on_plane(rows, near, plane, number, width, room);
+      accumulate_lines_on_plane(rows, near, plane, number, width, room);
       near.line_count = near.row_count = 0;
     }
     if (near.line_count == 0) near.first = below;
@@ -486,17 +486,17 @@ HWY_NOINLINE void gather_plane(const RowsView& rows, const SamplePlane& plane, f
     for (; near.first + near.row_count <= below + 1; ++near.row_count)
       find_pair(rows, plane, near.first + near.row_count, near.rows[near.row_count]);
   }
-  if (near.line_count > 0) gather_lines_on_plane(rows, near, plane, number, width, room);
+  if (near.line_count > 0) accumulate_lines_on_plane(rows, near, plane, number, width, room);
 }
 
-void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const Gathered* lines, const MixingRoom& room) {
+void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const AccumulatedLine* lines, const MixingBuffers& room) {
   const int words = ((width + kChunk - 1) / kChunk + 63) / 64;
   bool is_open[kMostLines];
   for (int n = 0; n < count; ++n) is_open[n] = true;
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
-    gather_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, room);
+    accumulate_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, room);
     // checked rarely, since a whole line is seldom opaque and the check costs time
     if (++since < 16) continue;
     since = 0;
@@ -511,7 +511,7 @@ void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_cou
   }
 }
 
-void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed) {
+void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed) {
   const DF d;
   const DI di;
   const hn::RebindToUnsigned<DI> du;
@@ -591,7 +591,7 @@ struct AroundPlace {
 /// Also prefetches the blocks, since those around a single ray are rarely cached.
 /// @returns whether any is stored
 HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
-                            const LitBlocks& lit, AroundPlace& around) {
+                            const LitBlockCache& lit, AroundPlace& around) {
   const int block = block_of_voxel(place.x);
   around.in_block = place.x - block * kBlock;
   around.part = place.x_part;
@@ -605,7 +605,7 @@ HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const Samp
       const bool is_there = is_in && b >= 0 && b < rows.blocks && (m == 0 || around.in_block == kBlock - 1);
       const std::uint32_t found =
           is_there ? place_of(rows.mask + row * rows.words, rows.first + row * rows.groups, b) : 0;
-      ask_for_block(rows, found, lit);
+      prefetch_block(rows, found, lit);
       around.places[n][m] = found;
       any |= found;
     }
@@ -616,7 +616,7 @@ HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const Samp
 }
 
 /// Mixes their red, green, blue and extinction.
-HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlocks& lit) {
+HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlockCache& lit) {
   // two voxels each: red and green; blue and extinction
   V4 first{}, second{};
   for (int n = 0; n < 4; ++n) {
@@ -664,7 +664,7 @@ HWY_INLINE Leaving leaving_of(const float* pace) {
 
 /// Next plane on which the ray has left the empty cubes around a cell.
 /// @param place  voxels
-HWY_INLINE int leap_from(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const V4& place,
+HWY_INLINE int skip_empty_cubes(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const V4& place,
                          const Leaving& leaving, int plane) {
   const V4 cube{static_cast<float>(cell[0] >> kCubeShift), static_cast<float>(cell[1] >> kCubeShift),
                 static_cast<float>(cell[2] >> kCubeShift), static_cast<float>(cell[2] >> kCubeShift)};
@@ -693,7 +693,7 @@ HWY_INLINE void bound_planes(float start, float per_plane, int count, float& beg
 }
 
 HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes,
-                          int plane_count, float z_per_plane, bool wants_met, LitBlocks& lit,
+                          int plane_count, float z_per_plane, bool wants_met, LitBlockCache& lit,
                           TracedRay& ray) {
   V4 sum{};
   float clear = 1;
@@ -723,7 +723,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
       const std::uint64_t filled = cubes.filled[index];
       if ((filled >> bit & 1) == 0) {
         const float z = static_cast<float>(planes[p].slice) + planes[p].beyond;
-        p = filled != 0 ? p + 1 : leap_from(cubes, index, cell, V4{x, y, z, z}, leaving, p);
+        p = filled != 0 ? p + 1 : skip_empty_cubes(cubes, index, cell, V4{x, y, z, z}, leaving, p);
         continue;
       }
       around.plane = plane;
@@ -756,7 +756,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
 }
 
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit) {
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit) {
   for (int n = 0; n < count; ++n)
     trace_ray(rows, cubes, planes, plane_count, z_per_plane, wants_met, lit, rays[n]);
 }
@@ -788,10 +788,10 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
       across = hn::Max(across, hn::Abs(hn::Sub(hn::Add(channel(upper, c), channel(lower, c)), twice)));
     }
     const auto marks = [&](VI bend, std::uint32_t bit) HWY_ATTR {
-      return hn::And(hn::VecFromMask(di, hn::Gt(bend, hn::Set(di, kBend))),
+      return hn::And(hn::VecFromMask(di, hn::Gt(bend, hn::Set(di, kCreaseThreshold))),
                      hn::Set(di, static_cast<std::int32_t>(bit)));
     };
-    const VI word = hn::Or(middle, hn::Or(marks(along, kBendsAlong), marks(across, kBendsAcross)));
+    const VI word = hn::Or(middle, hn::Or(marks(along, kCreaseAlong), marks(across, kCreaseAcross)));
     hn::StoreU(hn::BitCast(DU(), word), DU(), marked + u);
   }
 }
@@ -825,7 +825,7 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
     const VI same = hn::Set(di, hn::GetLane(a));
     const VI differ_from =
         hn::Or(hn::Or(hn::Xor(a, same), hn::Xor(b, same)), hn::Or(hn::Xor(e, same), hn::Xor(f, same)));
-    if ((word & (kBendsAlong | kBendsAcross)) == 0 && hn::AllTrue(di, hn::Eq(differ_from, hn::Zero(di)))) {
+    if ((word & (kCreaseAlong | kCreaseAcross)) == 0 && hn::AllTrue(di, hn::Eq(differ_from, hn::Zero(di)))) {
       for (int c = 0; c < 3; ++c) {
         const auto level = static_cast<std::uint8_t>(
             static_cast<float>(word >> (20 - 10 * c) & 1023) * (255.0f / 1023) + 0.5f);
@@ -868,17 +868,17 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace palpate::internal::volume_picture {
 
-HWY_EXPORT(gather_lines);
+HWY_EXPORT(accumulate_lines);
 HWY_EXPORT(pack_line);
 HWY_EXPORT(mark_line);
 HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
-void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const Gathered* lines, const MixingRoom& room) {
-  HWY_DYNAMIC_DISPATCH(gather_lines)(rows, planes, plane_count, v, count, width, lines, room);
+void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const AccumulatedLine* lines, const MixingBuffers& room) {
+  HWY_DYNAMIC_DISPATCH(accumulate_lines)(rows, planes, plane_count, v, count, width, lines, room);
 }
-void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed) {
+void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed) {
   HWY_DYNAMIC_DISPATCH(pack_line)(line, width, background, packed);
 }
 int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32_t* edges) {
@@ -889,7 +889,7 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
   HWY_DYNAMIC_DISPATCH(mark_line)(above, here, below, width, marked);
 }
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit) {
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit) {
   HWY_DYNAMIC_DISPATCH(trace_rays)
   (rows, cubes, planes, plane_count, z_per_plane, wants_met, count, rays, lit);
 }

@@ -36,7 +36,7 @@ struct LightFall {
 /// Direct-mapped cache of recently lit blocks, of the size of a thread's own CPU cache: a block is reused on
 /// the next plane and by the next lines, and lighting it again takes less time than fetching it from main
 /// memory. A block's slot is determined by its index; it is lit again if another block has taken the slot.
-struct alignas(64) LitBlocks {
+struct alignas(64) LitBlockCache {
   static constexpr std::uint32_t kCount = 4096;
   LitBlock lit[kCount];
   std::uint32_t place[kCount];
@@ -83,7 +83,7 @@ struct SamplePlane {
 
 /// Accumulated values of a line of intermediate pixels; arrays of whole chunks of kChunk.
 inline constexpr int kChunk = 8;
-struct Gathered {
+struct AccumulatedLine {
   float* channel[3];  ///< 0 ... 1
   float* clear;       ///< Transmittance
   float* met;  ///< Plane, with fraction, at which transmittance fell below one half; -1: nowhere; may be null
@@ -99,24 +99,24 @@ inline constexpr int kMostLines = 4, kMostRows = 6;
 inline constexpr int kRowPadding = 32 * kBlock;
 /// Scratch memory for voxel rows with kRowPadding at either end (red, green, blue and extinction of each),
 /// and the thread's lit blocks.
-struct MixingRoom {
-  LitBlocks* lit;
+struct MixingBuffers {
+  LitBlockCache* lit;
   float* pair[kMostRows][4];
 };
 
 /// Accumulates lines v ... v + count - 1 over all planes, front to back, with the lines interleaved on each
 /// plane, because neighbouring lines use the same blocks.
 /// @param width  pixels
-void gather_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const Gathered* lines, const MixingRoom& room);
+void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
+                  int width, const AccumulatedLine* lines, const MixingBuffers& room);
 
 /// Packs intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
-void pack_line(const Gathered& line, int width, const float* background, std::uint32_t* packed);
+void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed);
 
 /// Copies whole chunks of a line of intermediate pixels and marks those with a large second difference along
 /// the line or across it.
 /// @param above, below  neighbouring lines; one pixel before and after `here` is read
-inline constexpr std::uint32_t kBendsAlong = 0x80000000, kBendsAcross = 0x40000000;
+inline constexpr std::uint32_t kCreaseAlong = 0x80000000, kCreaseAcross = 0x40000000;
 void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
                std::uint32_t* marked);
 
@@ -138,11 +138,11 @@ struct TracedRay {
   float first, last;                     ///< Range of visible planes, with fractions
   float begun;                           ///< Everything before this plane is empty
   float channel[3];                      ///< 0 ... 1
-  float clear, met;                      ///< As in Gathered
+  float clear, met;                      ///< As in AccumulatedLine
 };
 /// @param wants_met  whether TracedRay::met is computed
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
-                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlocks& lit);
+                float z_per_plane, bool wants_met, int count, TracedRay* rays, LitBlockCache& lit);
 
 /// Resampling of final pixels of a row from intermediate ones at (u, v) = (U, V) / W, all linear in the
 /// column.

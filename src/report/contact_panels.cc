@@ -4,7 +4,7 @@
 #include <set>
 
 #include "palpate/rendering/rendering.h"
-#include "palpate/tissue/seen_by_law.h"
+#include "palpate/tissue/displayed_law.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
@@ -90,7 +90,7 @@ namespace {
 /// What a panel's sections show, and what they found.
 struct Sections {
   const Model& model;  ///< the run's, or what a burr had left of it
-  const YieldedTissue& yielded;
+  const DisplacedTissue& yielded;
   SectionMarks marks;
   SectionStyle style;
   double width_mm = 100;
@@ -207,10 +207,10 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
                      facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
   auto left = model_left(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
-    left = std::make_shared<const Model>(seen_under_law(left != nullptr ? *left : run.model, law));
+    left = std::make_shared<const Model>(displayed_under_law(left != nullptr ? *left : run.model, law));
   }
   const Model& model = left != nullptr ? *left : run.model;
-  const YieldedTissue yielded(model, shown.peak);
+  const DisplacedTissue yielded(model, shown.peak);
   Sections sections{model, yielded, std::move(marks), style, field_of_view_mm(run.model), name};
   if (!yielded.rests()) {
     const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };

@@ -36,7 +36,7 @@ std::string side_badge(const Run& run) {
 /// The force methods that were felt, in the order of their first tick.
 std::string methods_text(const RecordingHead& recording) {
   std::string text;
-  for (const RecordingHead::FeltMethod& felt : recording.methods)
+  for (const RecordingHead::UsedMethod& felt : recording.methods)
     text += (text.empty() ? "" : ", ") + (felt.method < kForceMethods.size()
                                               ? std::string(kForceMethods[felt.method].name)
                                               : "number " + std::to_string(felt.method));

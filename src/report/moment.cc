@@ -5,9 +5,9 @@
 #include <deque>
 
 #include "palpate/rendering/rendering.h"
-#include "palpate/tissue/seen_by_law.h"
+#include "palpate/tissue/displayed_law.h"
 #include "palpate/tissue/tissue_laws.h"
-#include "palpate/tissue/yielded_tissue.h"
+#include "palpate/tissue/displaced_tissue.h"
 #include "report/contacts.h"
 #include "report/parts.h"
 #include "report/removal_figures.h"
@@ -63,7 +63,7 @@ class RecentTips {
 };
 
 /// The model with its labels where their tissue went.
-std::shared_ptr<const Model> where_tissue_went(const Model& model, const YieldedTissue& yielded) {
+std::shared_ptr<const Model> where_tissue_went(const Model& model, const DisplacedTissue& yielded) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
@@ -76,8 +76,8 @@ std::shared_ptr<const Model> where_tissue_went(const Model& model, const Yielded
 
 void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
   if (model.labels == nullptr || !is_elastic(law)) return;
-  const Model under = seen_under_law(moment.left != nullptr ? *moment.left : model, law);
-  const YieldedTissue yielded(under, moment.tick);
+  const Model under = displayed_under_law(moment.left != nullptr ? *moment.left : model, law);
+  const DisplacedTissue yielded(under, moment.tick);
   if (yielded.rests()) return;
   for (int device = 0; device < moment.devices; ++device) {
     const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
@@ -103,7 +103,7 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
   report::TickTimes times(head);
   RecentTips tips(moment.devices);
   report::RemovalMeter removal(model);
-  LawsByVersion laws(model.tissue_law);
+  LawHistory laws(model.tissue_law);
   bool any = false, is_over = false;
   double done = 0;
   const auto see = [&](const report::TimedTick& now) {

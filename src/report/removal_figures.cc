@@ -30,11 +30,11 @@ const Surface* surface_of(const Model& model, LabelId label, const Point<Patient
   const auto& labels = model.label_of_surface;
   const auto place = static_cast<std::size_t>(std::ranges::find(labels, label) - labels.begin());
   if (place >= labels.size() || place >= model.surfaces.size()) return nullptr;
-  const FeltSurface& own = model.surfaces[place];
+  const ContactSurface& own = model.surfaces[place];
   if (own.surface != nullptr) return own.surface.get();
   const Surface* outermost = nullptr;
   double least_mm = std::numeric_limits<double>::infinity();
-  for (const FeltSurface& felt : std::span(model.surfaces).subspan(labels.size())) {
+  for (const ContactSurface& felt : std::span(model.surfaces).subspan(labels.size())) {
     if (felt.surface == nullptr || felt.layer != own.layer) continue;
     const double distance_mm = felt.surface->distance_mm(inside);
     if (distance_mm >= least_mm) continue;

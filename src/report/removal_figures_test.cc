@@ -29,7 +29,7 @@ Model bone_below() {
       for (int i = 0; i < dims[0]; ++i)
         if ((X_PatientVoxel * Point<Voxel>(i, j, k)).z() < kTop_mm) labels.at(i, j, k) = kBone;
   model.labels = label_bricks(labels);
-  FeltSurface bone;
+  ContactSurface bone;
   bone.surface = palpate::testing::surface_to_carve(kHalf_mm, {0.5, 0.5, 0.5},
                                                     [](const Eigen::Vector3d& p) { return p.z() - kTop_mm; });
   model.surfaces = {bone};

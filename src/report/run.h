@@ -42,7 +42,7 @@ struct Run {
 
   const RecordingHead& recording;
   const Model& model;
-  LawsByVersion laws;  ///< of soft tissue
+  LawHistory laws;  ///< of soft tissue
   int devices;         ///< 1 ... 4, whatever a damaged file says
   TickRecord first;    ///< the first tick, where there is one
   double duration_s = 0;

@@ -5,7 +5,7 @@
 
 #include "palpate/haptics/haptics.h"
 #include "palpate/rendering/rendering.h"
-#include "palpate/tissue/yielded_tissue.h"
+#include "palpate/tissue/displaced_tissue.h"
 
 /// How strained tissue is, as colours over a section: the page's own scale (web/src/strain.ts).
 namespace palpate::report {
@@ -18,10 +18,10 @@ struct StrainMap {
   Overlay picture;
   double most = 0;  ///< of what is seen; infinite: something is turned inside out
 };
-/// The equivalent strain (YieldedTissue::strain) of what yields in each pixel of a section; nothing over what
+/// The equivalent strain (DisplacedTissue::strain) of what yields in each pixel of a section; nothing over what
 /// does not, and where it is not known.
 /// @param labels  that are seen in the section, row by row, tissue where it has gone to
-StrainMap strain_map(const Model& model, const YieldedTissue& yielded, const TissueMoved& moved,
+StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const TissueDisplacement& moved,
                      const SectionPlane& plane, std::span<const LabelId> labels);
 
 /// The scale, as SVG with its figures.

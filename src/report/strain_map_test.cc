@@ -14,8 +14,8 @@ using ::testing::HasSubstr;
 
 TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
   const auto model = palpate::testing::soft_block(true);
-  const YieldedTissue yielded(*model, palpate::testing::pressed_at(0, 0));
-  const TissueMoved moved = [&](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+  const DisplacedTissue yielded(*model, palpate::testing::pressed_at(0, 0));
+  const TissueDisplacement moved = [&](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
   SectionStyle style;
   style.moved = moved;
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kCoronal, {0, 0, -8}, 50, 100, 100);

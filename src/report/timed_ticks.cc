@@ -5,7 +5,7 @@
 namespace palpate::report {
 
 TickTimes::TickTimes(const RecordingHead& head)
-    : clock_rises_(head.clock_rises),
+    : clock_rises_(head.is_clock_monotonic),
       period_s_(std::isfinite(head.header.rate_hz) && head.header.rate_hz > 0 ? 1 / head.header.rate_hz
                                                                               : 1e-3) {}
 

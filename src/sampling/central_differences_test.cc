@@ -150,7 +150,7 @@ TYPED_TEST(CentralDifferences, GoToTheValueOutsideLinearlyOverOneVoxel) {
 
 TYPED_TEST(CentralDifferences, AreThoseOfTheOutsideForWhatIsNoPlace) {
   const auto field = Stored<TypeParam>::field(Volume<TypeParam>(make_grid({4, 4, 4}, 2), TypeParam{99}));
-  const auto points = test::places_that_are_none(field.geometry());
+  const auto points = test::invalid_points(field.geometry());
   std::vector<FieldSample> samples(points.size());
   sample_central_differences(field, points, samples);
   for (std::size_t n = 0; n < points.size(); ++n) {

@@ -164,7 +164,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
 TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const GaussianSphere sphere = gaussian_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 1);
-  auto points = test::places_that_are_none(grid);
+  auto points = test::invalid_points(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-4.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 7.6));
   for (const auto& p : points) {

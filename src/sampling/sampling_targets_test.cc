@@ -54,7 +54,7 @@ void expect_all_targets_right(const GridGeometry& grid, const Method& method) {
   std::mt19937 random(test::kSeed);
   const auto targets = hwy::SupportedAndGeneratedTargets();
   std::vector<Worst> worst_one(targets.size()), worst_many(targets.size());
-  std::vector<Point<Patient>> points = test::places_that_are_none(grid);
+  std::vector<Point<Patient>> points = test::invalid_points(grid);
   for (const auto& p : test::border_points(grid)) {
     if (!method.ends_abruptly(p)) points.push_back(p);
   }

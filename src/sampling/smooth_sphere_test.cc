@@ -206,7 +206,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
 TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const SmoothSphere sphere = smooth_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 0.5);
-  auto points = test::places_that_are_none(grid);
+  auto points = test::invalid_points(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-sphere.radius_voxels()[0] - 0.1, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 3.1 + sphere.radius_voxels()[2]));
   for (const auto& p : points) {

@@ -148,7 +148,7 @@ TEST(Spline, ReachesTheValueOutsideOneVoxelBeyondTheGridWithoutAJump) {
     const auto p = values.geometry().X_PatientVoxel() * Point<Voxel>(x, 2.3, 4.4);
     EXPECT_NEAR(sample_spline(field, p).value, 3, 1e-5) << x;
   }
-  for (const auto& p : test::places_that_are_none(values.geometry())) {
+  for (const auto& p : test::invalid_points(values.geometry())) {
     EXPECT_EQ(sample_spline(field, p).value, 3);
     EXPECT_EQ(sample_spline(field, p).gradient, Vector<Patient>());
   }

@@ -145,7 +145,7 @@ TEST(StoredNormals, CountTheirStorage) {
 
 TEST(StoredNormals, FeelNothingInFreeSpaceNorWhereThereIsNoPlace) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
-  auto points = test::places_that_are_none(grid);
+  auto points = test::invalid_points(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-1.01, 2, 2));
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(3, 2, 4.01));
   for (const auto encoding : kEncodings) {

@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-using internal::BrickOfDiscs;
+using internal::BrickTree;
 using internal::Disc;
 using internal::DiscNode;
 using TreeLayout = BrickLayout;
@@ -323,7 +323,7 @@ std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
 }
 
 // tree of a brick's pieces; null if the surface does not cross it
-std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const PieceMaker& make,
+std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceMaker& make,
                                              std::size_t number, const std::array<int, 3>& brick) {
   const Bricks<std::int16_t>& bricks = field.bricks();
   if (bricks.is_uniform(number)) return nullptr;
@@ -346,7 +346,7 @@ std::shared_ptr<const BrickOfDiscs> discs_of(const SignedField& field, const Pie
   std::vector<DiscNode> leaves;
   leaves.reserve(discs.size());
   for (const Disc& disc : discs) leaves.push_back({disc, -1});
-  return std::make_shared<const BrickOfDiscs>(BrickOfDiscs{tree_of(std::move(leaves))});
+  return std::make_shared<const BrickTree>(BrickTree{tree_of(std::move(leaves))});
 }
 
 // ---- queries
@@ -366,7 +366,7 @@ Eigen::Vector3d middle_of(const Disc& disc) {
 }
 
 // projects a point onto the surface by Newton's method; false if that fails
-bool settle_on(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
+bool project_onto_surface(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
   constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
   constexpr int kSteps = 5;
   for (int step = 0; step <= kSteps; ++step) {
@@ -391,7 +391,7 @@ double slide_nearer(const PositionReader& position, const Point<Patient>& x, Poi
   double best_mm = (x - p).norm();
   Point<Patient> at = p;
   Vector<Patient> slope;
-  if (!settle_on(position, at, slope)) return best_mm;
+  if (!project_onto_surface(position, at, slope)) return best_mm;
   const auto aside_of = [&](const Point<Patient>& place, const Vector<Patient>& steepest) {
     const Vector<Patient> way = x - place;
     return way - steepest * (way.dot(steepest) / steepest.squared_norm());
@@ -404,7 +404,7 @@ double slide_nearer(const PositionReader& position, const Point<Patient>& x, Poi
     const Vector<Patient> along = aside * (1 / aside_mm);
     Point<Patient> next = at + along * step_mm;
     Vector<Patient> next_slope;
-    if (!settle_on(position, next, next_slope)) {
+    if (!project_onto_surface(position, next, next_slope)) {
       part *= 0.3;
       continue;
     }
@@ -429,7 +429,7 @@ double slide_nearer(const PositionReader& position, const Point<Patient>& x, Poi
 
 SurfaceTree::SurfaceTree(std::shared_ptr<const Surface> surface) : surface_(std::move(surface)) {
   PALPATE_CHECK(surface_ != nullptr);
-  look_at_bricks(nullptr);
+  update_bricks(nullptr);
 }
 
 SurfaceTree SurfaceTree::with(std::shared_ptr<const Surface> surface) const {
@@ -437,11 +437,11 @@ SurfaceTree SurfaceTree::with(std::shared_ptr<const Surface> surface) const {
                 surface->position().bricks().counts() == surface_->position().bricks().counts());
   SurfaceTree now = *this;
   now.surface_ = std::move(surface);
-  now.look_at_bricks(this);
+  now.update_bricks(this);
   return now;
 }
 
-void SurfaceTree::look_at_bricks(const SurfaceTree* before) {
+void SurfaceTree::update_bricks(const SurfaceTree* before) {
   const SignedField& position = surface_->position();
   const Bricks<std::int16_t>& bricks = position.bricks();
   const PieceMaker make(position);
@@ -477,7 +477,7 @@ void SurfaceTree::look_at_bricks(const SurfaceTree* before) {
 
 std::size_t SurfaceTree::bytes() const {
   std::size_t nodes = top_.size();
-  for (const BrickOfDiscs* brick : of_top_) nodes += brick->nodes.size();
+  for (const BrickTree* brick : of_top_) nodes += brick->nodes.size();
   return nodes * sizeof(DiscNode) + bricks_.size() * sizeof(bricks_.front()) +
          of_top_.size() * sizeof(of_top_.front());
 }

@@ -53,7 +53,7 @@ inline GridGeometry make_grid(std::array<int, 3> dims, int kind) {
 }
 
 /// Points with NaN or infinite coordinates, or too far away for an integer index.
-inline std::vector<Point<Patient>> places_that_are_none(const GridGeometry& grid) {
+inline std::vector<Point<Patient>> invalid_points(const GridGeometry& grid) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   std::vector<Point<Patient>> points;
   for (const double bad : {nan, inf, -inf, 1e300, -1e300, 1e12, -1e12, 3e9, -3e9}) {

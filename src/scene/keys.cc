@@ -302,7 +302,7 @@ SceneKeys declared_keys() {
              .type = kNumber,
              .default_text = "0.45",
              .min = 0,
-             .max = kMostPoissonsRatio,
+             .max = kMaxPoissonsRatio,
              .meaning =
                  "Of the same law: how much the material widens where it is pressed; near 0.5 it keeps "
                  "its volume. Only beside a modulus, this key's or the preset's."},
@@ -366,8 +366,8 @@ SceneKeys declared_keys() {
                         .type = kNumber,
                         .default_text = "4",
                         .unit = "mm",
-                        .min = kLeastRampWidth_mm,
-                        .max = kMostRampWidth_mm,
+                        .min = kMinRampWidth_mm,
+                        .max = kMaxRampWidth_mm,
                         .meaning =
                             "Of the inward ramp: depth at which the stiffest tissue gives its full "
                             "force, `stiffness` times this. At least two of the widest voxels, which it "
@@ -568,15 +568,15 @@ SceneKeys declared_keys() {
            {{.name = "scale",
              .type = kNumber,
              .default_text = "1",
-             .min = kLowestScale,
-             .max = kHighestScale,
+             .min = kMinScale,
+             .max = kMaxScale,
              .meaning = "Millimetres in the patient for each one of the device: above 1 the reach is wider, "
                         "below 1 the hand is finer."},
             {.name = "force_gain",
              .type = kNumber,
              .default_text = "1",
-             .min = kLowestScale,
-             .max = kHighestScale,
+             .min = kMinScale,
+             .max = kMaxScale,
              .meaning = "Newtons at the device for each one in the patient. Limits hold for the device's."},
             {.name = "yaw",
              .type = kNumber,

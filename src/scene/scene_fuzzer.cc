@@ -16,9 +16,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     PALPATE_CHECK(!tool.points_mm.empty() &&
                   tool.points_mm.size() + tool.capsules.size() <= palpate::kMaxToolParts);
   const auto& workspace = scene->workspace;
-  PALPATE_CHECK(workspace.scale >= palpate::kLowestScale && workspace.scale <= palpate::kHighestScale);
-  PALPATE_CHECK(workspace.force_gain >= palpate::kLowestScale &&
-                workspace.force_gain <= palpate::kHighestScale);
+  PALPATE_CHECK(workspace.scale >= palpate::kMinScale && workspace.scale <= palpate::kMaxScale);
+  PALPATE_CHECK(workspace.force_gain >= palpate::kMinScale &&
+                workspace.force_gain <= palpate::kMaxScale);
   PALPATE_CHECK(workspace.clutch_button >= -1 && workspace.clutch_button < 32);
   PALPATE_CHECK(!workspace.home || workspace.home->all_finite());
   for (const auto& tissue : scene->tissues) {

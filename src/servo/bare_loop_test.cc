@@ -12,7 +12,7 @@ namespace {
 
 TEST(BareLoop, MeasuresEveryTickOfItsTime) {
   LatencyHistogram lateness;
-  const auto loop = run_bare_loop(2000, 0.2, 50e-6, {.lock_memory = false}, lateness);
+  const auto loop = measure_empty_loop(2000, 0.2, 50e-6, {.lock_memory = false}, lateness);
   ASSERT_TRUE(loop.ok()) << loop.error().message();
   // more only if the last points were skipped
   EXPECT_GE(loop->ticks + loop->skipped, 400u);
@@ -32,7 +32,7 @@ TEST(BareLoop, StopsWhenAsked) {
     stop = true;
   });
   const auto loop =
-      run_bare_loop(1000, 3600, 0, {.fifo = false, .lock_memory = false}, lateness, Progress({}, &stop));
+      measure_empty_loop(1000, 3600, 0, {.fifo = false, .lock_memory = false}, lateness, Progress({}, &stop));
   stopper.join();
   ASSERT_FALSE(loop.ok());
   EXPECT_EQ(loop.error().kind, ErrorKind::kInterrupted);
@@ -43,7 +43,7 @@ TEST(BareLoop, StopsWhenAsked) {
 TEST(BareLoop, WhereNoThreadIsToBeHadItSaysSo) {
   const test::NoThreads none;
   LatencyHistogram lateness;
-  const auto loop = run_bare_loop(1000, 0.1, 0, {.fifo = false, .lock_memory = false}, lateness);
+  const auto loop = measure_empty_loop(1000, 0.1, 0, {.fifo = false, .lock_memory = false}, lateness);
   ASSERT_FALSE(loop.ok());
   EXPECT_EQ(loop.error().kind, ErrorKind::kUnavailable);
   EXPECT_NE(loop.error().what.find("no thread"), std::string::npos) << loop.error().message();

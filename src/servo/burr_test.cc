@@ -303,18 +303,18 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
   drill(led, 3);
   led.carving = led.carving->undone();
   led.model = led.carving->taken_from(*led.model);
-  double last_N = led.wrench.force_N.norm(), most_step_N = 0, passed_N = 0;
+  double last_N = led.wrench.force_N.norm(), max_step_N = 0, passed_N = 0;
   for (int n = 0; n < 200; ++n) {
     led.tick_once();
     const double now_N = led.wrench.force_N.norm();
-    most_step_N = std::max(most_step_N, std::abs(now_N - last_N));
+    max_step_N = std::max(max_step_N, std::abs(now_N - last_N));
     passed_N = std::max(passed_N, now_N - last_N);
     last_N = now_N;
   }
   EXPECT_EQ(last_N, 0) << "nobody knows on which side it is";
   EXPECT_NE(led.record.device[0].flags & kFlagInside, 0u);
   EXPECT_LE(passed_N, 0) << "nothing throws it out";
-  EXPECT_LT(most_step_N, 0.05);
+  EXPECT_LT(max_step_N, 0.05);
   // swept material is carved: the burr can be retracted and cuts again
   led.lead_to(led.above(1), 100);
   EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u);
@@ -349,7 +349,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     LedSession led;
     Model layered = testing::as_one_body(testing::ball_model({1, 1, 1}, 1, kShell_mm), kShell_mm);
     layered.tools = led.model->tools;
-    for (FeltSurface& felt : layered.surfaces)
+    for (ContactSurface& felt : layered.surfaces)
       felt.cutting_energy_mJ_per_mm3 = cuts ? 100 : std::numeric_limits<double>::infinity();
     layered.protected_structures = {{kBone, layered.surfaces[0].surface, false}};
     led.model = std::make_shared<const Model>(layered);
@@ -397,7 +397,7 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   led.lead_to(led.above(-0.5), 100);
   // tilts down next to its tip's pocket, carving all along
   const Point<World> at = led.device.tip;
-  double turned_rad = 0, last_N = led.wrench.force_N.norm(), most_step_N = 0;
+  double turned_rad = 0, last_N = led.wrench.force_N.norm(), max_step_N = 0;
   for (int n = 0; n < 600; ++n) {
     if (n % 20 == 0) led.carve();
     turned_rad = std::min(1.5, turned_rad + 0.003);
@@ -405,11 +405,11 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
     led.device.tip = at;
     led.tick_once();
     EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << n;
-    most_step_N = std::max(most_step_N, std::abs(led.wrench.force_N.norm() - last_N));
+    max_step_N = std::max(max_step_N, std::abs(led.wrench.force_N.norm() - last_N));
     last_N = led.wrench.force_N.norm();
   }
   led.carve();
-  EXPECT_LT(most_step_N, 0.3);
+  EXPECT_LT(max_step_N, 0.3);
   EXPECT_GT(led.burr().taken_mm3, 3);
   // the far end has passed through bone that the tip was never near
   const Vector<Patient> axis = (led.model->X_WorldPatient.inverse() *

@@ -22,7 +22,7 @@ std::string feel_text() {
   return text;
 }
 
-std::string first_other_feel(const std::string& text) {
+std::string first_feel_difference(const std::string& text) {
   std::map<std::string, std::string> was;
   std::istringstream lines(text);
   for (std::string name, value; lines >> name >> value;) was[name] = value;

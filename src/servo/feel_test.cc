@@ -25,12 +25,12 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 
 TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
   const std::string text = feel_text();
-  EXPECT_EQ(first_other_feel(text), "");
-  EXPECT_EQ(first_other_feel(replaced(text, "output.blend_s 0.1", "output.blend_s 0.2")),
+  EXPECT_EQ(first_feel_difference(text), "");
+  EXPECT_EQ(first_feel_difference(replaced(text, "output.blend_s 0.1", "output.blend_s 0.2")),
             "output.blend_s 0.2, here 0.1");
-  EXPECT_EQ(first_other_feel(replaced(text, "output.blend_s 0.1\n", "")),
+  EXPECT_EQ(first_feel_difference(replaced(text, "output.blend_s 0.1\n", "")),
             "output.blend_s not there, here 0.1");
-  EXPECT_EQ(first_other_feel(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
+  EXPECT_EQ(first_feel_difference(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
   // text of a recording's header
   EXPECT_LT(text.size(), 4000u);
   for (const char byte : text) EXPECT_TRUE(byte == '\n' || (byte >= ' ' && byte <= '~'));

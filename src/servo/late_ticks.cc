@@ -17,7 +17,7 @@ constexpr auto kLook = std::chrono::milliseconds(10);
 
 void LateTicks::begin(int servo_cpu) {
   thread_ = std::thread([this, servo_cpu] {
-    keep_off_cpu(servo_cpu);
+    exclude_cpu(servo_cpu);
     look_for_causes();
   });
 }

@@ -56,10 +56,10 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     DeviceParameters& own = latest_.parameters.device[d];
     const DeviceParameters told = own;
     own = device_parameters(devices[d], workspace);
-    own.most_stiffness_N_per_mm = std::min(own.most_stiffness_N_per_mm, told.most_stiffness_N_per_mm);
+    own.max_stiffness_N_per_mm = std::min(own.max_stiffness_N_per_mm, told.max_stiffness_N_per_mm);
     // not above 0: unknown
-    if (told.most_damping_N_s_per_mm > 0)
-      own.most_damping_N_s_per_mm = std::fmin(own.most_damping_N_s_per_mm, told.most_damping_N_s_per_mm);
+    if (told.max_damping_N_s_per_mm > 0)
+      own.max_damping_N_s_per_mm = std::fmin(own.max_damping_N_s_per_mm, told.max_damping_N_s_per_mm);
     if (std::isfinite(told.delay_s)) own.delay_s = std::fmax(own.delay_s, told.delay_s);
   }
   posted_ = latest_;
@@ -90,7 +90,7 @@ void Loop::run(std::promise<void>& ready) {
   request.fifo = settings_.realtime && ticks_here_;
   request.lock_memory = settings_.realtime;
   request.cpu = ticks_here_ ? settings_.cpu : -1;
-  request.leave_above = 1;
+  request.priorities_above = 1;
   const RealtimeGrant grant = make_this_thread_realtime(request);
   scheduling_.realtime = grant.fifo;
   scheduling_.memory_locked = grant.memory_locked;
@@ -123,15 +123,15 @@ std::uint32_t Loop::emergency_stop() noexcept {
   return static_cast<std::uint32_t>(next >> 1);
 }
 
-Rearmed Loop::rearm(std::uint32_t stop, std::uint32_t& number) noexcept {
+RearmResult Loop::rearm(std::uint32_t stop, std::uint32_t& number) noexcept {
   std::uint64_t now = arming_.load();
-  if ((now & 1) == 0) return Rearmed::kNotStopped;
-  if (static_cast<std::uint32_t>(now >> 1) != stop) return Rearmed::kStoppedAgain;
-  if (free_at_.load() != now) return heard_.load() == now ? Rearmed::kTouching : Rearmed::kUnheard;
+  if ((now & 1) == 0) return RearmResult::kNotStopped;
+  if (static_cast<std::uint32_t>(now >> 1) != stop) return RearmResult::kStoppedAgain;
+  if (free_at_.load() != now) return heard_.load() == now ? RearmResult::kTouching : RearmResult::kNotApplied;
   const std::uint64_t next = ((now >> 1) + 1) << 1;
-  if (!arming_.compare_exchange_strong(now, next)) return Rearmed::kStoppedAgain;
+  if (!arming_.compare_exchange_strong(now, next)) return RearmResult::kStoppedAgain;
   number = static_cast<std::uint32_t>(next >> 1);
-  return Rearmed::kDone;
+  return RearmResult::kDone;
 }
 
 Arming Loop::arming() const noexcept {
@@ -239,7 +239,7 @@ double Loop::keep_time(std::int64_t now_ns) noexcept {
 
 // Whether this tick is stopped. A stop takes effect in the tick that reads it. A rearm takes effect if the
 // last tick's tips were in free space; otherwise it is turned back into the stop.
-bool Loop::hear_arming() noexcept {
+bool Loop::apply_arming() noexcept {
   std::uint64_t arming = arming_.load();
   const bool asked_to_stop = (arming & 1) != 0;
   if (!asked_to_stop && stopped_ && touched_)
@@ -247,7 +247,7 @@ bool Loop::hear_arming() noexcept {
   else
     stopped_ = asked_to_stop;
   record_.arming_number = static_cast<std::uint32_t>(arming >> 1);
-  heard_arming_ = arming;
+  tick_arming_ = arming;
   return stopped_;
 }
 
@@ -255,7 +255,7 @@ void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::
   parameters_in_.take(posted_);
   parameters_ = posted_.parameters;
   record_.settings_number = posted_.number;
-  parameters_.emergency_stop = hear_arming() || posted_.parameters.emergency_stop;
+  parameters_.emergency_stop = apply_arming() || posted_.parameters.emergency_stop;
   parameters_.paused = posted_.parameters.paused || stopping_.load(std::memory_order_relaxed);
   // after a stall the first tick sends nothing, even if the watchdog was suspended together with the servo
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
@@ -295,8 +295,8 @@ void Loop::publish() noexcept {
     silent = silent && state_.hands[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
   }
   touched_ = touching;
-  free_at_.store(touching ? kNowhere : heard_arming_);
-  heard_.store(heard_arming_);
+  free_at_.store(touching ? kNowhere : tick_arming_);
+  heard_.store(tick_arming_);
   silent_.store(silent, std::memory_order_relaxed);
 }
 
@@ -335,10 +335,10 @@ Error usage(const std::string& what, const std::string& remedy) {
 }
 
 std::optional<Error> settings_error(const LoopSettings& settings) {
-  if (!(settings.rate_hz >= kLowestRate_hz && settings.rate_hz <= kHighestRate_hz))
+  if (!(settings.rate_hz >= kMinRate_hz && settings.rate_hz <= kMaxRate_hz))
     return usage("a rate of " + std::to_string(settings.rate_hz) + " ticks a second",
-                 "choose one from " + std::to_string(static_cast<int>(kLowestRate_hz)) + " to " +
-                     std::to_string(static_cast<int>(kHighestRate_hz)));
+                 "choose one from " + std::to_string(static_cast<int>(kMinRate_hz)) + " to " +
+                     std::to_string(static_cast<int>(kMaxRate_hz)));
   if (!(settings.spin_s >= 0)) return usage("a negative time to spin", "0 never spins");
   if (!(settings.ring_s > 0 && settings.ring_s <= 60))
     return usage("a ring of " + std::to_string(settings.ring_s) + " s", "choose one of up to a minute");

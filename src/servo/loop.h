@@ -39,7 +39,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void set_model(std::shared_ptr<const Model> model) override { model_.set(std::move(model)); }
   std::size_t collect() override { return model_.collect(); }
   std::uint32_t emergency_stop() noexcept override;
-  Rearmed rearm(std::uint32_t stop, std::uint32_t& number) noexcept override;
+  RearmResult rearm(std::uint32_t stop, std::uint32_t& number) noexcept override;
   Arming arming() const noexcept override;
   void stop() override;
   bool running() const noexcept override { return running_.load(); }
@@ -69,7 +69,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
 
   void run(std::promise<void>& ready);
-  bool hear_arming() noexcept;
+  bool apply_arming() noexcept;
   double keep_time(std::int64_t now_ns) noexcept;
   void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
@@ -107,7 +107,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   std::int64_t last_begun_ns_ = 0;
   std::int64_t lateness_ns_ = 0;
   bool stopped_ = false;  // state that the last tick took from arming_
-  std::uint64_t heard_arming_ = 0;
+  std::uint64_t tick_arming_ = 0;
   // a tip was in contact in the last tick; true before the first, when nothing is known
   bool touched_ = true;
   bool paced_ = false;  // the current tick was started by pacer_

@@ -202,20 +202,20 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
   wait_until([&] { return (loop->snapshot().device[0].flags & kFlagEmergencyStop) != 0; });
   EXPECT_EQ(loop->snapshot().device[0].force_N[0], 0);
   std::uint32_t number = 0;
-  EXPECT_EQ(loop->rearm(first, number), Rearmed::kTouching);
+  EXPECT_EQ(loop->rearm(first, number), RearmResult::kTouching);
   // stopping a stopped loop only stops
   const std::uint32_t second = loop->emergency_stop();
   EXPECT_GT(second, first);
   away = true;
   wait_until([&] { return (loop->snapshot().device[0].flags & kFlagContact) == 0; });
-  EXPECT_EQ(loop->rearm(first, number), Rearmed::kStoppedAgain);
+  EXPECT_EQ(loop->rearm(first, number), RearmResult::kStoppedAgain);
   std::this_thread::sleep_for(20ms);
   EXPECT_TRUE(loop->arming().stopped);
   EXPECT_TRUE(loop->snapshot().switches & kSwitchEmergencyStop);
   EXPECT_EQ(number, 0u);
-  EXPECT_EQ(loop->rearm(second, number), Rearmed::kDone);
+  EXPECT_EQ(loop->rearm(second, number), RearmResult::kDone);
   EXPECT_GT(number, second);
-  EXPECT_EQ(loop->rearm(second, number), Rearmed::kNotStopped);
+  EXPECT_EQ(loop->rearm(second, number), RearmResult::kNotStopped);
   away = false;
   wait_until([&] { return std::abs(loop->snapshot().device[0].force_N[0]) > 0; });
   loop->stop();
@@ -505,7 +505,7 @@ TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
   loop.change([](Parameters& parameters) { parameters.emergency_stop = true; });
   EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>());
   std::uint32_t number = 0;
-  EXPECT_EQ(loop.rearm(0, number), Rearmed::kNotStopped);
+  EXPECT_EQ(loop.rearm(0, number), RearmResult::kNotStopped);
   EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>()) << "who asked for it still does";
 }
 
@@ -515,17 +515,17 @@ TEST(Loop, AStopWinsWhateverElseReachesTheSameTick) {
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
   std::uint32_t number = 0;
   // contact is unknown before the first tick
-  EXPECT_EQ(loop.rearm(loop.emergency_stop(), number), Rearmed::kUnheard);
+  EXPECT_EQ(loop.rearm(loop.emergency_stop(), number), RearmResult::kNotApplied);
   constexpr double kFree_mm = kBoneRadius_mm + 8;
   for (int n = 0; n < 10; ++n) tick_after(loop, 1'000'000, kFree_mm);
   // rearmed and stopped again before a tick has read either
-  EXPECT_EQ(loop.rearm(loop.arming().number, number), Rearmed::kDone);
+  EXPECT_EQ(loop.rearm(loop.arming().number, number), RearmResult::kDone);
   const std::uint32_t last = loop.emergency_stop();
   tick_after(loop, 1'000'000, kFree_mm);
   EXPECT_TRUE(loop.snapshot().switches & kSwitchEmergencyStop);
   EXPECT_EQ(loop.snapshot().arming_number, last);
   // a stop after an armed tick
-  EXPECT_EQ(loop.rearm(last, number), Rearmed::kDone);
+  EXPECT_EQ(loop.rearm(last, number), RearmResult::kDone);
   tick_after(loop, 1'000'000, kFree_mm);
   EXPECT_FALSE(loop.snapshot().switches & kSwitchEmergencyStop);
   EXPECT_EQ(loop.snapshot().arming_number, number);
@@ -582,14 +582,14 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
     Parameters parameters;
     parameters.method = ForceMethod::kProxy;
     parameters.viscosity = parameters.friction = false;
-    parameters.device[0].most_stiffness_N_per_mm = held;
+    parameters.device[0].max_stiffness_N_per_mm = held;
     auto model = std::make_shared<const Model>(testing::with_exact_surfaces(*ball()));
     Loop loop(std::move(model), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
     for (int n = 0; n < 200; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm + 1 - 0.01 * n);
     for (int n = 0; n < 600; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm - 1);
     const DeviceTick seen = loop.snapshot().device[0];
-    EXPECT_EQ(seen.most_stiffness_N_per_mm, loop.parameters().device[0].most_stiffness_N_per_mm);
-    return std::pair{seen.most_stiffness_N_per_mm, seen.force_N[0]};
+    EXPECT_EQ(seen.max_stiffness_N_per_mm, loop.parameters().device[0].max_stiffness_N_per_mm);
+    return std::pair{seen.max_stiffness_N_per_mm, seen.force_N[0]};
   };
   constexpr double kNone = std::numeric_limits<double>::infinity();
   const auto expect = [&](std::optional<double> vouched, double held, double most, double force_N) {
@@ -628,15 +628,15 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
   parameters.passivity = false;
   Loop loop(ball(), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
   loop.change([](Parameters& edited) {
-    edited.device[0].most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-    edited.device[0].most_damping_N_s_per_mm = kNotKnown;
+    edited.device[0].max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+    edited.device[0].max_damping_N_s_per_mm = kNotKnown;
   });
   loop.set_model(ball(2, 4));
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
   const DeviceTick seen = loop.snapshot().device[0];
   const CarefulBounds careful = careful_bounds(driver.info);
-  EXPECT_EQ(seen.most_stiffness_N_per_mm, careful.stiffness_N_per_mm);
-  EXPECT_EQ(seen.most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
+  EXPECT_EQ(seen.max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
+  EXPECT_EQ(seen.max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   // a direct method's field of 4 N over 2 mm is scaled down to the bound
   EXPECT_GT(seen.force_N[0], 0);
   EXPECT_LT(seen.force_N[0], 8 * careful.stiffness_N_per_mm);

@@ -64,7 +64,7 @@ int rtprio_limit() {
 }
 
 // Priority granted, 0 if none; then errno holds the reason.
-int enter_fifo(int priority, int leave_above) {
+int enter_fifo(int priority, int priorities_above) {
   const auto set = [](int value) {
     sched_param parameters{};
     parameters.sched_priority = value;
@@ -72,13 +72,13 @@ int enter_fifo(int priority, int leave_above) {
     return errno == 0;
   };
   // the priority above is tried first: the limit may allow the requested one and nothing higher
-  if (set(priority + leave_above) && (leave_above == 0 || set(priority))) return priority;
+  if (set(priority + priorities_above) && (priorities_above == 0 || set(priority))) return priority;
 
   // a lower priority still precedes every ordinary thread
   const int refusal = errno;
   const int limit = refusal == EPERM ? rtprio_limit() : 0;
-  if (limit > 0 && limit < priority + std::max(1, leave_above)) {
-    const int lower = std::max(1, limit - leave_above);
+  if (limit > 0 && limit < priority + std::max(1, priorities_above)) {
+    const int lower = std::max(1, limit - priorities_above);
     if (set(lower)) return lower;
   }
   errno = refusal;
@@ -106,13 +106,13 @@ void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
   std::string remark;
   if (!request.fifo) {
     remark = " (SCHED_FIFO not asked for)";
-  } else if (const int given = enter_fifo(request.priority, request.leave_above); given == 0) {
+  } else if (const int given = enter_fifo(request.priority, request.priorities_above); given == 0) {
     const int why = errno;
     remark = std::string(" (SCHED_FIFO refused: ") + ::strerror(why) +
              (why == EPERM ? "; an rtprio limit or CAP_SYS_NICE allows it)" : ")");
   } else if (given < request.priority) {
     remark = " (" + std::to_string(request.priority) + " refused; the rtprio limit is " +
-             std::to_string(rtprio_limit()) + (request.leave_above > 0 ? ", the watchdog's)" : ")");
+             std::to_string(rtprio_limit()) + (request.priorities_above > 0 ? ", the watchdog's)" : ")");
   }
 
   // the actual policy, which may differ from the request
@@ -182,15 +182,15 @@ MemoryLock::~MemoryLock() {
   if (--memory_locks == 0) ::munlockall();
 }
 
-void keep_off_cpu(int cpu) {
-  OtherCpus().than(cpu);
+void exclude_cpu(int cpu) {
+  CpuExclusion().than(cpu);
 }
 
-OtherCpus::OtherCpus() {
+CpuExclusion::CpuExclusion() {
   if (::sched_getaffinity(0, sizeof(all_), &all_) != 0) CPU_ZERO(&all_);
 }
 
-void OtherCpus::than(int cpu) {
+void CpuExclusion::than(int cpu) {
   if (cpu == cpu_ || cpu >= CPU_SETSIZE) return;
   cpu_ = cpu;
   cpu_set_t set = all_;

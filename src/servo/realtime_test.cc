@@ -172,7 +172,7 @@ class Exercise {
         if (state_.hands[0].proxy.contacts > 0 || state_.hands[1].proxy.contacts > 0) ++law_changes_;
       }
       if (n % 16 == 0) {
-        YieldFrame& frame = parameters_.yields;
+        ComplianceFrame& frame = parameters_.yields;
         ++frame.number;
         frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
         frame.spot[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};

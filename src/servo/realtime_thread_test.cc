@@ -170,7 +170,7 @@ TEST_F(PretendedLimits, TheWatchdogStaysAboveTheServoWhereTheLimitIsLower) {
   pretended.rtprio = 7;
   std::thread([&] {
     if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
-    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 6);
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .priorities_above = 1}).priority, 6);
     EXPECT_EQ(make_this_thread_realtime({.priority = 90, .lock_memory = false}).priority, 7);
   }).join();
 }
@@ -181,13 +181,13 @@ TEST_F(PretendedLimits, ALimitOfJustTheServosPriorityIsSharedToo) {
   pretended.rtprio = 80;
   std::thread([&] {
     if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
-    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 79);
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .priorities_above = 1}).priority, 79);
     EXPECT_EQ(make_this_thread_realtime({.priority = 90, .lock_memory = false}).priority, 80);
   }).join();
   pretended.rtprio = 81;
   std::thread([&] {
     if (::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &lowest) != 0) return;
-    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .leave_above = 1}).priority, 80);
+    EXPECT_EQ(make_this_thread_realtime({.lock_memory = false, .priorities_above = 1}).priority, 80);
   }).join();
 }
 

@@ -38,7 +38,7 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash.add(static_cast<std::uint64_t>(surfaces.any()));
   if (surfaces.none()) return;
   // hashes the words of the bit set directly: shifts of the whole set cost more
-  for (const std::uint64_t bits : std::bit_cast<std::array<std::uint64_t, kMostSurfaces / 64>>(surfaces))
+  for (const std::uint64_t bits : std::bit_cast<std::array<std::uint64_t, kMaxSurfaces / 64>>(surfaces))
     hash.add(bits);
 }
 
@@ -55,12 +55,12 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
     const std::uint64_t of =
         static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere);
-    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.part, contact.pull_mm);
+    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.part, contact.multiplier_mm);
   }
 }
 
 void hash_burr(HashOfWords& hash, const BurrState& burr) {
-  hash.add(burr.inset_mm, burr.sunk_mm, burr.spare_mJ, burr.pressed_N, burr.edge_mm_per_s, burr.front_mm2,
+  hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s, burr.front_mm2,
            burr.energy_mJ_per_mm3, burr.work_mJ, burr.taken_mm3, burr.open_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
            static_cast<std::uint64_t>(burr.full));
@@ -81,7 +81,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash_place(hash, hand.previous_world);
   hash_place(hash, hand.previous_tip);
   hash_part(hash, hand.velocity);
-  for (int n = 0; n < kMostLayers; ++n) hash_layer(hash, hand.proxy.layer(n));
+  for (int n = 0; n < kMaxLayers; ++n) hash_layer(hash, hand.proxy.layer(n));
   // without contact stiffness the proxy's tip has no effect
   if (const ProxyState& proxy = hand.proxy; proxy.stiffness_N_per_mm > 0) {
     hash_place(hash, proxy.tip);
@@ -90,7 +90,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   if (const ProxyState& proxy = hand.proxy; proxy.contacts > 0) {
     hash_place(hash, proxy.free_tip);
     hash_quaternion(hash, proxy.free_attitude);
-    hash_place(hash, proxy.looked_tip);
+    hash_place(hash, proxy.last_search_tip);
   }
   if (const ProxyRelease& release = hand.proxy.release; release.force_N != Vector<Patient>()) {
     hash_place(hash, release.force_N);
@@ -100,8 +100,8 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   if (hand.proxy.yield.modulus_N_per_mm2 > 0) hash_part(hash, hand.proxy.yield);
   if (hand.proxy.relaxation.remembers()) hash_part(hash, hand.proxy.relaxation);
   const CouplingState& coupling = hand.coupling;
-  hash.add(hand.proxy_version, hand.held_directly, coupling.stiffness_N_per_mm);
-  hash_place(hash, coupling.pull_mm);
+  hash.add(hand.proxy_version, hand.pushed_directly, coupling.stiffness_N_per_mm);
+  hash_place(hash, coupling.multiplier_mm);
   hash_part(hash, coupling.pull_velocity);
   // only burrs have this state
   if (hand.burr.open_s > 0) hash_burr(hash, hand.burr);
@@ -113,12 +113,12 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   const BounceState& bounce = passivity.bounce;
   hash.add(bounce.fell_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
            bounce.back_N_s2_mm, bounce.squares_N2_s4, bounce.touched);
-  const SwingState& swing = hand.swing;
+  const OscillationState& swing = hand.swing;
   hash_place(hash, swing.axis);
   hash_place(hash, swing.aside_mm);
   hash.add(swing.way_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm, swing.free_s,
            swing.later_s, swing.halves);
-  hash.add(hand.delay.count, hand.delay.forgot);
+  hash.add(hand.delay.count, hand.delay.dropped_older);
   for (int n = 0; n < hand.delay.count; ++n) {
     const DelayLine::Held& held = hand.delay.held[static_cast<std::size_t>(n)];
     hash.add(held.force_N.x(), held.force_N.y(), held.force_N.z(), held.time_s);
@@ -140,7 +140,7 @@ std::uint64_t SessionState::hash(int devices) const {
   // only burrs make strokes
   if (strokes > 0) hash.add(std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
   // 0 if no tissue was ever deformable
-  if (last_unfelt_frame > 0) hash.add(last_unfelt_frame);
+  if (last_ignored_yield_frame > 0) hash.add(last_ignored_yield_frame);
   // empty if all punctures close
   if (!holes.empty()) hash_part(hash, holes);
   for (int d = 0; d < devices; ++d) hash_hand(hash, hands[d]);

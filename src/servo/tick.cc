@@ -4,10 +4,10 @@
 #include "palpate/base/hash.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
-#include "servo/kept_surfaces.h"
+#include "servo/surface_matching.h"
 #include "servo/output_stage.h"
 #include "servo/tick_record.h"
-#include "servo/tool_in_hand.h"
+#include "servo/tool_tick.h"
 #include "servo/turning.h"
 
 /// One tick, in order: object pose -> tip in the patient -> velocity -> contact -> surface effects -> no-go
@@ -70,38 +70,38 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 
 /// Change of surfaces between two versions of the model.
 struct Changed {
-  std::span<const SurfaceBefore> before;  // correspondence to the previous surfaces; empty: unknown
+  std::span<const SurfaceCorrespondence> before;  // correspondence to the previous surfaces; empty: unknown
   bool layers = false;                    // structures belong to other layers
 };
 
 // Prepares contact for this tick. After a jump, or while the output is off and faded out, the tip's path is
 // unknown and so is the side of each surface on which it lies: the proxy is reset. While the force still
 // fades out the path is known.
-ProxyChange begin_contact_anew(const Model& model, std::size_t device, const Changed& surfaces,
+ProxyChange prepare_contact(const Model& model, std::size_t device, const Changed& surfaces,
                                const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
   const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(device) : 0;
   const ProxyChange change{hand.proxy_version != model.version, surfaces.before, surfaces.layers,
-                           hand.held_directly && !lost, carved};
+                           hand.pushed_directly && !lost, carved};
   if (lost) {
     hand.proxy = {};
     hand.coupling = {};
   }
   hand.proxy_version = model.version;
-  hand.held_directly = false;
+  hand.pushed_directly = false;
   return change;
 }
 
 // Factor for the force, 0 ... 2, that adds a damper along the force while it recovers from a short dropout; 1
 // at any other time. The unsupported hand accelerates towards the surface meanwhile: the damper stops it
 // sooner than the contact stiffness alone and prevents a rebound.
-double stop_a_fall(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
+double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
                    const SessionState::Hand& hand, const OutputRequest& request) {
   const double force_N = request.asked.force_N.norm();
   const bool returns = (hand.output.away || hand.output.returning) && request.age_s <= kOutputFeel.fresh_s;
   if (!returns || !(force_N > 0) || !std::isfinite(force_N)) return 1;
   const double damping_N_s_per_mm = kOutputFeel.return_damping_N_s_per_m * 1e-3;
-  const double bears_N_s_per_mm = own.most_damping_N_s_per_mm;
+  const double bears_N_s_per_mm = own.max_damping_N_s_per_mm;
   const double out_mm_s = velocity_mm_s.dot(request.asked.force_N) / force_N;
   const double damper_N =
       out_mm_s * (bears_N_s_per_mm > 0 ? std::min(damping_N_s_per_mm, bears_N_s_per_mm) : damping_N_s_per_mm);
@@ -113,12 +113,12 @@ double stop_a_fall(const DeviceParameters& own, const Vector<World>& velocity_mm
 // @param velocity_mm_s  mean velocity of the tip relative to the object, device mm/s
 // @param most           factor that another damper leaves of the force; the smaller factor applies, not the
 //                       product
-void hold_energy(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
+void apply_passivity(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
                  const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
                  double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
                  DeviceTick& out) {
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
-  look_for_swing(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
+  detect_oscillation(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
   // a long tick holds the force longer, which counts as additional delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivityFeel.covered_tick_s);
   const double told_s = own.delay_s + hand.swing.later_s, delay_s = told_s + held_s;
@@ -132,10 +132,10 @@ void hold_energy(const ToolContact& tool, const Parameters& parameters, const De
   const double asked_N = request.asked.force_N.norm();
   const double limit_N = next_limit_N(own.limits, max_force_N, dt_s, hand.output);
   const double within = asked_N > limit_N ? limit_N / asked_N : 1;
-  const PassivityOutput kept = keep_passive(
+  const PassivityOutput kept = control_passivity(
       {request.asked.force_N * (within * hand.output.gain), asked_N * hand.output.gain, acted_N, way_mm,
        tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-       still_to_act_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), told_s, velocity_mm_s},
+       pending_impulse_N_s(hand.delay, request.asked.force_N.normalized(), delay_s), told_s, velocity_mm_s},
       parameters.passivity, hand.passivity);
   const double factor = std::min(kept.factor, most);
   if (factor == 1) return;
@@ -157,7 +157,7 @@ bool outside(const Field& field, const Point<Patient>& x) {
 }
 
 // A motor runs only while the force is rendered in full, so that the operator can feel the tool.
-MotorState motor_of(const TickContext& tick, const HandContext& context, bool switched_on, double max_force_N,
+MotorState motor_of(const TickContext& tick, const DeviceContext& context, bool switched_on, double max_force_N,
                     const OutputRequest& request, const OutputState& output, std::uint32_t stroke) {
   if (!context.tool.burr) return {};
   const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
@@ -203,7 +203,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     hand.proxy = {};
     // the stroke may end in this tick
     if (model.tool_of(number).burr) hand.burr.closed = true;
-    hand.held_directly = false;
+    hand.pushed_directly = false;
     hand.coupling = {};
     hand.passivity = {};
     hand.swing = {};
@@ -212,14 +212,14 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     const Point<Patient> tip = tick.X_PatientWorld * device.tip;
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
     const bool jumped = (request.faults & kFlagJump) != 0;
-    const HandContext context{model.tool_of(number),
+    const DeviceContext context{model.tool_of(number),
                               own,
                               device.R_WorldTool.normalized().toRotationMatrix(),
                               tip,
                               follow_tip(device, tip, tick.dt_s, jumped, hand),
                               number};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
-      const ProxyChange change = begin_contact_anew(model, number, surfaces, request, hand);
+      const ProxyChange change = prepare_contact(model, number, surfaces, request, hand);
       const MotorState motor =
           motor_of(tick, context, context.tool.motor_is_on(parameters.motor, device.buttons), max_force_N,
                    request, hand.output, shared.stroke);
@@ -231,19 +231,19 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
       // Deep inside, where a direct method gives no force, a proxy initialised at the distant surface would
       // pull with the full force limit.
       const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
-      hand.held_directly = pushes && !request.off && request.faults == 0;
+      hand.pushed_directly = pushes && !request.off && request.faults == 0;
     }
     keep_away(tick, context, tool, out);
     out.flags |= tool.flags;
     request.asked = blended(tool.asked, shared.changed || tool.let_go, tick.dt_s, hand);
     request.unclamped_N = request.asked.force_N.norm();
     const Vector<World> velocity_mm_s = tick.X_WorldPatient * context.velocity_mm_s / own.scale;
-    const double stop = stop_a_fall(own, velocity_mm_s, hand, request);
+    const double stop = recovery_damping_factor(own, velocity_mm_s, hand, request);
     if (stop > 1) {
       request.asked.force_N = request.asked.force_N * stop;
       request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
     }
-    hold_energy(tool, parameters, own, tick.X_WorldPatient * way_mm / own.scale, velocity_mm_s,
+    apply_passivity(tool, parameters, own, tick.X_WorldPatient * way_mm / own.scale, velocity_mm_s,
                 std::min(stop, 1.0), max_force_N, tick.dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
@@ -258,7 +258,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
 }
 
 // digest of everything that selects the force computation; a new value starts a blend
-std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::size_t devices) {
+std::uint64_t force_source_digest(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t maker = kHashSeed;
   // local edits are excluded: material that was cut away takes effect at once
   hash_word(maker, model.version - model.edits);
@@ -268,8 +268,8 @@ std::uint64_t maker_of(const Model& model, const Parameters& parameters, std::si
   for (std::size_t d = 0; d < devices; ++d) {
     hash_double(maker, parameters.device[d].force_gain);
     hash_double(maker, parameters.device[d].scale);
-    hash_double(maker, parameters.device[d].most_stiffness_N_per_mm);
-    hash_double(maker, parameters.device[d].most_damping_N_s_per_mm);
+    hash_double(maker, parameters.device[d].max_stiffness_N_per_mm);
+    hash_double(maker, parameters.device[d].max_damping_N_s_per_mm);
   }
   return hash_finish(maker) | 1;
 }
@@ -287,9 +287,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
   const bool yields = is_elastic(model.tissue_law);
-  if (!yields) state.last_unfelt_frame = parameters.yields.number;
+  if (!yields) state.last_ignored_yield_frame = parameters.yields.number;
   const bool is_felt =
-      yields && (state.last_unfelt_frame == 0 || parameters.yields.number > state.last_unfelt_frame);
+      yields && (state.last_ignored_yield_frame == 0 || parameters.yields.number > state.last_ignored_yield_frame);
   const TickContext context{
       model,       parameters.method, parameters.friction,      parameters.viscosity,
       dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_felt ? &parameters.yields : nullptr,
@@ -297,15 +297,15 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   record.rotation_felt_wxyz = plain(state.rotation_felt);
 
   // a change of force source starts a blend
-  const std::uint64_t maker = maker_of(model, parameters, devices.size());
+  const std::uint64_t maker = force_source_digest(model, parameters, devices.size());
   const bool changed = state.made_by != 0 && state.made_by != maker;
   state.made_by = maker;
 
   // proxies stay on surfaces that a new version of the model shares with the old one
-  SurfacesBefore before;
+  SurfaceMatches before;
   const bool other_surfaces = state.surfaces.version != model.version;
   const auto surfaces_before =
-      other_surfaces ? find_before(model, state.surfaces, before) : std::span<const SurfaceBefore>();
+      other_surfaces ? match_surfaces(model, state.surfaces, before) : std::span<const SurfaceCorrespondence>();
 
   const bool other_layers = other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != yields;
 
@@ -317,7 +317,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const bool known = state.hands[d].proxy_version == state.surfaces.version;
-    const Changed surfaces{known ? surfaces_before : std::span<const SurfaceBefore>(), other_layers};
+    const Changed surfaces{known ? surfaces_before : std::span<const SurfaceCorrespondence>(), other_layers};
     tick_device(context, {parameters, changed, state.strokes}, d, devices[d], surfaces, state.hands[d],
                 wrenches[d], record.device[d]);
     record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);

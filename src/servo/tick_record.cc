@@ -57,9 +57,9 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
   out.peak_torque_Nmm = parameters.limits.peak_torque_Nmm;
   out.peak_gripper_N = parameters.limits.peak_gripper_N;
   out.slew_N_per_s = parameters.limits.slew_N_per_s;
-  out.most_stiffness_N_per_mm = parameters.most_stiffness_N_per_mm;
+  out.max_stiffness_N_per_mm = parameters.max_stiffness_N_per_mm;
   out.position_step_mm = parameters.position_step_mm;
-  out.most_damping_N_s_per_mm = parameters.most_damping_N_s_per_mm;
+  out.max_damping_N_s_per_mm = parameters.max_damping_N_s_per_mm;
   out.delay_s = parameters.delay_s;
 }
 

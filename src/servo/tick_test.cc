@@ -485,7 +485,7 @@ TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
   // Model of bone bordering a skin that can be punctured: its surface in the outer layer follows the
   // structures' surfaces. Where it was smoothed there may be no felt voxel under it.
   ProxyLoop loop;
-  FeltSurface outer = loop.model.surfaces[0];
+  ContactSurface outer = loop.model.surfaces[0];
   outer.structure = 0;
   loop.model.surfaces[0].surface = nullptr;
   loop.model.surfaces.push_back(outer);
@@ -534,7 +534,7 @@ TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
 
 TEST(Tick, TheProxySticksToATurningObject) {
   ProxyLoop loop;
-  for (FeltSurface& surface : loop.model.surfaces) {
+  for (ContactSurface& surface : loop.model.surfaces) {
     surface.static_friction = 2;
     surface.dynamic_friction = 1.9;
   }
@@ -710,7 +710,7 @@ Model seamed_floor() {
         grid, [sign](const Eigen::Vector3d& p) { return std::max(p.z(), sign * p.x() - 1); }, 4);
     return std::make_shared<const Surface>(field, field, testing::steepest_of(field));
   };
-  FeltSurface bone = model.surfaces[0], cartilage = bone;
+  ContactSurface bone = model.surfaces[0], cartilage = bone;
   bone.surface = side(1);
   cartilage.surface = side(-1);
   cartilage.stiffness_N_per_mm = bone.stiffness_N_per_mm / 3;
@@ -758,7 +758,7 @@ TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
   expect_no_step("friction", largest_step_N(300, resting), 0.02);
   loop.parameters.passivity = false;
   expect_no_step("controller", largest_step_N(300, resting), 0.02);
-  loop.parameters.device[0].most_stiffness_N_per_mm = 0.5;
+  loop.parameters.device[0].max_stiffness_N_per_mm = 0.5;
   expect_no_step("most stiffness", largest_step_N(300, resting), 0.04);
   ++loop.model.version;
   expect_no_step("model", largest_step_N(300, resting), 0.02);
@@ -789,16 +789,16 @@ std::shared_ptr<const Surface> anew(const Surface& surface) {
   return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.steepest());
 }
 
-FeltSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {
+ContactSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {
   const SignedField field = testing::sampled_distance(
       model.labels->geometry(), [&](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, 4);
-  FeltSurface felt = model.surfaces[0];
+  ContactSurface felt = model.surfaces[0];
   felt.surface = std::make_shared<const Surface>(field, field, testing::steepest_of(field));
   return felt;
 }
 
 // inserts a surface before those of bone and shell
-void begin_to_feel(const FeltSurface& surface, Model& model) {
+void begin_to_feel(const ContactSurface& surface, Model& model) {
   model.surfaces.insert(model.surfaces.begin(), surface);
   model.label_of_surface.insert(model.label_of_surface.begin(), testing::kFat);
 }
@@ -822,7 +822,7 @@ const Edit kEdits[] = {
      1.5, true},
     {"surfaces prepared anew",
      [](Model& model) {
-       for (FeltSurface& felt : model.surfaces) felt.surface = anew(*felt.surface);
+       for (ContactSurface& felt : model.surfaces) felt.surface = anew(*felt.surface);
      }},
     {"another order",
      [](Model& model) {
@@ -895,7 +895,7 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
     SCOPED_TRACE(edit.name);
     ProxyLoop loop = untouched;
     loop.parameters.viscosity = false;
-    for (FeltSurface& felt : loop.model.surfaces) {
+    for (ContactSurface& felt : loop.model.surfaces) {
       felt.static_friction = 2;
       felt.dynamic_friction = 0.1;
     }
@@ -1020,7 +1020,7 @@ TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
 // a replay prepares the scene again
 TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
   ProxyLoop once = wrapped_bone(), again = once;
-  for (FeltSurface& felt : again.model.surfaces) felt.surface = anew(*felt.surface);
+  for (ContactSurface& felt : again.model.surfaces) felt.surface = anew(*felt.surface);
   int edits = 0;
   for (int n = 0; n < 400; ++n) {
     const Point<World> tip(kBoneRadius_mm + 6 - 0.035 * std::min(n, 200), 0.002 * n, 0);
@@ -1074,7 +1074,7 @@ double returned_N(double speed_mm_s, double dropout_s, double moved_s, double be
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
-  loop.parameters.device[0].most_damping_N_s_per_mm = bears_N_s_per_mm;
+  loop.parameters.device[0].max_damping_N_s_per_mm = bears_N_s_per_mm;
   double depth_mm = -0.5;
   const auto at = [&](double age_s) {
     DeviceState device;
@@ -1133,7 +1133,7 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
       loop.model.method_settings.coupling_damping_N_s_per_mm = damped ? coupling : 0;
       loop.parameters.method = method;
       loop.parameters.friction = method != ForceMethod::kProxy;
-      loop.parameters.device[0].most_damping_N_s_per_mm = most;
+      loop.parameters.device[0].max_damping_N_s_per_mm = most;
       loop.parameters.device[0].force_gain = gain;
       loop.parameters.device[0].scale = scale;
       // down to the start of the path, then along it
@@ -1186,7 +1186,7 @@ TEST(Tick, AStiffnessBelowNothingIsNone) {
     ProxyLoop loop;
     loop.parameters.friction = loop.parameters.viscosity = false;
     loop.parameters.method = method;
-    loop.parameters.device[0].most_stiffness_N_per_mm = -1;
+    loop.parameters.device[0].max_stiffness_N_per_mm = -1;
     loop.lead({kBoneRadius_mm + 2, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
     EXPECT_EQ(loop.wrench.force_N, Vector<World>());
   }
@@ -1333,9 +1333,9 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(in.peak_torque_Nmm, 300);
   EXPECT_EQ(in.peak_gripper_N, 5);
   EXPECT_EQ(in.slew_N_per_s, 900);
-  EXPECT_EQ(in.most_stiffness_N_per_mm, 2.5);
+  EXPECT_EQ(in.max_stiffness_N_per_mm, 2.5);
   EXPECT_EQ(in.position_step_mm, 0.03);
-  EXPECT_EQ(in.most_damping_N_s_per_mm, 0.02);
+  EXPECT_EQ(in.max_damping_N_s_per_mm, 0.02);
   EXPECT_EQ(in.delay_s, 0.004);
   EXPECT_EQ(loop.record.device[0].tip_world_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(loop.record.device[0].orientation_wxyz[0], device.R_WorldTool.w());

@@ -32,8 +32,8 @@ Held held_by(const Model& model, const DeviceParameters& own, const DeviceState&
   held.pushed = true;
   held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
   held.sent_N = hand.output.sent.force_N;
-  held.stiffness_N_per_mm = FeltStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
-  held.stiffest_N_per_mm = FeltStiffness(own).by_proxy(model.greatest_stiffness_N_per_mm());
+  held.stiffness_N_per_mm = RenderedStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
+  held.stiffest_N_per_mm = RenderedStiffness(own).by_proxy(model.greatest_stiffness_N_per_mm());
   held.scale = own.scale;
   return held;
 }
@@ -47,10 +47,10 @@ Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eig
 // the work is F s + K s^2 / 2.
 double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
   const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
-  const double most_mJ = kTurningFeel.most_power_mW * dt_s;
-  double longest_mm = kTurningFeel.most_speed_mm_s * dt_s;
+  const double most_mJ = kTurningFeel.max_power_mW * dt_s;
+  double longest_mm = kTurningFeel.max_speed_mm_s * dt_s;
   if (held.stiffest_N_per_mm > 0)
-    longest_mm = std::min(longest_mm, kTurningFeel.most_step_N / held.stiffest_N_per_mm);
+    longest_mm = std::min(longest_mm, kTurningFeel.max_step_N / held.stiffest_N_per_mm);
   double part = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
   if (!(force_N > 0)) return part;
   const double along_mm = held.sent_N.dot(way_mm) / force_N;

@@ -21,13 +21,13 @@ std::string Watchdog::begin(bool realtime, int servo_cpu) {
   std::promise<std::string> scheduler;
   auto started = scheduler.get_future();
   thread_ = std::thread([this, realtime, servo_cpu, &scheduler] {
-    keep_off_cpu(servo_cpu);
+    exclude_cpu(servo_cpu);
     // if the priority is refused, the watchdog runs with ordinary scheduling
     scheduler.set_value(make_this_thread_realtime({.fifo = realtime,
                                                    .priority = kPriority,
                                                    .lock_memory = false,
                                                    .cpu = -1,
-                                                   .leave_above = 0,
+                                                   .priorities_above = 0,
                                                    .name = "palpate-guard"})
                             .scheduler);
     guard();

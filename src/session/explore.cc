@@ -13,7 +13,7 @@
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/supervisor/supervisor.h"
-#include "session/carried_cells.h"
+#include "session/measured_cells.h"
 #include "session/explore_watch.h"
 #include "session/tip_source.h"
 #include "session/training.h"
@@ -59,7 +59,7 @@ class SupervisorKeeper {
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
   void look() {
     if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
-    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unwatched();
+    if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.viewed.stop_unsupervised();
     if (Clock::now() < next_try_) return;
     if (!failure_) deaths_ += 1;
     const auto again = session_.supervisor->watch_again();
@@ -112,7 +112,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.careful_bounds = session.careful_bounds;
   status.followers = session.tip.followers();
   status.device_trouble = session.tip.driver().trouble();
-  status.stop = session.viewed.stop_that_holds();
+  status.stop = session.viewed.current_stop();
   status.rearmed_in_page = session.viewed.rearmed_in_page();
   // the code is shown only to a user who sees the device
   if (session.asks_here) status.arming_code = session.viewed.arming_code();
@@ -317,7 +317,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   std::string careful;
   auto tip = tip_source_for(*setup, options, progress, careful);
   if (!tip) return tip.error();
-  CarriedCells carried = with_carried_cells(setup->model, (*tip)->driver().devices().size());
+  CarriedCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
   if (!carried.told.empty()) setup->trouble.push_back(carried.told);
   if (progress.stopped()) return Progress::interrupted();
@@ -378,9 +378,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const Script& script, c
   } const end_of_viewing{viewers, viewed, **tip};
   viewed.begin(**loop, watch);
   const ScriptEdits edits{[&viewed](StrokeAction action) { viewed.change_stroke_by_script(action); },
-                          [&viewed] { return viewed.script_stroke_led_to(); },
+                          [&viewed] { return viewed.script_stroke_version(); },
                           [&viewed](TissueLaw law) { viewed.change_law_by_script(law); },
-                          [&viewed] { return viewed.script_law_led_to(); }};
+                          [&viewed] { return viewed.script_law_version(); }};
   if (auto begun = (*tip)->begin(**loop, viewed.told(), edits); !begun) return begun.error();
   const Session session{model,  **loop,         **recorder,        **tip,   watch,
                         viewed, training.get(), supervisor->get(), careful, options.asks_here};

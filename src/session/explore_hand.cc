@@ -5,7 +5,7 @@
 #include <system_error>
 
 #include "palpate/base/clock.h"
-#include "palpate/palpation/told_loop.h"
+#include "palpate/palpation/logged_loop.h"
 
 namespace palpate {
 namespace {
@@ -70,7 +70,7 @@ void HandThread::move(double dt_s) {
 
   // viewers may have rotated the object
   const Eigen::Quaterniond rotation_target = loop_.parameters().rotation_target;
-  HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_led_to(), edits_.law_led_to()};
+  HandCommands commands{rotation_target, {}, {}, {}, {}, edits_.stroke_version(), edits_.law_version()};
   const auto intention = hand_.next(felt, dt_s, commands);
   progress_.store(hand_.progress());
   if (!intention) {
@@ -86,7 +86,7 @@ void HandThread::move(double dt_s) {
   if (commands.law) edits_.change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method && !commands.motor) return;
-  change_told(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
+  change_logged(loop_, told_, {Asker::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
     if (commands.motor) parameters.motor = *commands.motor;

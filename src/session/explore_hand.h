@@ -18,11 +18,11 @@ namespace palpate {
 /// Edits of the model by a script; called on the hand's thread.
 struct ScriptEdits {
   std::function<void(StrokeAction)> change_stroke;
-  /// HandCommands::stroke_led_to of the last change.
-  std::function<std::optional<std::uint32_t>()> stroke_led_to;
+  /// HandCommands::stroke_version of the last change.
+  std::function<std::optional<std::uint32_t>()> stroke_version;
   std::function<void(TissueLaw)> change_law;
-  /// HandCommands::law_led_to of the last change.
-  std::function<std::optional<std::uint32_t>()> law_led_to;
+  /// HandCommands::law_version of the last change.
+  std::function<std::optional<std::uint32_t>()> law_version;
 };
 
 /// Scripted hand on a thread of its own, with a person's reaction time: it reads the latest tick and commands

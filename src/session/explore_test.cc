@@ -105,7 +105,7 @@ TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
   });
   EXPECT_FALSE(result.stopped_by_user);
   expect_on_the_grid(result, 1000);
-  EXPECT_TRUE(std::isfinite(recording_.ticks.front().device[0].most_stiffness_N_per_mm))
+  EXPECT_TRUE(std::isfinite(recording_.ticks.front().device[0].max_stiffness_N_per_mm))
       << "what a hand holds is known to the loop";
   EXPECT_TRUE(touched);
   EXPECT_GT(largest_N, 0.4);

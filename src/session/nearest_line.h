@@ -32,7 +32,7 @@ class NearestLine {
   };
   NearestMeter meter_;
   std::deque<RecordingEvent> waiting_;  // events that have not taken effect with a tick yet
-  std::map<LabelId, double> told_mm_;
+  std::map<LabelId, double> reported_mm_;
   std::vector<Nearer> nearer_;
 };
 

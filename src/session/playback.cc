@@ -23,7 +23,7 @@
 #include "session/played_task.h"
 #include "session/played_yields.h"
 #include "session/recording_line.h"
-#include "session/seen_labels.h"
+#include "session/deformed_labels.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
 #include "session/yield_index.h"
@@ -88,7 +88,7 @@ struct Edits {
   explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_coarsened) {}
 
   std::vector<ModelChange> tissues;
-  LawsByVersion laws;
+  LawHistory laws;
   CutList cuts;
   // removed volume per structure in mm3, for each version that removed or restored something; ascending
   // versions
@@ -102,14 +102,14 @@ struct Edits {
   void hear(const RecordingEvent& event);
 };
 // an hour of uninterrupted milling; later sweeps are not shown
-constexpr std::size_t kMostSweeps = 1'000'000;
+constexpr std::size_t kMaxSweeps = 1'000'000;
 
 void Edits::hear(const RecordingEvent& event) {
   const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
   if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
   // versions ascend, whatever an untrusted file contains
   last_version = std::max(last_version, event.number);
-  const bool is_shown = cuts.sweeps().size() < kMostSweeps && cuts.changes().size() < kMostSweeps;
+  const bool is_shown = cuts.sweeps().size() < kMaxSweeps && cuts.changes().size() < kMaxSweeps;
   if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
   if (is_sweep) return;
   if (event.change.is_of_tissue()) tissues.push_back(event.change);
@@ -121,7 +121,7 @@ void Edits::hear(const RecordingEvent& event) {
 
 /// Computes the removed volume of every version in one pass, so that any position can be looked up.
 /// Errors: kInterrupted.
-Result<void> reckon_gone(const Model& model, const Progress& progress, Edits& edits) {
+Result<void> compute_removed_volumes(const Model& model, const Progress& progress, Edits& edits) {
   RemovedVolume removed(model);
   const std::span<const SweepRecord> sweeps = edits.cuts.sweeps();
   const std::span<const std::uint32_t> versions = edits.cuts.versions();
@@ -226,7 +226,7 @@ class Playback final : public ViewerHost {
       if (device.label != 0 && tissue >= 0)
         stiffness_N_per_mm[d] = yields && model_->tissues[static_cast<std::size_t>(tissue)].elastic
                                     ? yielding_stiffness_N_per_mm(device)
-                                    : FeltStiffness(device).by_proxy(
+                                    : RenderedStiffness(device).by_proxy(
                                           tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
     }
     return shown_;
@@ -361,7 +361,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   if (auto same = check_recorded_model(head.header, *model); !same) return same.error();
   if (head.ticks == 0)
     return Error{ErrorKind::kBadInput, "the recording has no ticks", "", "record for longer than an instant"};
-  if (!head.clock_rises)
+  if (!head.is_clock_monotonic)
     return Error{ErrorKind::kBadInput,
                  "the recording's clock does not rise, so that there is no time to look at", "",
                  "palpate replay without --view compares its ticks"};
@@ -429,7 +429,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
     if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
   progress.report("looking through the recording", 1);
 
-  if (auto reckoned = reckon_gone(*model, progress, edits); !reckoned) return reckoned.error();
+  if (auto reckoned = compute_removed_volumes(*model, progress, edits); !reckoned) return reckoned.error();
 
   ViewedScene scene = viewed_scene(*model, static_cast<std::size_t>(head.header.devices), modality);
   scene.recording = line.take();
@@ -437,7 +437,7 @@ Result<std::unique_ptr<ViewerHost>> open_playback(RecordingSource recording,
   scene.input = "recording";
   if (played) scene.tasks = {played->task()};
   scene.rate_hz = head.header.rate_hz;
-  for (const RecordingHead::FeltMethod& felt : head.methods)
+  for (const RecordingHead::UsedMethod& felt : head.methods)
     if (felt.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[felt.method].name);
   for (const auto& law : kTissueLaws)
     if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))

@@ -31,7 +31,7 @@ Recording counted_recording() {
     tick.method = static_cast<std::uint8_t>(ForceMethod::kProxy);
     tick.model_version = i < 6000 ? 1 : 2;
     tick.device[0].tip_patient_mm = {static_cast<double>(i), 0, 0};
-    tick.device[0].most_stiffness_N_per_mm = 1.0;
+    tick.device[0].max_stiffness_N_per_mm = 1.0;
     tick.device[0].label = i % 5000 < 1000 ? 0 : testing::kBone;
     tick.state_hash = 7 * i;
   }

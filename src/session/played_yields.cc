@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "palpate/model/changed_model.h"
-#include "palpate/tissue/seen_by_law.h"
+#include "palpate/tissue/displayed_law.h"
 #include "session/tissue_thread.h"
 
 namespace palpate {
@@ -22,7 +22,7 @@ constexpr int kSolverPriority = 5;
 }  // namespace
 
 PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts,
-                           LawsByVersion laws, TickAt tick_at)
+                           LawHistory laws, TickAt tick_at)
     : model_(std::move(model)),
       index_(std::move(index)),
       cuts_(std::move(cuts)),
@@ -126,7 +126,7 @@ std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
     made = changed->felt;
   }
   if (!goes_so(*made)) {
-    auto under = std::make_shared<Model>(seen_under_law(*made, law));
+    auto under = std::make_shared<Model>(displayed_under_law(*made, law));
     under->tissue_coarsened = coarsened;
     made = std::move(under);
   }

@@ -42,7 +42,7 @@ class PlayedYields {
   /// @param model  at the beginning of the recording, with the proxy's surfaces
   /// @param cuts   sweeps and stroke changes of the recording
   /// @throws std::system_error  if no thread can be created
-  PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, LawsByVersion laws,
+  PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, LawHistory laws,
                TickAt tick_at);
   ~PlayedYields();
   PlayedYields(const PlayedYields&) = delete;
@@ -66,7 +66,7 @@ class PlayedYields {
   const std::shared_ptr<const Model> model_;
   const YieldIndex index_;
   const CutList cuts_;
-  const LawsByVersion laws_;
+  const LawHistory laws_;
   const TickAt tick_at_;
 
   // used by the solver's thread only

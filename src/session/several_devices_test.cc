@@ -176,8 +176,8 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
   info.rate_hz = 500;
   const CarefulBounds careful = careful_bounds(info);
   for (const TickRecord& tick : recording.ticks) {
-    ASSERT_EQ(tick.device[1].most_stiffness_N_per_mm, careful.stiffness_N_per_mm);
-    ASSERT_EQ(tick.device[1].most_damping_N_s_per_mm, careful.damping_N_s_per_mm);
+    ASSERT_EQ(tick.device[1].max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
+    ASSERT_EQ(tick.device[1].max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   }
   EXPECT_GT(told_.largest_N, 0);
   // two millimetres deep at most, and less because the hand is pushed back

@@ -220,7 +220,7 @@ void CampaignSession::act() {
       return change();
     case 9:
       somebody().seen_stop = viewed_.state().stop.value_or(0);
-      shown_ = viewed_.stop_that_holds().value_or(0);
+      shown_ = viewed_.current_stop().value_or(0);
       question_ = viewed_.question().value_or(ConsentQuestion{}).number;
       return;
     case 10: {

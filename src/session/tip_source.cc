@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "palpate/device/device_parameters.h"
-#include "palpate/servo/several_drivers.h"
+#include "palpate/servo/composite_driver.h"
 
 namespace palpate {
 namespace {
@@ -106,9 +106,9 @@ class PointerSource final : public LedSource {
 };
 
 /// Physical device held by an operator.
-class HeldSource final : public LedSource {
+class DeviceSource final : public LedSource {
  public:
-  HeldSource(const RunSetup& setup, std::string name, std::unique_ptr<DeviceDriver> driver)
+  DeviceSource(const RunSetup& setup, std::string name, std::unique_ptr<DeviceDriver> driver)
       : LedSource(setup), name_(std::move(name)), driver_(std::move(driver)) {}
   DeviceDriver& driver() override { return *driver_; }
   const char* name() const override { return "device"; }
@@ -120,9 +120,9 @@ class HeldSource final : public LedSource {
 };
 
 /// Several sources combined. Script and progress are those of the first, the only one that can have a script.
-class SeveralSources final : public TipSource {
+class CombinedSources final : public TipSource {
  public:
-  SeveralSources(std::vector<std::unique_ptr<TipSource>> sources, const SeveralSettings& settings)
+  CombinedSources(std::vector<std::unique_ptr<TipSource>> sources, const CompositeDriverSettings& settings)
       : sources_(std::move(sources)), driver_(drivers_of(sources_), settings) {}
 
   DeviceDriver& driver() override { return driver_; }
@@ -161,7 +161,7 @@ class SeveralSources final : public TipSource {
   }
 
   const std::vector<std::unique_ptr<TipSource>> sources_;
-  SeveralDrivers driver_;
+  CompositeDriver driver_;
 };
 
 Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool repeat) {
@@ -183,7 +183,7 @@ Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunS
   progress.report("connecting " + name, 0);
   if (auto opened = driver->open(options.loop.may_move); !opened) return opened.error();
   progress.report("connecting " + name, 1);
-  return std::unique_ptr<TipSource>(std::make_unique<HeldSource>(setup, name, std::move(driver)));
+  return std::unique_ptr<TipSource>(std::make_unique<DeviceSource>(setup, name, std::move(driver)));
 }
 
 // applies the devices' limits to the session
@@ -197,7 +197,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
     if (info.simulated) continue;
     if (!options.run.max_force_N && info.continuous_force_N)
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
-    if (const std::string careful = careful_bound_told(info); !careful.empty()) {
+    if (const std::string careful = careful_bound_message(info); !careful.empty()) {
       setup.trouble.push_back(careful);
       told += (told.empty() ? "" : "\n") + careful;
     }
@@ -209,7 +209,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
 
 std::vector<std::string> device_names(const DeviceRegistry& known) {
   std::vector<std::string> names{kSimulatedHand, kPointer};
-  for (const DeviceMaker& maker : known.all()) names.push_back(maker.name);
+  for (const DeviceVendor& maker : known.all()) names.push_back(maker.name);
   return names;
 }
 
@@ -255,14 +255,14 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
   if (sources.size() == 1)
     all = std::move(sources[0]);
   else
-    all = std::make_unique<SeveralSources>(
-        std::move(sources), SeveralSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
+    all = std::make_unique<CombinedSources>(
+        std::move(sources), CompositeDriverSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
   const DeviceDriver& driver = all->driver();
   const auto devices = driver.devices();
   // a session without a script ticks at the rate of its clock device
   const DeviceInfo& clock = devices[driver.clock_owner()];
   if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
-    setup.script.rate_hz = std::clamp(*clock.rate_hz, kLowestRate_hz, kHighestRate_hz);
+    setup.script.rate_hz = std::clamp(*clock.rate_hz, kMinRate_hz, kMaxRate_hz);
   learn_limits(devices, options, setup, told);
   return all;
 }

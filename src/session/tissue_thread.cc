@@ -7,7 +7,7 @@
 #include <new>
 #include <utility>
 
-#include "palpate/palpation/told_loop.h"
+#include "palpate/palpation/logged_loop.h"
 #include "palpate/servo/realtime.h"
 
 namespace palpate {
@@ -55,7 +55,7 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
       !solver.field_of(device, field))
     return nullptr;
   auto viewed = viewed_field(*field.box, *field.layout, *field.unit_mm,
-                             solver.displacing_N(device, felt.device[device]));
+                             solver.displacing_force_N(device, felt.device[device]));
   viewed->frame = solver.frame().number;
   return viewed;
 }
@@ -77,7 +77,7 @@ void TissueThread::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPriority);
   constexpr auto kFrame =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
-  OtherCpus cpus;
+  CpuExclusion cpus;
   Clock::time_point next = Clock::now();
   for (bool ending = false; !ending;) {
     // avoid the servo's CPU: a tick that has to preempt a solution is later than one that finds the CPU idle
@@ -104,8 +104,8 @@ void TissueThread::solve_next() {
   last_input_ = felt.tick;
   if (!is_moving(model->tissue_law)) return rest();
   if (model->tissue_law == TissueLaw::kChainMail) return move_mail(*model, felt);
-  const YieldFrame& frame = solver_.solve(*model, felt);
-  set_yield_told(loop_, told_, frame, felt.tick);
+  const ComplianceFrame& frame = solver_.solve(*model, felt);
+  set_yield_logged(loop_, told_, frame, felt.tick);
   show(felt);
 }
 

@@ -15,7 +15,7 @@
 #include "palpate/base/reason.h"
 #include "palpate/device/felt_stiffness.h"
 #include "palpate/palpation/plain_vectors.h"
-#include "palpate/palpation/told_loop.h"
+#include "palpate/palpation/logged_loop.h"
 #include "session/viewed_scene.h"
 
 namespace palpate {
@@ -189,21 +189,21 @@ ViewedSession::ViewedSession(ViewedParts parts)
       highest_max_force_N_(parts_.parameters.max_force_N) {
   const Model& model = *parts_.model;
   if (is_elastic(model.tissue_law))
-    carried_of(model.tissue_law) = {model.tissue_coarsened, parts_.coarser_tissue};
+    measured_cells_of(model.tissue_law) = {model.tissue_coarsened, parts_.coarser_tissue};
 }
 
 void ViewedSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   watch_ = &watch;
   loop_.store(&loop);
   const std::lock_guard lock(stop_mutex_);
-  if (stopped_early_.load()) stop_told(loop, told_, stopped_by_);
-  if (parts_.model->cuts()) cutter_ = std::thread([this] { cut_along(); });
+  if (stopped_early_.load()) stop_logged(loop, told_, stopped_by_);
+  if (parts_.model->cuts()) cutter_ = std::thread([this] { run_cutter(); });
   const std::lock_guard its_model(mutex_);
-  if (is_moving(model_.felt->tissue_law)) move_tissue(loop);
+  if (is_moving(model_.felt->tissue_law)) start_tissue_thread(loop);
 }
 
 // the thread keeps running, idle, when a law without moving tissue is selected later
-void ViewedSession::move_tissue(ServoLoop& loop) {
+void ViewedSession::start_tissue_thread(ServoLoop& loop) {
   if (tissue_ != nullptr || ending_.load() || !model_.felt->has(ForceMethod::kProxy)) return;
   tissue_ = std::make_unique<TissueThread>(loop, told_, [this] {
     const std::lock_guard its_model(mutex_);
@@ -221,11 +221,11 @@ Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loo
     return {};
   }
   if (auto fine = check_law(*model_.felt, law); !fine) return fine.error();
-  const bool is_carried = !is_elastic(law) || carried_of(law).coarsened > 0;
+  const bool is_carried = !is_elastic(law) || measured_cells_of(law).coarsened > 0;
   if (!has_other_surfaces(*model_.felt, law) && is_carried) {
     auto under = under_law(*model_.felt, law);
     if (!under) return under.error();
-    go_by(**under, is_elastic(law) ? carried_of(law).coarsened : 0, by, loop);
+    go_by(**under, is_elastic(law) ? measured_cells_of(law).coarsened : 0, by, loop);
     return {};
   }
   if (auto started = start_maker(); !started) return started;
@@ -238,8 +238,8 @@ Result<void> ViewedSession::change_law(TissueLaw law, AskedBy by, ServoLoop& loo
 // switches the current model version to the law of `under`
 void ViewedSession::go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop) {
   const ModelChange change = change_of_law(*model_.felt, under.tissue_law, coarsened);
-  if (is_moving(under.tissue_law)) move_tissue(loop);
-  go_on_with({going_by(*model_.felt, under, change), model_.made}, change, by, loop);
+  if (is_moving(under.tissue_law)) start_tissue_thread(loop);
+  apply_version({with_law(*model_.felt, under, change), model_.made}, change, by, loop);
   law_awaited_.reset();
   script_law_led_to_ = change.version;
 }
@@ -253,7 +253,7 @@ void ViewedSession::change_law_by_script(TissueLaw law) {
 }
 
 // runs on the maker thread
-void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
+void ViewedSession::prepare_law(std::unique_lock<std::mutex>& lock, const Progress& progress) {
   const std::shared_ptr<const Model> of = model_.felt;
   const TissueLaw law = *law_awaited_;
   // unlock: a thread waiting for the mutex would inherit this thread's low priority as latency
@@ -270,16 +270,16 @@ void ViewedSession::make_law(std::unique_lock<std::mutex>& lock, const Progress&
   lock.lock();
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
   if (ending_ || law_awaited_ != law || model_.felt != of) return;
-  if (!made) return give_up_law(made.error());
+  if (!made) return abandon_law(made.error());
   const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
   go_by(*made->model, coarsened, law_awaited_by_, *loop_.load());
   if (!is_elastic(law)) return;
-  if (carried_of(law).coarsened == 0 && !made->told.empty()) later_coarser_.push_back(made->told);
-  carried_of(law) = {coarsened, made->told};
+  if (measured_cells_of(law).coarsened == 0 && !made->told.empty()) later_coarser_.push_back(made->told);
+  measured_cells_of(law) = {coarsened, made->told};
 }
 
 // keeps the current law and reports the error to whoever requested the change
-void ViewedSession::give_up_law(Error why) {
+void ViewedSession::abandon_law(Error why) {
   why.where = name_of(*law_awaited_, kTissueLaws);
   law_awaited_.reset();
   law_failure_ = std::move(why);
@@ -298,7 +298,7 @@ ViewedScene ViewedSession::make_scene() const {
   ViewedScene scene = viewed_scene(model, parts_.devices.size(), parts_.modality);
   // choices and their ranges
   for (const ForceMethodInfo& info : kForceMethods)
-    if (can_be_chosen(info.method)) scene.methods.emplace_back(info.name);
+    if (is_choosable(info.method)) scene.methods.emplace_back(info.name);
   for (const auto& law : kTissueLaws)
     if (check_law(model, law.value)) scene.laws.emplace_back(law.name);
   const DeviceInfo& device = parts_.devices.front();
@@ -307,8 +307,8 @@ ViewedScene ViewedSession::make_scene() const {
   scene.input = parts_.input;
   scene.peak_force_N = device.peak_force_N.value_or(kNotKnown);
   scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
-  const double most = parts_.parameters.device[0].most_stiffness_N_per_mm;
-  scene.most_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
+  const double most = parts_.parameters.device[0].max_stiffness_N_per_mm;
+  scene.max_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
   scene.least_max_force_N = max_force_range_N()[0];
   scene.most_max_force_N = most_force_N();
   scene.stiffness_N_per_mm = tissue_key_range("stiffness");
@@ -334,7 +334,7 @@ double ViewedSession::most_force_N() const {
 double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_t number) const {
   const DeviceTick& device = tick.device[number];
   const auto method = static_cast<ForceMethod>(tick.method);
-  const FeltStiffness gains(device);
+  const RenderedStiffness gains(device);
   const Model &felt = *model_.felt, &made = *model_.made;
   const Tissue* tissue = felt.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
@@ -346,7 +346,7 @@ double ViewedSession::felt_stiffness_N_per_mm(const TickRecord& tick, std::size_
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
   const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
   const double all_points = stiffest * static_cast<double>(felt.tool_of(number).points_mm.size());
-  return gains.at_device(own * left * gains.left_of_all(all_points));
+  return gains.at_device(own * left * gains.direct_method_factor(all_points));
 }
 
 TickRecord ViewedSession::snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const {
@@ -389,7 +389,7 @@ ViewedState ViewedSession::state() const {
   state.motor_is_on = loop ? motor_was_on(*parts_.model, loop->snapshot()) : false;
   {
     const std::lock_guard lock(stop_mutex_);
-    state.stop = stop_that_holds();
+    state.stop = current_stop();
     state.stopped_by = stopped_by(stopped_by_.asker);
     state.stopped_by_viewer = stopped_by_.viewer;
   }
@@ -440,14 +440,14 @@ std::optional<Error> ViewedSession::method_failure() const {
   return method_failure_;
 }
 
-std::optional<std::uint32_t> ViewedSession::script_law_led_to() const {
+std::optional<std::uint32_t> ViewedSession::script_law_version() const {
   const std::lock_guard lock(mutex_);
   return script_law_led_to_;
 }
 
 std::string ViewedSession::coarser_tissue() const {
   const std::lock_guard lock(mutex_);
-  return carried_of(model_.felt->tissue_law).told;
+  return measured_cells_of(model_.felt->tissue_law).told;
 }
 
 std::vector<std::string> ViewedSession::later_coarser_tissue() const {
@@ -466,25 +466,25 @@ bool ViewedSession::cuts() const {
   return std::ranges::any_of(scene().tools, &ViewedTool::cuts);
 }
 
-bool ViewedSession::can_feel(ForceMethod method) const {
-  if (!can_be_chosen(method)) return false;
+bool ViewedSession::is_available(ForceMethod method) const {
+  if (!is_choosable(method)) return false;
   return model_.felt->has(method) &&
-         (method == ForceMethod::kProxy || fields_suit(*model_.felt, *model_.made));
+         (method == ForceMethod::kProxy || fields_match(*model_.felt, *model_.made));
 }
 
 // whether the method is available now or its fields can be generated
-bool ViewedSession::can_be_made(ForceMethod method) const {
-  return can_feel(method) || fields_suit(*model_.felt, *model_.made) || can_make_fields(*model_.felt);
+bool ViewedSession::can_be_prepared(ForceMethod method) const {
+  return is_available(method) || fields_match(*model_.felt, *model_.made) || can_make_fields(*model_.felt);
 }
 
 Result<void> ViewedSession::check(const SettingsRequest& request, const Parameters& /*now*/) const {
   if (request.motor && !cuts()) return bad("no device has a tool with a motor", "motor", "");
   if (request.method) {
     const auto method = find_force_method(*request.method);
-    if (!method || !can_be_chosen(*method))
+    if (!method || !is_choosable(*method))
       return bad("this session has no force method of that name", "method",
                  "the scene lists those that can be chosen");
-    if (!can_be_made(*method)) return made_for_others();
+    if (!can_be_prepared(*method)) return made_for_others();
   }
   if (request.law) {
     const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
@@ -511,7 +511,7 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
 // While force is enabled, the operator of a physical device has to consent to every change; while it is
 // stopped, only to changes that could increase the force after re-arming.
 bool ViewedSession::wants_consent(bool feels_more) const {
-  return physical() && (feels_more || !stop_that_holds());
+  return physical() && (feels_more || !current_stop());
 }
 
 template <class Request>
@@ -551,7 +551,7 @@ Result<void> ViewedSession::apply(const SettingsRequest& request, AskedBy by) {
   if (request.law)
     if (auto changed = change_law(value_of(*request.law, kTissueLaws), by, loop); !changed) return changed;
   if (request.max_force_N) highest_max_force_N_ = std::max(highest_max_force_N_, *request.max_force_N);
-  change_told(loop, told_, by, [&](Parameters& parameters) {
+  change_logged(loop, told_, by, [&](Parameters& parameters) {
     if (request.friction) parameters.friction = *request.friction;
     if (request.viscosity) parameters.viscosity = *request.viscosity;
     if (request.passivity) parameters.passivity = *request.passivity;
@@ -624,7 +624,7 @@ Result<void> ViewedSession::apply(const TissueRequest& request, AskedBy by) {
   if (!change) return change.error();
   auto next = changed_model(*model_.felt, *model_.made, *change);
   if (!next) return next.error();
-  go_on_with({*std::move(next), model_.made}, *change, by, loop);
+  apply_version({*std::move(next), model_.made}, *change, by, loop);
   return {};
 }
 
@@ -651,7 +651,7 @@ Result<void> ViewedSession::check(const LastStrokeRequest& request, const Parame
   return request.action == StrokeAction::kUndo
              ? refused("there is no stroke that can be undone", "",
                        "a stroke is what is cut from the motor's start to its stop; the last " +
-                           std::to_string(kMostUndone) + " are kept")
+                           std::to_string(kMaxUndoneStrokes) + " are kept")
              : refused("no stroke was undone that can be done again", "",
                        "what was cut after an undo takes its place");
 }
@@ -685,20 +685,20 @@ void ViewedSession::change_stroke_by_script(StrokeAction action) {
   script_stroke_led_to_.reset();
 }
 
-std::optional<std::uint32_t> ViewedSession::script_stroke_led_to() const {
+std::optional<std::uint32_t> ViewedSession::script_stroke_version() const {
   const std::lock_guard lock(mutex_);
   return script_stroke_led_to_;
 }
 
 // strong exception guarantee: either both the loop and model_ change or neither does
-void ViewedSession::go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
-  set_model_told(loop, told_, by, next.felt, change);
+void ViewedSession::apply_version(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
+  set_model_logged(loop, told_, by, next.felt, change);
   model_ = std::move(next);
 }
 
 // ---- material removal by a burr
 
-void ViewedSession::cut_along() {
+void ViewedSession::run_cutter() {
   ServoLoop& loop = *loop_.load();
   std::array<SweepRecord, 64> swept;
   std::vector<Cut> cuts;
@@ -735,7 +735,7 @@ void ViewedSession::cut(std::span<const Cut> cuts, ServoLoop& loop) {
   for (const Cut& cut : cuts) nearest_.see(cut.sweep);
   removed_.add(cuts);
   auto next = carving->taken_from(*model_.felt);
-  set_cut_model_told(loop, told_, cuts, next);
+  set_cut_model_logged(loop, told_, cuts, next);
   model_.felt = std::move(next);
   for (const Cut& cut : cuts) cuts_.add(model_.felt->version, plain(cut));
 }
@@ -754,7 +754,7 @@ void ViewedSession::change_strokes(ServoLoop& loop) {
     cuts_.reserve(0);
     auto next = next_version(model_, change);
     if (!next) continue;
-    go_on_with(*std::move(next), change, wanted.by, loop);
+    apply_version(*std::move(next), change, wanted.by, loop);
     if (by_script) script_stroke_led_to_ = change.version;
     cuts_.add(change.version, wanted.action);
     follow(change, removed_);
@@ -778,11 +778,11 @@ void ViewedSession::stop_here() {
 void ViewedSession::stop(AskedBy by) {
   const std::lock_guard lock(stop_mutex_);
   stopped_by_ = by;
-  if (ServoLoop* loop = loop_.load()) return stop_told(*loop, told_, by);
+  if (ServoLoop* loop = loop_.load()) return stop_logged(*loop, told_, by);
   stopped_early_.store(true);
 }
 
-std::optional<std::uint32_t> ViewedSession::stop_that_holds() const {
+std::optional<std::uint32_t> ViewedSession::current_stop() const {
   const ServoLoop* loop = loop_.load();
   const Arming arming = loop ? loop->arming() : Arming{0, stopped_early_.load()};
   return arming.stopped ? std::optional(arming.number) : std::nullopt;
@@ -799,7 +799,7 @@ Result<void> ViewedSession::rearm(const RearmRequest& request) {
 }
 
 std::string ViewedSession::arming_code() {
-  const auto stop = stop_that_holds();
+  const auto stop = current_stop();
   return stop && physical() ? arming_code_.shown(*stop) : std::string();
 }
 
@@ -812,29 +812,29 @@ Result<void> ViewedSession::rearm_here(std::uint32_t stop) {
 Result<void> ViewedSession::rearm(std::uint32_t stop, AskedBy by) {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
-  switch (rearm_told(*loop, told_, by, stop)) {
-    case Rearmed::kNotStopped:
+  switch (rearm_logged(*loop, told_, by, stop)) {
+    case RearmResult::kNotStopped:
       return refused("the force is not stopped", "stop", "");
-    case Rearmed::kStoppedAgain:
+    case RearmResult::kStoppedAgain:
       return refused("there was another stop after the one that this answers", "stop",
                      "see why, and rearm again");
-    case Rearmed::kUnheard:
+    case RearmResult::kNotApplied:
       return refused("the stop has not taken hold yet", "stop", "ask again in a moment");
-    case Rearmed::kTouching:
+    case RearmResult::kTouching:
       return refused("the tip touches something", "", "lead it to where it is free, then rearm");
-    case Rearmed::kDone:
+    case RearmResult::kDone:
       break;
   }
   return {};
 }
 
-void ViewedSession::stop_unwatched() {
+void ViewedSession::stop_unsupervised() {
   stop({Asker::kSession});
 }
 
 void ViewedSession::pause_here() {
   if (ServoLoop* loop = loop_.load())
-    change_told(*loop, told_, {Asker::kKey},
+    change_logged(*loop, told_, {Asker::kKey},
                 [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
@@ -843,7 +843,7 @@ void ViewedSession::next_method() {
   if (!loop) return;
   const std::lock_guard lock(mutex_);
   const ForceMethod now = awaited_.value_or(loop->parameters().method);
-  const auto possible = [&](ForceMethod method) { return can_be_chosen(method) && can_be_made(method); };
+  const auto possible = [&](ForceMethod method) { return is_choosable(method) && can_be_prepared(method); };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
   if (auto chosen = choose(next, {Asker::kKey}, *loop); !chosen) give_up(next, chosen.error());
@@ -853,7 +853,7 @@ Result<void> ViewedSession::motor_here() {
   ServoLoop* loop = loop_.load();
   if (!loop) return not_running();
   if (!cuts()) return bad("no device has a tool with a motor", "", "");
-  change_told(*loop, told_, {Asker::kKey},
+  change_logged(*loop, told_, {Asker::kKey},
               [](Parameters& parameters) { parameters.motor = !parameters.motor; });
   return {};
 }
@@ -873,8 +873,8 @@ void ViewedSession::follow_script() {
   const ForceMethod method = loop->parameters().method;
   // the mutex may be contended; the next call follows soon
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  if (!lock || awaited_ || can_feel(method) || !parts_.model->has(method)) return;
-  if (!can_be_made(method))
+  if (!lock || awaited_ || is_available(method) || !parts_.model->has(method)) return;
+  if (!can_be_prepared(method))
     give_up(method, made_for_others());
   else if (method_failure_ && given_up_ == model_.felt->version)
     give_up(method, *method_failure_);
@@ -887,8 +887,8 @@ void ViewedSession::follow_script() {
 Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& loop) {
   awaited_.reset();
   method_failure_.reset();
-  if (can_feel(method)) {
-    change_told(loop, told_, by, [&](Parameters& parameters) { parameters.method = method; });
+  if (is_available(method)) {
+    change_logged(loop, told_, by, [&](Parameters& parameters) { parameters.method = method; });
     return {};
   }
   if (auto started = start_maker(); !started) return started;
@@ -899,14 +899,14 @@ Result<void> ViewedSession::choose(ForceMethod method, AskedBy by, ServoLoop& lo
 }
 
 Result<void> ViewedSession::start_maker() try {
-  if (!maker_.joinable()) maker_ = std::thread([this] { make_fields(); });
+  if (!maker_.joinable()) maker_ = std::thread([this] { run_maker(); });
   return {};
 } catch (const std::system_error& error) {
   return Error{ErrorKind::kUnavailable, std::string("no thread to make what is wanted: ") + error.what(), "",
                "close other programs, or raise the limit of processes (ulimit -u)"};
 }
 
-void ViewedSession::make_fields() {
+void ViewedSession::run_maker() {
   // threads started from here inherit the lowest priority
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
   const Progress progress({}, &ending_);
@@ -916,7 +916,7 @@ void ViewedSession::make_fields() {
       wanted_.wait(lock, [this] { return ending_ || awaited_ || law_awaited_; });
       if (ending_) return;
       if (law_awaited_) {
-        make_law(lock, progress);
+        prepare_law(lock, progress);
         continue;
       }
       const ModelVersions of = model_;
@@ -929,7 +929,7 @@ void ViewedSession::make_fields() {
       const bool again = model_.felt != of.felt;
       if (!again || !awaited_) fields = nullptr;
       if (again) continue;
-      auto felt = ready ? feel_by(*ready) : Result<void>(ready.error());
+      auto felt = ready ? use_fields(*ready) : Result<void>(ready.error());
       if (felt) continue;
       // another method may have been requested meanwhile
       if (awaited_ == method) give_up(method, felt.error());
@@ -948,9 +948,9 @@ void ViewedSession::make_fields() {
 Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod method, const ModelVersions& of,
                                                                std::shared_ptr<const Model>& fields,
                                                                const Progress& progress) const try {
-  if (!fields || !fields_suit(*of.felt, *fields)) {
+  if (!fields || !fields_match(*of.felt, *fields)) {
     fields = of.made;
-    if (!fields_suit(*of.felt, *of.made)) {
+    if (!fields_match(*of.felt, *of.made)) {
       auto made = parts_.new_fields(*of.felt, *of.made, progress);
       if (!made) return made.error();
       fields = *std::move(made);
@@ -968,19 +968,19 @@ Result<std::shared_ptr<const Model>> ViewedSession::fields_for(ForceMethod metho
   return not_made(why);
 }
 
-Result<void> ViewedSession::feel_by(std::shared_ptr<const Model> fields) try {
+Result<void> ViewedSession::use_fields(std::shared_ptr<const Model> fields) try {
   ServoLoop& loop = *loop_.load();
-  if (fields_suit(*model_.felt, *model_.made)) {
+  if (fields_match(*model_.felt, *model_.made)) {
     // preparing further methods leaves the haptic properties unchanged, so no new version is needed
     auto next = std::make_shared<Model>(*model_.felt);
     next->methods = fields->methods;
     loop.set_model(next);
     model_ = {std::move(next), std::move(fields)};
   } else {
-    const auto next = taking_fields(*model_.felt, *fields);
-    go_on_with({next, next}, {next->version, ModelChange::kFieldsMadeAnew}, awaited_by_, loop);
+    const auto next = with_fields(*model_.felt, *fields);
+    apply_version({next, next}, {next->version, ModelChange::kFieldsRebuilt}, awaited_by_, loop);
   }
-  return awaited_ && can_feel(*awaited_) ? choose(*awaited_, awaited_by_, loop) : Result<void>();
+  return awaited_ && is_available(*awaited_) ? choose(*awaited_, awaited_by_, loop) : Result<void>();
 } catch (const std::exception& why) {
   return not_made(why);
 }
@@ -992,7 +992,7 @@ void ViewedSession::give_up(ForceMethod method, Error why) {
   why.where = name_of(method);
   method_failure_ = std::move(why);
   // a script may have selected the method before its fields were generated: fall back to the proxy
-  change_told(*loop_.load(), told_, {}, [&](Parameters& parameters) {
+  change_logged(*loop_.load(), told_, {}, [&](Parameters& parameters) {
     if (parameters.method == method && model_.felt->has(ForceMethod::kProxy))
       parameters.method = ForceMethod::kProxy;
   });
@@ -1019,7 +1019,7 @@ Result<void> ViewedSession::take_pointer(bool take, const ViewerIdentity& by) {
   if (take && !loop) return not_running();
   const bool was_taken = pointer_taken_.exchange(take);
   if (!take) parts_.pointer->release();
-  if (loop && take != was_taken) pointer_told(*loop, told_, asked_by(by));
+  if (loop && take != was_taken) log_pointer_change(*loop, told_, asked_by(by));
   return {};
 }
 

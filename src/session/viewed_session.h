@@ -25,12 +25,12 @@
 #include "palpate/tissue/nearest.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/arming_code.h"
-#include "session/carried_cells.h"
+#include "session/measured_cells.h"
 #include "session/consent.h"
 #include "session/cut_list.h"
 #include "session/explore_watch.h"
 #include "session/rate_meter.h"
-#include "session/seen_labels.h"
+#include "session/deformed_labels.h"
 #include "session/tissue_thread.h"
 #include "session/training.h"
 
@@ -55,7 +55,7 @@ struct ViewedParts {
   /// Generates fields for changed stiffnesses; replaced in tests only. May throw.
   std::function<Result<std::shared_ptr<const Model>>(const Model& felt, const Model& made,
                                                      const Progress& progress)>
-      new_fields = with_new_fields;
+      new_fields = with_rebuilt_fields;
   /// Prepares a model for further methods; replaced in tests only. May throw.
   std::function<Result<std::shared_ptr<const Model>>(
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>
@@ -63,7 +63,7 @@ struct ViewedParts {
   /// Prepares a model for another tissue law; replaced in tests only. May throw.
   std::function<Result<CarriedCells>(const Model& felt, TissueLaw law, std::size_t devices,
                                      const Progress& progress)>
-      other_law = carried_under_law;
+      other_law = measured_under_law;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
   /// machine is too slow. Empty if it is not.
   std::string coarser_tissue = {};
@@ -131,7 +131,7 @@ class ViewedSession final : public ViewerHost {
   // ---- keys at the device
   void stop_here();
   /// Stops the force because no supervisor process watches the session.
-  void stop_unwatched();
+  void stop_unsupervised();
   /// Gives the force back after a stop.
   /// @param stop  number of the stop that was displayed to the operator
   /// Errors: those of a viewer's rearm; kUsage for a pointer, whose force is given back in the page.
@@ -146,7 +146,7 @@ class ViewedSession final : public ViewerHost {
   /// Whether force is given back in the page: only a pointer moves the tip and no device is physical.
   bool rearmed_in_page() const { return parts_.pointer != nullptr && !physical(); }
   /// Number of the stop in effect; empty if there is none.
-  std::optional<std::uint32_t> stop_that_holds() const;
+  std::optional<std::uint32_t> current_stop() const;
   void next_method();
   /// Toggles the burrs' motors. Errors: kBadInput if no device has a burr.
   Result<void> motor_here();
@@ -161,9 +161,9 @@ class ViewedSession final : public ViewerHost {
   /// Errors: those of Training::begin_or_end; kUsage if the session has no tasks.
   Result<void> task_here();
   /// Model version to which the script's last stroke change or law change led; see
-  /// HandCommands::stroke_led_to and law_led_to.
-  std::optional<std::uint32_t> script_stroke_led_to() const;
-  std::optional<std::uint32_t> script_law_led_to() const;
+  /// HandCommands::stroke_version and law_version.
+  std::optional<std::uint32_t> script_stroke_version() const;
+  std::optional<std::uint32_t> script_law_version() const;
   /// Prepares the direct method that a script has selected, if its fields are missing. Does not block.
   void follow_script();
 
@@ -184,9 +184,9 @@ class ViewedSession final : public ViewerHost {
   ViewedScene make_scene() const;
   bool physical() const;
   double most_force_N() const;
-  bool can_be_chosen(ForceMethod method) const { return choosable_[index_of(method)]; }
-  bool can_feel(ForceMethod method) const;
-  bool can_be_made(ForceMethod method) const;
+  bool is_choosable(ForceMethod method) const { return choosable_[index_of(method)]; }
+  bool is_available(ForceMethod method) const;
+  bool can_be_prepared(ForceMethod method) const;
   Result<void> check(const SettingsRequest& request, const Parameters& now) const;
   Result<ModelChange> check(const TissueRequest& request, const Parameters& now) const;
   bool wants_consent(bool feels_more) const;
@@ -202,20 +202,20 @@ class ViewedSession final : public ViewerHost {
   Result<void> apply(const LastStrokeRequest& request, AskedBy by);
   Result<void> apply(const TissueRequest& request, AskedBy by);
   Result<void> choose(ForceMethod method, AskedBy by, ServoLoop& loop);
-  void make_fields();
+  void run_maker();
   Result<std::shared_ptr<const Model>> fields_for(ForceMethod method, const ModelVersions& of,
                                                   std::shared_ptr<const Model>& fields,
                                                   const Progress& progress) const;
-  Result<void> feel_by(std::shared_ptr<const Model> fields);
+  Result<void> use_fields(std::shared_ptr<const Model> fields);
   void give_up(ForceMethod method, Error why);
-  void move_tissue(ServoLoop& loop);
+  void start_tissue_thread(ServoLoop& loop);
   Result<void> change_law(TissueLaw law, AskedBy by, ServoLoop& loop);
   void go_by(const Model& under, double coarsened, AskedBy by, ServoLoop& loop);
-  void make_law(std::unique_lock<std::mutex>& lock, const Progress& progress);
-  void give_up_law(Error why);
+  void prepare_law(std::unique_lock<std::mutex>& lock, const Progress& progress);
+  void abandon_law(Error why);
   Result<void> start_maker();
-  void go_on_with(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
-  void cut_along();
+  void apply_version(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop);
+  void run_cutter();
   void cut(std::span<const Cut> cuts, ServoLoop& loop);
   void change_strokes(ServoLoop& loop);
   std::ptrdiff_t strokes_left(StrokeAction action) const;
@@ -266,8 +266,8 @@ class ViewedSession final : public ViewerHost {
     std::string told;
   };
   std::array<Carried, ModelChange::kLaws> carried_;
-  Carried& carried_of(TissueLaw law) { return carried_[static_cast<std::size_t>(law)]; }
-  const Carried& carried_of(TissueLaw law) const { return carried_[static_cast<std::size_t>(law)]; }
+  Carried& measured_cells_of(TissueLaw law) { return carried_[static_cast<std::size_t>(law)]; }
+  const Carried& measured_cells_of(TissueLaw law) const { return carried_[static_cast<std::size_t>(law)]; }
   std::vector<std::string> later_coarser_;
 
   std::condition_variable wanted_;

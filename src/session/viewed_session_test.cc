@@ -90,7 +90,7 @@ class Viewed : public ::testing::Test {
     parameters.passivity = false;
     parameters.max_force_N = 3;
     parameters.device[0] = device_parameters(driver_->devices()[0], workspace);
-    parameters.device[0].most_stiffness_N_per_mm = most_stiffness;
+    parameters.device[0].max_stiffness_N_per_mm = most_stiffness;
     const auto devices = driver_->devices();
     viewed_.emplace(ViewedParts{model_,
                                 {devices.begin(), devices.end()},
@@ -188,9 +188,9 @@ class Viewed : public ::testing::Test {
   bool asks_here_ = true;
   std::list<RecordingEvent> told_;
   bool every_method_ = true;  // false: the trilinear method and the proxy only
-  decltype(ViewedParts::new_fields) new_fields_ = with_new_fields;
+  decltype(ViewedParts::new_fields) new_fields_ = with_rebuilt_fields;
   decltype(ViewedParts::more_methods) more_methods_ = with_methods;
-  decltype(ViewedParts::other_law) other_law_ = carried_under_law;
+  decltype(ViewedParts::other_law) other_law_ = measured_under_law;
   std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
@@ -429,7 +429,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   std::atomic<bool> may_be_made{false};
   new_fields_ = [&](const Model& felt, const Model& made, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return with_new_fields(felt, made, progress);
+    return with_rebuilt_fields(felt, made, progress);
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
@@ -447,7 +447,7 @@ TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "trilinear"; }));
   const auto made = changes();
   ASSERT_GE(made.size(), 3u);
-  EXPECT_EQ(made.back().tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(made.back().tissue, ModelChange::kFieldsRebuilt);
   EXPECT_EQ(made.back().version, viewed_->state().model_version);
   ASSERT_NO_FATAL_FAILURE(press(2));
   EXPECT_NEAR(stiffness(), 0.5, 1e-12);
@@ -540,7 +540,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   ASSERT_EQ(error_of(softer).what, "no error");
   choose("gaussian-sphere");
   ASSERT_TRUE(soon([&] { return viewed_->state().method == "gaussian-sphere"; }));
-  EXPECT_EQ(changes().back().tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(changes().back().tissue, ModelChange::kFieldsRebuilt);
   EXPECT_TRUE(soon([&] { return latest().method == index_of(ForceMethod::kGaussianSphere); }));
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
@@ -579,7 +579,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
                    const Progress& progress) -> Result<CarriedCells> {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ++made;
-    auto under = carried_under_law(felt, law, devices, progress);
+    auto under = measured_under_law(felt, law, devices, progress);
     if (!under || !is_elastic(law)) return under;
     // as if this machine were too slow for one of the laws
     const bool is_slow = law == TissueLaw::kNeoHookean;
@@ -646,7 +646,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   int tries = 0;
   other_law_ = [&](const Model& felt, TissueLaw law, std::size_t devices, const Progress& progress) {
     if (++tries == 1) throw std::bad_alloc();
-    return carried_under_law(felt, law, devices, progress);
+    return measured_under_law(felt, law, devices, progress);
   };
   start();
   SettingsRequest elastic;
@@ -667,7 +667,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   EXPECT_TRUE(soon([&] { return viewed_->state().law == "elastic"; }));
   // a script's request is answered as well
   viewed_->change_law_by_script(TissueLaw::kElastic);
-  EXPECT_EQ(viewed_->script_law_led_to(), viewed_->state().model_version);
+  EXPECT_EQ(viewed_->script_law_version(), viewed_->state().model_version);
 }
 
 TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
@@ -705,7 +705,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
       case 3:
         return Error{ErrorKind::kBadInput, "the shell is too thin", "label 2", "make it thicker"};
       case 4:
-        return with_new_fields(felt, made, progress);
+        return with_rebuilt_fields(felt, made, progress);
       default: {
         // a model with the one method that a tick requires
         auto bare = std::make_shared<Model>(felt);
@@ -1443,7 +1443,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   EXPECT_TRUE(result_->stopped_by_user) << "nothing was felt then";
   const auto changes = changes_in(recording);
   ASSERT_EQ(changes.size(), 2u);
-  EXPECT_EQ(changes[1].tissue, ModelChange::kFieldsMadeAnew);
+  EXPECT_EQ(changes[1].tissue, ModelChange::kFieldsRebuilt);
   EXPECT_EQ(recording.ticks.back().model_version, 3u);
   expect_replays(recording);
 }

@@ -2,14 +2,14 @@
 
 #include <algorithm>
 
-#include "palpate/tissue/seen_by_law.h"
+#include "palpate/tissue/displayed_law.h"
 
 namespace palpate {
 
 void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
     if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
-    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostTold)
+    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostStructuresReported)
       told_.push_back({event.number, event.input_tick});
   }
   // a solution is reported with ticks that follow its input tick
@@ -51,7 +51,7 @@ const Model& YieldIndex::model_of(std::uint32_t version) {
   };
   if (is_by(*model_)) return *model_;
   if (!other_ || !is_by(*other_)) {
-    other_ = seen_under_law(*model_, law);
+    other_ = displayed_under_law(*model_, law);
     other_->tissue_coarsened = coarsened;
   }
   return *other_;

@@ -20,7 +20,7 @@ class YieldIndex {
  public:
   using Boxes = std::array<std::optional<YieldBox>, kMaxDevices>;
   struct Solution {
-    std::uint32_t number = 0;  ///< YieldFrame::number, ascending
+    std::uint32_t number = 0;  ///< ComplianceFrame::number, ascending
     std::uint32_t boxes = 0;   ///< Index for boxes()
     std::uint64_t row = 0;     ///< Row of its input tick
   };
@@ -45,7 +45,7 @@ class YieldIndex {
 
  private:
   // bound on pending solutions; a few are normal
-  static constexpr std::size_t kMostTold = 10'000;
+  static constexpr std::size_t kMostStructuresReported = 10'000;
   struct Told {
     std::uint32_t number;
     std::uint64_t input_tick;
@@ -54,7 +54,7 @@ class YieldIndex {
   const Model& model_of(std::uint32_t version);
 
   const Model* model_;
-  LawsByVersion laws_;
+  LawHistory laws_;
   std::optional<Model> other_;  // the model under another law than its initial one
   std::vector<Solution> solutions_;
   std::vector<Boxes> boxes_;

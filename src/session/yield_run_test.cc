@@ -370,7 +370,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
   EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
   recording_ = read_recording(folder_ / "run.h5").value();
-  LawsByVersion laws(TissueLaw::kLayers);
+  LawHistory laws(TissueLaw::kLayers);
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == EventKind::kModel) laws.hear(event.change);
   const std::vector<TickRecord>& ticks = recording_.ticks;

@@ -278,7 +278,7 @@ std::optional<Error> SpaceMouseDriver::trouble() const {
   return core_->trouble();
 }
 
-DeviceMaker spacemouse_maker(const SpaceMouseSettings& settings) {
+DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings) {
   const auto look = [settings] {
     DeviceReport report;
     const auto mouse = choose_mouse(settings);

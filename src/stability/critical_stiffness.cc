@@ -29,7 +29,7 @@ std::optional<Error> fault_of(const StabilityCase& held) {
   // written such that NaN is out of range
   if (!(held.rate_hz >= kSlowest_hz && held.rate_hz <= kFastest_hz))
     return bad("no wall is tried at this rate", "choose from 100 to 20000 Hz");
-  if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMostDelay_s))
+  if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMaxDelay_s))
     return bad("no wall is tried with this delay", "choose from 0 to 20 ms");
   if (!(held.device.mass_kg + held.hand.mass_kg > 0))
     return bad("device and hand have no mass", "give them some");
@@ -72,7 +72,7 @@ Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Prog
 }
 
 Result<double> settling_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress) {
-  return stiffest_before(swings_after_a_second, held, progress);
+  return stiffest_before(oscillates_after_a_second, held, progress);
 }
 
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz) {

@@ -49,7 +49,7 @@ void WallHold::tick() {
   device_.advance({Vector<Device>(wall_force_N(), 0, 0), {}}, dt_s_);
 }
 
-double WallHold::next_swing_mm() {
+double WallHold::next_amplitude_mm() {
   double low_mm = std::numeric_limits<double>::infinity(), high_mm = -low_mm;
   const long ticks = std::lround(1 / dt_s_);
   for (long n = 0; n < ticks; ++n) {
@@ -64,20 +64,20 @@ double WallHold::next_swing_mm() {
 bool has_limit_cycle(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s) {
   const double quiet_mm = 2 * held.device.encoder_step_m * 1e3;
   WallHold hold(held, stiffness_N_per_mm, impact_m_s);
-  double swing_mm = hold.next_swing_mm();
+  double swing_mm = hold.next_amplitude_mm();
   for (int second = 2; second <= kLongestHold_s; ++second) {
     const double before_mm = swing_mm;
-    swing_mm = hold.next_swing_mm();
+    swing_mm = hold.next_amplitude_mm();
     if (swing_mm <= quiet_mm) return false;
     if (swing_mm >= before_mm) return true;
   }
   return true;
 }
 
-bool swings_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s) {
+bool oscillates_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s) {
   WallHold hold(held, stiffness_N_per_mm, impact_m_s);
-  hold.next_swing_mm();
-  return hold.next_swing_mm() > 2 * held.device.encoder_step_m * 1e3;
+  hold.next_amplitude_mm();
+  return hold.next_amplitude_mm() > 2 * held.device.encoder_step_m * 1e3;
 }
 
 }  // namespace palpate

@@ -14,7 +14,7 @@ class WallHold {
   WallHold(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
 
   /// Simulates another second; returns the true tip's peak-to-peak amplitude in it.
-  double next_swing_mm();
+  double next_amplitude_mm();
   /// Force that the servo currently commands.
   double wall_force_N() const;
 
@@ -33,6 +33,6 @@ inline constexpr int kLongestHold_s = 10;
 /// persists after kLongestHold_s.
 bool has_limit_cycle(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
 /// Whether the amplitude exceeds two encoder steps in the second second of the hold, decaying or not.
-bool swings_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+bool oscillates_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
 
 }  // namespace palpate

@@ -62,9 +62,9 @@ TEST(CriticalStiffness, TwiceTheLengthsGiveTwiceTheSwing) {
     *number /= 2;
   WallHold one(held, 1.5, 0.1), other(doubled, 0.75, 0.2);
   for (int second = 0; second < 3; ++second) {
-    const double swing_mm = one.next_swing_mm();
+    const double swing_mm = one.next_amplitude_mm();
     EXPECT_GT(swing_mm, 0.1);
-    EXPECT_NEAR(other.next_swing_mm(), 2 * swing_mm, 1e-6 * swing_mm);
+    EXPECT_NEAR(other.next_amplitude_mm(), 2 * swing_mm, 1e-6 * swing_mm);
   }
 }
 
@@ -98,8 +98,8 @@ TEST(CriticalStiffness, AHoldStaysOnTheWallAtOneNewton) {
   // a hand of spring and damper comes to rest where both springs balance
   const StabilityCase held = premium(0);
   WallHold hold(held, 0.5, 0.1);
-  for (int second = 0; second < 4; ++second) hold.next_swing_mm();
-  EXPECT_LT(hold.next_swing_mm(), 1e-3);
+  for (int second = 0; second < 4; ++second) hold.next_amplitude_mm();
+  EXPECT_LT(hold.next_amplitude_mm(), 1e-3);
   // friction may hold back 0.04 N of 1 N
   EXPECT_NEAR(hold.wall_force_N(), 1, 0.06);
 }

@@ -47,7 +47,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
                                      ForceMethod method, const PlantDevice& device, double rate_hz,
                                      double delay_s, const Progress& progress) {
   const Tissue& stiffest = stiffest_of(model);
-  const double one_point = FeltStiffness(workspace).at_device(stiffest.stiffness_N_per_mm);
+  const double one_point = RenderedStiffness(workspace).at_device(stiffest.stiffness_N_per_mm);
   const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   HeldStiffness held;
   held.asked_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
@@ -90,7 +90,7 @@ HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace,
       of = "'" + tissue.name + "'";
       asked_N_s_per_mm = tissue.viscosity_N_s_per_mm;
     }
-  const double felt_N_s_per_mm = FeltStiffness(workspace).at_device(asked_N_s_per_mm);
+  const double felt_N_s_per_mm = RenderedStiffness(workspace).at_device(asked_N_s_per_mm);
   if (felt_N_s_per_mm <= held.most_N_s_per_mm) return held;
 
   char text[400];

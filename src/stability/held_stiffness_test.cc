@@ -129,7 +129,7 @@ TEST(HeldDamping, IsToldAndRecordedAndReplays) {
   ASSERT_TRUE(recording.ok());
   const double most = recommended_damping_N_s_per_mm(*find_plant_device(script.device), script.rate_hz, 1e-3);
   for (const TickRecord& record : recording->ticks) {
-    ASSERT_EQ(record.device[0].most_damping_N_s_per_mm, most);
+    ASSERT_EQ(record.device[0].max_damping_N_s_per_mm, most);
     ASSERT_EQ(record.device[0].delay_s, 1e-3);
   }
   const auto again = replay(*recording, loaded.model);
@@ -155,7 +155,7 @@ TEST(HeldStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
     double deepest_mm = 0, most_N = 0;
     for (const TickRecord& record : recording->ticks) {
       const DeviceTick& device = record.device[0];
-      EXPECT_NEAR(device.most_stiffness_N_per_mm, 0.713, 0.01);
+      EXPECT_NEAR(device.max_stiffness_N_per_mm, 0.713, 0.01);
       if (!(device.depth_mm > 0.2)) continue;
       deepest_mm = std::max(deepest_mm, device.depth_mm);
       most_N = std::max(most_N, device.unclamped_force_N / device.depth_mm);

@@ -160,8 +160,8 @@ class Supervision {
       note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
     }
-    if (halt_files_ > 0) watch_beats(now_ns);
-    if (kill_frozen_) watch_for_standstill(now_ns);
+    if (halt_files_ > 0) check_heartbeat(now_ns);
+    if (kill_frozen_) check_frozen(now_ns);
     return true;
   }
 
@@ -178,7 +178,7 @@ class Supervision {
     block_.add({kind, block_.heartbeat.beat_ns.load(), seen_ns, halted_ns});
   }
 
-  void watch_beats(std::int64_t now_ns) {
+  void check_heartbeat(std::int64_t now_ns) {
     Heartbeat& heartbeat = block_.heartbeat;
     const std::int64_t beat_ns = heartbeat.beat_ns.load(std::memory_order_acquire);
     const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
@@ -193,7 +193,7 @@ class Supervision {
     note(SupervisorEvent::Kind::kStall, now_ns, monotonic_ns());
   }
 
-  void watch_for_standstill(std::int64_t now_ns) {
+  void check_frozen(std::int64_t now_ns) {
     const std::int64_t passed_ns = last_look_ns_ == 0 ? 0 : now_ns - last_look_ns_;
     last_look_ns_ = now_ns;
     const std::int64_t seen_ns = std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
@@ -259,7 +259,7 @@ int supervise(const std::vector<std::string>& arguments) {
                                                          .priority = kPriority,
                                                          .lock_memory = realtime != 0,
                                                          .cpu = -1,
-                                                         .leave_above = 0,
+                                                         .priorities_above = 0,
                                                          .name = "palpate-super"});
   std::strncpy(block->scheduler.data(), grant.scheduler.c_str(), block->scheduler.size() - 1);
   block->watching.store(true, std::memory_order_release);

@@ -213,7 +213,7 @@ class BareThreads {
                                    .priority = priority,
                                    .lock_memory = false,
                                    .cpu = cpu,
-                                   .leave_above = 0,
+                                   .priorities_above = 0,
                                    .name = "bare"});
         look(asked_ns);
       });

@@ -152,7 +152,7 @@ class HaltFile {
                              .priority = 97,
                              .lock_memory = false,
                              .cpu = -1,
-                             .leave_above = 0,
+                             .priorities_above = 0,
                              .name = "test-device"});
   HaltFile file(halted);
   bool acted = false;

@@ -44,7 +44,7 @@ std::string text_of(const char* before, Value value, const char* after) {
 }
 
 Result<void> check(const std::vector<RampStructure>& structures, const RampOptions& options) {
-  if (!(options.width_mm >= kLeastRampWidth_mm && options.width_mm <= kMostRampWidth_mm))
+  if (!(options.width_mm >= kMinRampWidth_mm && options.width_mm <= kMaxRampWidth_mm))
     return bad_input(text_of("the width of a ramp is ", options.width_mm, " mm"), "give 1 to 12 mm");
   if (!(options.stiffest_N_per_mm >= 0 && std::isfinite(options.stiffest_N_per_mm)))
     return bad_input(text_of("the greatest stiffness is ", options.stiffest_N_per_mm, " N/mm"),
@@ -81,9 +81,9 @@ std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
 
 /// Depth-first traversal of the chains of structures resting on each other, starting at every structure; each
 /// chain raises the field at its voxels.
-class ChainWalk {
+class ChainTraversal {
  public:
-  ChainWalk(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
+  ChainTraversal(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
             const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
             const Progress& progress, double full_force_N, internal::RaisedField& field)
       : labels_(labels),
@@ -141,9 +141,9 @@ class ChainWalk {
   }
 
   Result<void> climb(std::size_t structure, const ProgressSpan& stage) {
-    if (++chains_ > kMostRampChains)
+    if (++chains_ > kMaxRampChains)
       return bad_input(
-          text_of("more than ", kMostRampChains, " chains of structures that rest on each other"),
+          text_of("more than ", kMaxRampChains, " chains of structures that rest on each other"),
           "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
     const DepthOptions depth{std::min(full_force_N_ / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
                              options_.threads};
@@ -276,7 +276,7 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
   if (!touching) return touching.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
   internal::RaisedField field(labels.geometry());
-  ChainWalk walk(labels, structures, spans, *touching, options, progress, ramps.full_force_N, field);
+  ChainTraversal walk(labels, structures, spans, *touching, options, progress, ramps.full_force_N, field);
   const auto count = static_cast<double>(structures.size());
   for (std::size_t s = 0; s < structures.size(); ++s) {
     if (spans[structures[s].label].empty()) continue;
@@ -311,15 +311,15 @@ Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<Ram
 Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid) {
   const double widest_mm = grid.spacing_mm.maxCoeff();
   // default widths never fail: scenes for the proxy, which does not use ramps, must load on coarse voxels too
-  if (!asked_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMostRampWidth_mm);
+  if (!asked_mm) return std::clamp(2 * widest_mm, kUsualRampWidth_mm, kMaxRampWidth_mm);
   const double width_mm = *asked_mm;
   // tolerance for rounding of direction matrices
-  if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMostRampWidth_mm) return width_mm;
+  if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMaxRampWidth_mm) return width_mm;
   return bad_input(
       text_of("a ramp of ", width_mm, "") + text_of(" mm on voxels that are up to ", widest_mm, " mm wide"),
-      2 * widest_mm <= kMostRampWidth_mm
+      2 * widest_mm <= kMaxRampWidth_mm
           ? text_of("give a ramp_width of two voxels or more, ", 2 * widest_mm, " mm")
-          : text_of("a ramp takes two voxels and at most ", kMostRampWidth_mm,
+          : text_of("a ramp takes two voxels and at most ", kMaxRampWidth_mm,
                     " mm; give method = \"union-gaussian\""));
 }
 

@@ -452,7 +452,7 @@ TEST(RampWidth, TakesTwoOfTheWidestVoxels) {
   ASSERT_FALSE(narrow.ok());
   EXPECT_EQ(narrow.error().what, "a ramp of 1.5 mm on voxels that are up to 1 mm wide");
   EXPECT_NE(narrow.error().remedy.find("2 mm"), std::string::npos);
-  EXPECT_EQ(*ramp_width_mm({}, grid_with_voxels(1, 1, 10)), kMostRampWidth_mm);
+  EXPECT_EQ(*ramp_width_mm({}, grid_with_voxels(1, 1, 10)), kMaxRampWidth_mm);
   const auto coarse = ramp_width_mm(12, grid_with_voxels(7, 7, 7));
   ASSERT_FALSE(coarse.ok());
   EXPECT_NE(coarse.error().remedy.find("union-gaussian"), std::string::npos);

@@ -41,16 +41,16 @@ BlockKernel block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm, dou
 }
 
 /// Value of each row that is constant, NaN for other rows.
-class EvenRows {
+class ConstantRows {
  public:
-  explicit EvenRows(const Block<float>& block) : span_(block.span()) {
+  explicit ConstantRows(const Block<float>& block) : span_(block.span()) {
     const auto length = static_cast<std::size_t>(span_.size(0));
     for_each_row(span_, [&](int j, int k) {
       const float* row = block.row(j, k);
       values_.push_back(all_equal(row, length) ? row[0] : kUneven);
     });
   }
-  explicit EvenRows(const Span3& span) : span_(span) {
+  explicit ConstantRows(const Span3& span) : span_(span) {
     values_.resize(static_cast<std::size_t>(span.size(1)) * static_cast<std::size_t>(span.size(2)));
   }
 
@@ -102,8 +102,8 @@ class Neighbours {
 
 /// Filters along one axis. Along j and k input and output rows have equal length, so that adjacent rows are
 /// processed as one long row.
-void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, const AxisKernel& kernel,
-                 RowOperation operation, Block<float>& out, EvenRows& even_out) {
+void filter_axis(const Block<float>& in, const ConstantRows& even_in, int axis, const AxisKernel& kernel,
+                 RowOperation operation, Block<float>& out, ConstantRows& even_out) {
   const Span3& span = out.span();
   const auto length = static_cast<std::size_t>(span.size(0));
   const int shift = span.low[0] - in.span().low[0];
@@ -124,7 +124,7 @@ void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, cons
       float* const from = out.row(j, k);
       std::size_t together = 0;
       do {
-        even_out.at(j++, k) = EvenRows::kUneven;
+        even_out.at(j++, k) = ConstantRows::kUneven;
         together += length;
       } while (axis != 0 && j < span.high[1] && !neighbours.all_even(even));
       operation(rows, together, from);
@@ -133,12 +133,12 @@ void filter_axis(const Block<float>& in, const EvenRows& even_in, int axis, cons
 }
 
 /// Filters along the last two axes.
-void filter_slices(const Block<float>& in, const EvenRows& even_in, const BlockKernel& kernel,
+void filter_slices(const Block<float>& in, const ConstantRows& even_in, const BlockKernel& kernel,
                    RowOperation operation, Block<float>& out) {
   Block<float> along_j(out.span().grown({kernel.reach()[0], 0, 0}));
-  EvenRows even_j(along_j.span());
+  ConstantRows even_j(along_j.span());
   filter_axis(in, even_in, 1, kernel.axis[1], operation, along_j, even_j);
-  EvenRows even_i(out.span());
+  ConstantRows even_i(out.span());
   filter_axis(along_j, even_j, 0, kernel.axis[0], operation, out, even_i);
 }
 
@@ -155,16 +155,16 @@ BlockKernel quadratic_block_kernel(const Eigen::Vector3d& spacing_mm, double sig
 void filter_block(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                   Block<float>& out) {
   const Index3 reach = kernel.reach();
-  const EvenRows even_in(in);
+  const ConstantRows even_in(in);
   Block<float> along_k(out.span().grown({reach[0], reach[1], 0}));
-  EvenRows even_k(along_k.span());
+  ConstantRows even_k(along_k.span());
   filter_axis(in, even_in, 2, kernel.axis[2], operation, along_k, even_k);
   filter_slices(along_k, even_k, kernel, operation, out);
 }
 
 void filter_slices(const Block<float>& in, const BlockKernel& kernel, RowOperation operation,
                    Block<float>& out) {
-  filter_slices(in, EvenRows(in), kernel, operation, out);
+  filter_slices(in, ConstantRows(in), kernel, operation, out);
 }
 
 void filter_block(const Block<float>& in, const BlockKernel& kernel, Block<float>& out) {

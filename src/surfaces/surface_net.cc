@@ -73,7 +73,7 @@ SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vect
   return net;
 }
 
-SurfaceNet no_net(const Span3& cells, const GridGeometry& grid) {
+SurfaceNet empty_net(const Span3& cells, const GridGeometry& grid) {
   SurfaceNet net;
   net.cells = cells;
   net.spacing_mm = grid.spacing_mm.cast<float>();

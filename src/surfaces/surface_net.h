@@ -52,7 +52,7 @@ using FieldRow = std::function<const std::int16_t*(int j, int k)>;
 SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vector3d& spacing_mm);
 
 /// Empty net, to which slices of cells are appended.
-SurfaceNet no_net(const Span3& cells, const GridGeometry& grid);
+SurfaceNet empty_net(const Span3& cells, const GridGeometry& grid);
 /// Appends the nodes of the next slices of cells; the result equals building both together.
 /// @param part  net of all cells of those slices
 void append_net(const SurfaceNet& part, SurfaceNet& net);

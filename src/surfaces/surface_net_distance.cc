@@ -228,7 +228,7 @@ class NetTriangles::Search {
     const Vector high = net_.centre_mm(box.high[0] - 1, box.high[1] - 1, box.high[2] - 1);
     const Vector middle = 0.5f * (low + high);
     NearParts& near = near_[level + 1];
-    keep_near(near_[level], {{middle[0], middle[1], middle[2]}, 0.5f * (high - low).norm()}, reach_mm_, near);
+    select_near(near_[level], {{middle[0], middle[1], middle[2]}, 0.5f * (high - low).norm()}, reach_mm_, near);
     if (near.count == 0) {
       fill(box);
     } else if (level + 1 < kBoxes.size()) {
@@ -236,7 +236,7 @@ class NetTriangles::Search {
         if (any(wanted_, part)) narrow(part, level + 1);
       });
     } else {
-      near.put_nearest_first();
+      near.move_nearest_first();
       for_each_box(box, {kTileWidth, kTileHeight, 1}, [&](const Span3& tile) { measure(tile, near); });
     }
   }

@@ -91,9 +91,9 @@ class Relaxation {
   void over_nodes(const Work& work) const {
     over_nodes(0, place_.size(), work);
   }
-  void part_from_walls(const std::vector<std::uint8_t>& wall);
-  void doubt_near_walls();
-  void pull_in_pairs();
+  void unlink_walls(const std::vector<std::uint8_t>& wall);
+  void compute_border_divisors();
+  void unlink_unpaired();
   void see_all();
   CellPlace way_mm(std::size_t n, int link) const;
   float square_along(std::size_t n, int link, const CellPlace& normal) const;
@@ -109,7 +109,7 @@ class Relaxation {
   std::vector<CellPlace> place_;
   NetLinks links_;
   std::vector<Unpaired> unpaired_;
-  std::vector<float> doubt_;  ///< Divisor of a node's curvature near walls; empty if there are none
+  std::vector<float> curvature_divisor_;  ///< Divisor of a node's curvature near walls; empty if there are none
   /// Voxels; offset of the links minus the node's target offset from their mean
   std::vector<CellPlace> rest_;
 };
@@ -144,14 +144,14 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
     links_.share[n] = links.share[m];
     links_.offset[n] = links.offset[m];
   }
-  part_from_walls(wall);
+  unlink_walls(wall);
   rest_ = links_.offset;
 }
 
 /// Removes links from the surface to wall nodes: the wall follows the surface that ends at it, but not vice
 /// versa. Surface nodes at a wall start midway: their zero crossings are rounded by the filter beside the
 /// wall, and along the border little would restore them.
-void Relaxation::part_from_walls(const std::vector<std::uint8_t>& wall) {
+void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
   for (std::uint32_t n = 0; n < place_.size(); ++n) {
     auto& to = links_.to[n];
     std::array<bool, 6> parted{};
@@ -175,13 +175,13 @@ void Relaxation::part_from_walls(const std::vector<std::uint8_t>& wall) {
     links_.share[n] = pulls > 0 ? 1 / pulls : 0;
     links_.offset[n] = offset * links_.share[n];
   }
-  doubt_near_walls();
-  pull_in_pairs();
+  compute_border_divisors();
+  unlink_unpaired();
 }
 
 /// Computes the divisors of curvature near walls. Where the volume's border cuts a terrace, no label
 /// determines how the surface continues, and its kink is not curvature.
-void Relaxation::doubt_near_walls() {
+void Relaxation::compute_border_divisors() {
   if (unpaired_.empty()) return;
   std::vector<float> apart_mm(place_.size(), kBorder_mm);
   using Reached = std::pair<float, std::uint32_t>;
@@ -198,14 +198,14 @@ void Relaxation::doubt_near_walls() {
     if (mm > apart_mm[n]) continue;
     for (int f = 0; f < 6; ++f) reach(links_.to[n][f], mm + spacing_[f / 2]);
   }
-  doubt_.resize(place_.size());
+  curvature_divisor_.resize(place_.size());
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float part = apart_mm[n] / kBorder_mm;
-    doubt_[n] = 1 / std::max(part * part * part * part, kLeastTrust);
+    curvature_divisor_[n] = 1 / std::max(part * part * part * part, kLeastTrust);
   }
 }
 
-void Relaxation::pull_in_pairs() {
+void Relaxation::unlink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.node;
 }
 void Relaxation::see_all() {
@@ -347,11 +347,11 @@ void Relaxation::bend() {
   smooth(nearby, kEdge_mm);
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float edge = nearby[n][0] / (kEdgeCurvature * std::max(nearby[n][1], 1e-9f));
-    bent[n] /= (1 + edge * edge * edge * edge) * (doubt_.empty() ? 1 : doubt_[n]);
+    bent[n] /= (1 + edge * edge * edge * edge) * (curvature_divisor_.empty() ? 1 : curvature_divisor_[n]);
   }
   smooth(bent, kCurvature_mm);
   for (const Unpaired& u : unpaired_) area[u.node] -= 0.25f * square_along(u.node, u.link, normal[u.node]);
-  pull_in_pairs();
+  unlink_unpaired();
   const CellPlace per_mm = (spacing_ + CellPlace(0, 0, 0, 1)).inverse();
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);

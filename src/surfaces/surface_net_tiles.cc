@@ -164,7 +164,7 @@ void NearParts::add(const NetDisc& disc, std::uint32_t its_part) {
   ++count;
 }
 
-void NearParts::put_nearest_first() {
+void NearParts::move_nearest_first() {
   const auto apart = number[8].begin();
   const auto least =
       static_cast<std::size_t>(std::min_element(apart, apart + static_cast<std::ptrdiff_t>(count)) - apart);
@@ -172,7 +172,7 @@ void NearParts::put_nearest_first() {
   std::swap(part[0], part[least]);
 }
 
-void keep_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept) {
+void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept) {
   kept.make_room(all.count);
   kept.count = HWY_DYNAMIC_DISPATCH(keep)(NearPartRows(all), ball, reach_mm, NearPartRows(kept));
 }

@@ -36,11 +36,11 @@ struct NearParts {
   void make_room(std::size_t most);
   /// Appends a part; requires capacity.
   void add(const NetDisc& disc, std::uint32_t its_part);
-  /// Moves the part that keep_near() found nearest to the centre of its ball to the front.
-  void put_nearest_first();
+  /// Moves the part that select_near() found nearest to the centre of its ball to the front.
+  void move_nearest_first();
 
   std::size_t count = 0;
-  /// Components in the order of NetDisc, and the squared distance found by keep_near().
+  /// Components in the order of NetDisc, and the squared distance found by select_near().
   std::array<std::vector<float>, 9> number;
   std::vector<std::int32_t> part;
 };
@@ -59,7 +59,7 @@ struct VoxelsBall {
 };
 /// Copies those parts whose triangles may be nearest to a point in the ball, at a distance of at most
 /// reach_mm.
-void keep_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept);
+void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& kept);
 
 /// Size of a tile: voxels whose distances are computed together.
 inline constexpr int kTileWidth = 4, kTileHeight = 2, kTileVoxels = kTileWidth * kTileHeight;

@@ -52,7 +52,7 @@ float greatest(std::span<const float> slopes) {
   return *std::max_element(worst.begin(), worst.end());
 }
 
-float greatest_beside(std::span<const float> slopes, const Span3& all, const Span3& without) {
+float greatest_outside(std::span<const float> slopes, const Span3& all, const Span3& without) {
   const auto place = [&](int i, int j, int k) {
     return (static_cast<std::size_t>(k) * static_cast<std::size_t>(all.size(1)) +
             static_cast<std::size_t>(j)) *

@@ -37,7 +37,7 @@ Error out_of_range(const char* name, double value, const char* range) {
 }
 
 Result<void> check(const SurfaceOptions& o) {
-  if (!(o.reach_mm >= 1 && o.reach_mm <= kMostSurfaceReach_mm)) {
+  if (!(o.reach_mm >= 1 && o.reach_mm <= kMaxSurfaceReach_mm)) {
     return out_of_range("the reach of a surface in mm", o.reach_mm, "give 1 to 15 mm");
   }
   if (!(o.position_sigma_mm >= 0 && o.position_sigma_mm <= 3)) {
@@ -120,7 +120,7 @@ class WholeSurface {
                      PreparedSurface& prepared) {
     using Target = internal::Target<std::int16_t>;
     const Span3 fine = whole(plan_.fine);
-    SurfaceWorkings& w = prepared.workings;
+    SurfaceIntermediates& w = prepared.workings;
 
     auto done = make_bricks(
         plan_.fine, plan_.reach_mm,
@@ -130,7 +130,7 @@ class WholeSurface {
     const auto distance = StepsSource::of(w.distance);
 
     // the filtered labels are only used to build the net and are not stored
-    auto net = std::make_shared<internal::SurfaceNet>(internal::no_net(internal::cells_of(fine), plan_.fine));
+    auto net = std::make_shared<internal::SurfaceNet>(internal::empty_net(internal::cells_of(fine), plan_.fine));
     done = make_net(distance, *net);
     if (!done) return done;
     const internal::Index3& first = plan_.box.first;
@@ -541,12 +541,12 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
        stages.slopes(position, start(patch.slopes, slopes_part))});
 
   const float beside =
-      internal::greatest_beside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
+      internal::greatest_outside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
   patch.steepest = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
   return patch;
 }
 
-Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Bricks<LabelId>& labels,
+Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<LabelId>& labels,
                                               const VoxelBox& dirty) {
   const SurfacePatch patch = prepare_patch(old, labels, dirty);
   if (!patch.local) {

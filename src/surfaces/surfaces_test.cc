@@ -278,10 +278,10 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
         }
       }
       local += prepare_patch(now, *label_bricks(labels), dirty).local ? 1 : 0;
-      auto again = prepare_surface_again(now, *label_bricks(labels), dirty);
+      auto again = update_surface(now, *label_bricks(labels), dirty);
       ASSERT_TRUE(again.ok());
       // independent of history: only the first version and the current labels matter
-      const auto at_once = prepare_surface_again(once, *label_bricks(labels), everything);
+      const auto at_once = update_surface(once, *label_bricks(labels), everything);
       ASSERT_TRUE(at_once.ok());
       expect_same(*again, *at_once);
       expect_sides_kept(*again, labels);
@@ -300,10 +300,10 @@ TEST(Surfaces, ACutThatIsFilledAgainIsAsIfItHadNeverBeen) {
   for (int k = 0; k < 9; ++k) {
     for (int j = 0; j < 9; ++j) std::fill_n(&cut.at(20, 18 + j, 10 + k), 9, LabelId{0});
   }
-  const auto carved = prepare_surface_again(once, *label_bricks(cut), dirty);
+  const auto carved = update_surface(once, *label_bricks(cut), dirty);
   ASSERT_TRUE(carved.ok());
   EXPECT_LT(carved->volume_mm3, once.volume_mm3);
-  const auto filled = prepare_surface_again(*carved, *label_bricks(labels), dirty);
+  const auto filled = update_surface(*carved, *label_bricks(labels), dirty);
   ASSERT_TRUE(filled.ok());
   expect_same(*filled, once);
 }
@@ -327,7 +327,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
   for (std::size_t n = 0; n < labels.voxels().size(); ++n) {
     if (dig.voxels()[n] != 0) labels.voxels()[n] = 0;
   }
-  const auto carved = prepare_surface_again(once, *label_bricks(labels), dirty);
+  const auto carved = update_surface(once, *label_bricks(labels), dirty);
   ASSERT_TRUE(carved.ok());
   expect_sides_kept(*carved, labels);
   int beside = 0, within = 0;
@@ -398,12 +398,12 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   labels.at(extent.first[0] - 1, extent.first[1] + 3, extent.first[2] + 3) = kTissue;
   const VoxelBox beyond{{0, 0, 0}, labels.geometry().dims};
   EXPECT_FALSE(prepare_patch(old, *label_bricks(labels), beyond).local);
-  const auto again = prepare_surface_again(old, *label_bricks(labels), beyond);
+  const auto again = update_surface(old, *label_bricks(labels), beyond);
   ASSERT_TRUE(again.ok());
   expect_same(*again, prepared_surfaces(labels));
 
   // all removed
-  EXPECT_FALSE(prepare_surface_again(old, *label_bricks(Volume<LabelId>(labels.geometry())),
+  EXPECT_FALSE(update_surface(old, *label_bricks(Volume<LabelId>(labels.geometry())),
                                      {{0, 0, 0}, {100, 100, 100}})
                    .ok());
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/haptics/told_pose.h"
+#include "palpate/haptics/recorded_pose.h"
 
 namespace palpate {
 namespace {

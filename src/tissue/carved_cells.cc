@@ -14,7 +14,7 @@ ElasticGrid laid(const CarvedLabels& labels, const std::vector<ElasticMaterial>&
                  const ElasticBox& box, const Point<Patient>& about) {
   auto grid = ElasticGrid::of_labels(*labels.made, by_label, box, labels.taken.get());
   PALPATE_CHECK(grid.ok());
-  grid->continue_beyond({true, true, true, true, true, true}, about);
+  grid->set_boundary_springs({true, true, true, true, true, true}, about);
   return *std::move(grid);
 }
 

@@ -201,8 +201,8 @@ class CarvedCellsOf : public ::testing::Test {
         for (int i = 0; i <= layout.cells[0]; ++i)
           for (int c = 0; c < 3; ++c) u.values[layout.node(i, j, k, c)] = small(random);
     ElasticField at_rest = u, fresh_at_rest = u;
-    solver_->put_at_rest(at_rest);
-    fresh.put_at_rest(fresh_at_rest);
+    solver_->zero_held(at_rest);
+    fresh.zero_held(fresh_at_rest);
     expect_same_bits(at_rest.values, fresh_at_rest.values, "held");
     solver_->forces(u, f);
     fresh.forces(u, g);
@@ -305,7 +305,7 @@ TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
   const auto held_nodes = [&] {
     ElasticField u(cells_->grid().layout());
     std::fill(u.values.begin(), u.values.end(), 1.0f);
-    solver_->put_at_rest(u);
+    solver_->zero_held(u);
     return std::count(u.values.begin(), u.values.end(), 0.0f);
   };
   const auto before = held_nodes();
@@ -326,7 +326,7 @@ TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
   EXPECT_GT(grid.mu()[grid.layout().cell(i, j, k)], 0);
   ElasticField u(grid.layout());
   u.values[grid.layout().node(i, j, k, 0)] = 1;
-  solver_->put_at_rest(u);
+  solver_->zero_held(u);
   EXPECT_EQ(u.values[grid.layout().node(i, j, k, 0)], 0);
   model_ = model_->carving->undone()->taken_from(*model_);
   settle();

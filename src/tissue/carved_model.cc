@@ -72,14 +72,14 @@ SweepRecord plain(const Cut& cut) {
 }
 
 Carving::Carving(const Model& model)
-    : made_labels_(model.labels),
+    : original_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
-      tells_parts_(is_moving(model.tissue_law)) {
+      records_fractions_(is_moving(model.tissue_law)) {
   left_.labels = model.labels;
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.kept) kept_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
-    const FeltSurface& felt = model.surfaces[s];
+    const ContactSurface& felt = model.surfaces[s];
     const std::size_t structure = felt.structure >= 0 ? static_cast<std::size_t>(felt.structure) : s;
     made_.push_back(model.surfaces[structure].kept ? nullptr : felt.surface);
   }
@@ -133,7 +133,7 @@ void Carving::take(std::span<const Cut> cuts) {
       hash_double(hash, sweep.end_radius_mm);
     }
     left_.labels = without(left_.labels, sweep, is_cut_);
-    if (tells_parts_) take_parts(sweep);
+    if (records_fractions_) take_parts(sweep);
     const SweptShape shape(sweep);
     low = low.min(shape.low() - shape.widest_mm());
     high = high.max(shape.high() + shape.widest_mm());
@@ -150,7 +150,7 @@ void Carving::take(std::span<const Cut> cuts) {
 }
 
 void Carving::take_parts(const Sweep& sweep) {
-  const GridGeometry& grid = made_labels_->geometry();
+  const GridGeometry& grid = original_labels_->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   PatchOf<std::uint8_t> patch{voxels_around(sweep, sweep.widest_mm() + 0.5 * grid.spacing_mm.norm(), grid),
                               {}};
@@ -164,7 +164,7 @@ void Carving::take_parts(const Sweep& sweep) {
     for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
       if (left_.taken != nullptr) left_.taken->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
-        if (*value == 255 || !is_cut_[made_labels_->at(i, j, k)]) continue;
+        if (*value == 255 || !is_cut_[original_labels_->at(i, j, k)]) continue;
         const double part = swept_part(shape, grid, X_PatientVoxel, i, j, k);
         const auto taken = static_cast<std::uint8_t>(std::lround(255 * part));
         differs = differs || taken > *value;
@@ -209,12 +209,12 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
   ++next->edits;
   for (std::size_t s = 0; s < felt_; ++s) {
     if (made_[s] == nullptr) continue;
-    FeltSurface& surface = next->surfaces[s];
+    ContactSurface& surface = next->surfaces[s];
     const CarvedSurface* const left = left_.surfaces[s].get();
     surface.surface = left != nullptr ? left->surface() : made_[s];
     surface.made = left != nullptr ? made_[s] : nullptr;
-    surface.made_labels = left != nullptr ? made_labels_ : nullptr;
-    surface.short_mm = left != nullptr ? left->short_mm() : 0;
+    surface.made_labels = left != nullptr ? original_labels_ : nullptr;
+    surface.clearance_error_mm = left != nullptr ? left->clearance_error_mm() : 0;
   }
   for (std::size_t n = 0; n < made_of_tracked_.size(); ++n) {
     if (made_of_tracked_[n] < 0) continue;
@@ -226,7 +226,7 @@ std::shared_ptr<const Model> Carving::taken_from(const Model& felt) const {
   }
   next->labels = left_.labels;
   next->carving = std::make_shared<const Carving>(*this);
-  next->content_hash = content_hash(felt.uncut_hash);
+  next->content_hash = content_hash(felt.hash_before_removal);
   return next;
 }
 

@@ -182,11 +182,11 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     EXPECT_EQ(felt->content_hash, at_once->content_hash);
     EXPECT_EQ(felt->labels->content_hash(), at_once->labels->content_hash());
     for (const std::size_t s : {0u, 2u}) {
-      const FeltSurface &is = felt->surfaces[s], &oracle = at_once->surfaces[s];
+      const ContactSurface &is = felt->surfaces[s], &oracle = at_once->surfaces[s];
       ASSERT_EQ(is.surface->content_hash(), oracle.surface->content_hash());
       ASSERT_EQ(is.made, oracle.made);
       ASSERT_EQ(is.made_labels == nullptr, oracle.made_labels == nullptr);
-      ASSERT_EQ(is.short_mm, oracle.short_mm);
+      ASSERT_EQ(is.clearance_error_mm, oracle.clearance_error_mm);
     }
   }
   while (carving->strokes_to_undo() > 0) carving = carving->undone();
@@ -367,7 +367,7 @@ TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
   const Model model = one_body();
   auto carving = std::make_shared<const Carving>(model);
   std::vector<Cut> first;
-  for (std::uint32_t stroke = 0; stroke < kMostUndone + 2; ++stroke) {
+  for (std::uint32_t stroke = 0; stroke < kMaxUndoneStrokes + 2; ++stroke) {
     Cut cut = groove(1, 0)[0];
     // decreasing radius, so that hardly anything is carved
     cut.sweep.radius_mm = stroke < 2 ? 2 : 0.5;
@@ -375,7 +375,7 @@ TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
     if (stroke < 2) first.push_back(cut);
     carving = carving->with({&cut, 1});
   }
-  EXPECT_EQ(carving->strokes_to_undo(), kMostUndone);
+  EXPECT_EQ(carving->strokes_to_undo(), kMaxUndoneStrokes);
   while (carving->strokes_to_undo() > 0) carving = carving->undone();
   EXPECT_EQ(carving->taken_from(model)->content_hash, cut_at_once(model, {first})->content_hash);
 }

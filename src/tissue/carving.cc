@@ -445,13 +445,13 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
 
 // largest lack of clearance along a sweep, where it removed material
 double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
-  double short_mm = 0;
+  double clearance_error_mm = 0;
   for_balls_of(sweep, 0.5 * made.position().geometry().min_spacing_mm(),
                [&](const Point<Patient>& at, double radius_mm) {
                  if (made.distance_mm(at) < radius_mm)
-                   short_mm = std::max(short_mm, radius_mm - now.distance_mm(at));
+                   clearance_error_mm = std::max(clearance_error_mm, radius_mm - now.distance_mm(at));
                });
-  return short_mm;
+  return clearance_error_mm;
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 #include "base/test_seed.h"
 #include "palpate/tissue/carved_cells.h"
-#include "palpate/tissue/yielded_tissue.h"
+#include "palpate/tissue/displaced_tissue.h"
 #include "tissue/each_cell.h"
 #include "tissue/test_soft_block.h"
 
@@ -174,7 +174,7 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
 
 TEST(ChainMailTissue, IsDrawnAsADentAndRigidTissueIsNot) {
   const auto model = soft_block(false, 1, TissueLaw::kChainMail);
-  const YieldedTissue yielded(*model, dented_at(0, 0, 2));
+  const DisplacedTissue yielded(*model, dented_at(0, 0, 2));
   ASSERT_FALSE(yielded.rests());
   EXPECT_NEAR(yielded.moved_mm({0, 0, 0}).z(), -2, 0.3);
   EXPECT_GT(yielded.moved_mm({9, 0, 0}).z(), -1);
@@ -182,7 +182,7 @@ TEST(ChainMailTissue, IsDrawnAsADentAndRigidTissueIsNot) {
   EXPECT_GT(yielded.strain({0, 0, -2}), 0.05);
   TickRecord on_bone = dented_at(0, 0, 2);
   on_bone.device[0].contact_label[0] = 3;
-  EXPECT_TRUE(YieldedTissue(*model, on_bone).rests());
+  EXPECT_TRUE(DisplacedTissue(*model, on_bone).rests());
   ChainMailTissue tissue;
   tissue.advance(*model, on_bone);
   EXPECT_EQ(tissue.of(0), nullptr);

@@ -26,7 +26,7 @@ Result<void> check_elastic_material(const ElasticMaterial& material) {
   if (!(e >= kElasticModulusRange.min_kPa && e <= kElasticModulusRange.max_kPa))
     return Error{ErrorKind::kBadInput, "a Young's modulus of " + std::to_string(e) + " kPa", "",
                  "give 0.1 to 100000 kPa, or call the tissue rigid"};
-  if (!(nu >= 0 && nu <= kMostPoissonsRatio))
+  if (!(nu >= 0 && nu <= kMaxPoissonsRatio))
     return Error{ErrorKind::kBadInput, "a Poisson's ratio of " + std::to_string(nu), "", "give 0 to 0.495"};
   return {};
 }
@@ -64,7 +64,7 @@ ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_c
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
   const double way = static_cast<double>(to.fill) - from.fill;
   if (std::abs(way) <= most_change) return to;
-  const double fill = std::max(from.fill + (way > 0 ? most_change : -most_change), kLeastFill);
+  const double fill = std::max(from.fill + (way > 0 ? most_change : -most_change), kMinFill);
   // if the remaining change is larger, at least one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;
@@ -183,7 +183,7 @@ std::size_t ElasticGrid::soft_cells() const {
   return static_cast<std::size_t>(std::count_if(mu_.begin(), mu_.end(), [](float mu) { return mu > 0; }));
 }
 
-void ElasticGrid::continue_beyond(const std::array<bool, 6>& faces, const Point<Patient>& about) {
+void ElasticGrid::set_boundary_springs(const std::array<bool, 6>& faces, const Point<Patient>& about) {
   beyond_ = faces;
   about_mm_ = box_.local_mm(about);
   set_springs(all_cells());

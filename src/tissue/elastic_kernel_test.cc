@@ -48,7 +48,7 @@ TEST(ElasticKernel, IsTheDenseElementOnEverySimdTarget) {
   for (const auto& cells : kShapes) {
     SCOPED_TRACE(::testing::PrintToString(cells));
     ElasticGrid grid = testing::random_grid(cells, 0.7, random);
-    grid.continue_beyond({true, false, true, true, false, true}, Point<Patient>(1, 2, 0.5));
+    grid.set_boundary_springs({true, false, true, true, false, true}, Point<Patient>(1, 2, 0.5));
     const ElasticField u = random_field(grid, random);
     const SlowElastic slow(grid);
     const Eigen::VectorXd expected = slow.apply(slow.from(u)), everywhere = slow.apply(slow.from(u), true);
@@ -73,7 +73,7 @@ TEST(ElasticKernel, IsTheDenseElementOnEverySimdTarget) {
 TEST(ElasticKernel, ItsDiagonalIsTheDenseElements) {
   std::mt19937 random(test::test_seed());
   ElasticGrid grid = testing::random_grid({4, 3, 2}, 1.3, random);
-  grid.continue_beyond({true, true, true, true, true, true}, Point<Patient>(3, 2, 1));
+  grid.set_boundary_springs({true, true, true, true, true, true}, Point<Patient>(3, 2, 1));
   internal::elastic::Operator k = operator_of(grid);
   const SlowElastic slow(grid);
   slow.for_each_node([&](int i, int j, int n) {

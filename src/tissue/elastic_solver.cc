@@ -40,7 +40,7 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
   s.multigrid.follow(changed);
 }
 
-void ElasticSolver::put_at_rest(ElasticField& displacement_mm) const {
+void ElasticSolver::zero_held(ElasticField& displacement_mm) const {
   const Operator& k = state_->multigrid.finest();
   for (std::size_t n = 0; n < displacement_mm.values.size(); ++n)
     if (!k.free(n)) displacement_mm.values[n] = 0;

@@ -41,7 +41,7 @@ TEST(ElasticSolver, IsTheDenseSolution) {
   std::uniform_real_distribution<double> unit(0, 1);
   ElasticGrid grid =
       on_bone({6, 4, 5}, [&](const Point<Patient>&) { return soft(5 + 50 * unit(random), 0.4); });
-  grid.continue_beyond({true, false, false, true, false, false}, Point<Patient>(3, 2, 5));
+  grid.set_boundary_springs({true, false, false, true, false, false}, Point<Patient>(3, 2, 5));
   const SlowElastic slow(grid);
   ElasticField load(grid.layout()), u(grid.layout());
   Eigen::VectorXd right = Eigen::VectorXd::Zero(slow.values());
@@ -158,7 +158,7 @@ TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
                                    3 + static_cast<int>(random() % 8)};
     ElasticGrid grid = testing::random_grid(cells, 0.5, random);
     if (random() % 2 == 0)
-      grid.continue_beyond({true, true, false, true, true, false}, grid.box().patient({2, 2, 2}));
+      grid.set_boundary_springs({true, true, false, true, true, false}, grid.box().patient({2, 2, 2}));
     ElasticSolver solver(grid);
     ElasticField load(grid.layout()), u(grid.layout());
     for (int n = 0; n < 4; ++n) {

@@ -47,7 +47,7 @@ ElasticCell ElasticMixture::cell() const {
   const double solid = soft_ + rigid_, fill = solid / samples_;
   const bool is_rigid = soft_ == 0 ? 2 * rigid_ >= samples_ : soft_ < kLeastSoftPart * solid;
   if (is_rigid) return {Matter::kRigid, static_cast<float>(fill), 0, 0};
-  if (!(soft_ > 0) || fill < kLeastFill) return {};
+  if (!(soft_ > 0) || fill < kMinFill) return {};
   const double mu = fill * solid / per_mu_;
   const double lambda = fill * solid / per_confined_ - 2 * mu;
   return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(mu), static_cast<float>(lambda)};

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "palpate/haptics/told_pose.h"
+#include "palpate/haptics/recorded_pose.h"
 #include "palpate/tissue/feel.h"
 #include "tissue/swept_voxels.h"
 

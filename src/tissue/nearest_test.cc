@@ -100,7 +100,7 @@ TEST(NearestMeter, CountsAllOfACylinder) {
   // far end down in the patient, independent of the object's rotation
   const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
   const Vector<World> down = model.X_WorldPatient * Vector<Patient>(0, 0, -1);
-  const Eigen::Quaterniond held = smallest_turn(Eigen::Vector3d::UnitZ(), object * down.eigen());
+  const Eigen::Quaterniond held = shortest_rotation(Eigen::Vector3d::UnitZ(), object * down.eigen());
   tick.rotation_felt_wxyz = {object.w(), object.x(), object.y(), object.z()};
   tick.device[0].orientation_wxyz = {held.w(), held.x(), held.y(), held.z()};
   meter.see(tick);

@@ -94,12 +94,12 @@ class Ahead {
  public:
   /// @param head  at the layer's attitude
   /// @param at    position of the head in that layer
-  Ahead(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
+  Ahead(std::span<const ContactSurface> surfaces, const HeldBurr& burr, const ToolSphere& head,
         const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
       : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
     const double near_mm = burr_.widest_mm() + kCuttingFeel.ahead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
-      const FeltSurface& felt = surfaces[s];
+      const ContactSurface& felt = surfaces[s];
       const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
       if (felt.layer != number || felt.surface == nullptr || layer.punctured[s] || covered) continue;
       if (is_known_beyond(*felt.surface, head, at_, near_mm) && felt.surface->outside_mm() > 0) continue;
@@ -132,12 +132,12 @@ class Ahead {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
       const Point<Patient> middle = at_ + head_.along_mm * contact.part;
       // the contact normal is smoothed and may point past the edge
-      const FeltSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const ContactSurface& felt = surfaces_[static_cast<std::size_t>(contact.surface)];
       const Vector<Patient> outward =
           sample_central_differences(felt.surface->position(), middle).gradient.normalized();
       // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.part);
-      add(middle - outward * felt.short_mm, -outward, radius_mm,
+      add(middle - outward * felt.clearance_error_mm, -outward, radius_mm,
           std::numbers::pi * radius_mm * radius_mm / kCuttingFeel.directions, 0, sum);
     }
     return front_of(sum);
@@ -227,7 +227,7 @@ class Ahead {
     }
     double cut = 0, energy = 0;  // shares of structures that are not protected
     for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
-      const FeltSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
+      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
       if (structure.kept) continue;
       cut += share.part;
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
@@ -244,14 +244,14 @@ class Ahead {
   }
 
   static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
-  std::span<const FeltSurface> surfaces_;
+  std::span<const ContactSurface> surfaces_;
   const Burr& burr_;
   const Vector<Patient> spindle_;
   const ToolSphere head_;
   const Point<Patient> at_;
   std::array<int, 8> near_{};
   std::size_t count_ = 0;
-  std::array<std::optional<SweptShape>, kMostSweeps> swept_;
+  std::array<std::optional<SweptShape>, kMaxSweeps> swept_;
   std::size_t swept_count_ = 0;
 };
 
@@ -269,7 +269,7 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
       return true;
     }
   }
-  if (state.sweeps == kMostSweeps) return false;
+  if (state.sweeps == kMaxSweeps) return false;
   state.began_axis_mm = burr.head(from.attitude).along_mm;
   state.sweep[static_cast<std::size_t>(state.sweeps++)] = {
       from.at, to.at, burr->radius_mm, burr->stroke, axis_mm, burr.is_ball() ? 0 : burr->end_radius_mm};
@@ -279,11 +279,11 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
 }
 
 // largest penetration of a burr with its full radii into the surfaces that its proxies are in contact with
-double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
+double penetration_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double sunk = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    const FeltSurface& felt = surfaces[s];
+    const ContactSurface& felt = surfaces[s];
     const ProxyLayer& layer = proxy.layer(felt.layer);
     const bool covered = felt.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(felt.beneath)];
     if (felt.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
@@ -297,17 +297,17 @@ double sunk_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr, cons
 
 // Largest lack of clearance of the head where material was removed, as the interpolated surfaces read. It
 // decreases towards uncut material, so that nothing jumps.
-double short_of_room_mm(std::span<const FeltSurface> surfaces, const HeldBurr& burr,
+double short_of_room_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr,
                         const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double most = 0;
-  for (const FeltSurface& felt : surfaces) {
-    if (felt.made == nullptr || felt.short_mm <= most || !proxy.layer(felt.layer).coupled) continue;
+  for (const ContactSurface& felt : surfaces) {
+    if (felt.made == nullptr || felt.clearance_error_mm <= most || !proxy.layer(felt.layer).coupled) continue;
     const Point<Patient>& at = proxy.layer(felt.layer).position;
     const ToolSphere head = burr.head(proxy.layer(felt.layer).attitude);
     if (is_farther(*felt.made, head, at, radius_mm - most)) continue;
     const NearestPart nearest = nearest_part(*felt.made, head, at, radius_mm - most);
-    most = std::max(most, std::min(felt.short_mm, radius_mm - nearest.distance_mm));
+    most = std::max(most, std::min(felt.clearance_error_mm, radius_mm - nearest.distance_mm));
   }
   return most;
 }
@@ -346,7 +346,7 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 // Pose of a head after a displacement, corrected so that it enters no protected structure deeper than before:
 // moved next to the structure, so that it slides, or back to the start. A slight penetration, as rebuilt
 // surfaces can cause, is resolved at regained_mm per tick.
-HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
+HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
   Point<Patient> place = to.at;
@@ -371,7 +371,7 @@ HeadPose beside_kept(const HeldBurr& burr, const HeadPose& from, const HeadPose&
 }
 
 int innermost_touched(const ProxyState& proxy) {
-  for (int n = kMostLayers - 1; n >= 0; --n)
+  for (int n = kMaxLayers - 1; n >= 0; --n)
     if (proxy.layer(n).coupled && proxy.layer(n).contacts > 0) return n;
   return -1;
 }
@@ -391,14 +391,14 @@ double Burr::widest_mm() const {
   return length_mm > 0 ? std::max(radius_mm, end_radius_mm) : radius_mm;
 }
 
-ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
   const HeldBurr held(burr, hand);
   state.open_s += options.dt_s;
   if (state.open_s >= kCuttingFeel.longest_sweep_s) state.closed = true;
   // After a reset of the proxy, sweeps made so far are still to be carved but are not extended.
   if (!proxy.layer(std::max(state.layer, 0)).coupled) {
-    state.sunk_mm = state.pressed_N = state.front_mm2 = 0;
+    state.penetration_mm = state.pressed_N = state.front_mm2 = 0;
     state.layer = -1;
     state.closed = true;
   }
@@ -408,20 +408,20 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   const Sinking sinking(state.front_mm2, burr.widest_mm());
   const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
   const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
-  state.inset_mm = state.sunk_mm;
+  state.inset_mm = state.penetration_mm;
   if (in_material) {
-    const double feed_mm = sinking.feed_mm((state.spare_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
-    state.inset_mm = std::min(state.sunk_mm + std::min(feed_mm, kCuttingFeel.most_feed_mm),
-                              std::max(state.sunk_mm, kCuttingFeel.most_inset_part * burr.thinnest_mm()));
+    const double feed_mm = sinking.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
+    state.inset_mm = std::min(state.penetration_mm + std::min(feed_mm, kCuttingFeel.most_feed_mm),
+                              std::max(state.penetration_mm, kCuttingFeel.most_inset_part * burr.thinnest_mm()));
   }
   // a burr that does not cut must be able to leave by the path on which it entered
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
   if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
   const int was_in = state.layer;
-  std::array<HeadPose, kMostLayers> before;
-  std::array<bool, kMostLayers> was_coupled{};
-  for (int n = 0; n < kMostLayers; ++n) {
+  std::array<HeadPose, kMaxLayers> before;
+  std::array<bool, kMaxLayers> was_coupled{};
+  for (int n = 0; n < kMaxLayers; ++n) {
     before[static_cast<std::size_t>(n)] = {proxy.layer(n).position, proxy.layer(n).attitude};
     was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
   }
@@ -434,31 +434,31 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
     if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;
-    const HeadPose pose = beside_kept(held, before[n], {layer.position, layer.attitude});
+    const HeadPose pose = outside_protected(held, before[n], {layer.position, layer.attitude});
     const bool same = pose.at == layer.position && pose.attitude.coeffs() == layer.attitude.coeffs();
     if (!same) move_to(pose, hand.tip, layer, result.of_layer[n], result);
   }
-  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, held, proxy));
+  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, held, proxy));
   // a burr that has sunk in is in material even without a contact
   const int touched = innermost_touched(proxy);
-  if (touched >= 0 || !(state.sunk_mm > 0)) state.layer = touched;
+  if (touched >= 0 || !(state.penetration_mm > 0)) state.layer = touched;
   const int is_in = state.layer;
 
   state.front_mm2 = 0;
   if (is_in < 0 || !cuts) {
-    state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
-    state.spare_mJ = 0;
+    state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
+    state.unspent_work_mJ = 0;
     return result;
   }
   // The proxy does not follow every thousandth of a millimetre: unspent work is stored, up to what moves the
   // burr by most_feed_mm in one tick.
   if (in_material) {
-    const double now_N = std::min(result.force_N.norm(), burr.most_press_N);
+    const double now_N = std::min(result.force_N.norm(), burr.max_press_N);
     const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
-    const double spare_mJ =
-        std::min(state.spare_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.most_feed_mm));
-    state.work_mJ += std::max(0.0, spare_mJ - state.spare_mJ);
-    state.spare_mJ = std::max(state.spare_mJ, spare_mJ);
+    const double unspent_work_mJ =
+        std::min(state.unspent_work_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.most_feed_mm));
+    state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
+    state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
   }
   const ProxyLayer& layer = proxy.layer(is_in);
   const HeadPose from = before[static_cast<std::size_t>(is_in)], to{layer.position, layer.attitude};
@@ -472,8 +472,8 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
     const double cost_mJ = swept.area_mm2 * way.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // motion through material is limited by the motor's work and by the capacity for sweeps
-      double part = std::min(1.0, state.spare_mJ / cost_mJ);
-      const HeadPose there = beside_kept(held, from, held.partway(from, to, part));
+      double part = std::min(1.0, state.unspent_work_mJ / cost_mJ);
+      const HeadPose there = outside_protected(held, from, held.partway(from, to, part));
       state.full = part > 0 && !sweep(held, from, there, state);
       if (state.full) part = 0;
       // all layers represent one burr: none may move ahead of the one that cuts
@@ -481,14 +481,14 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
         ProxyLayer& layered = proxy.layer(static_cast<int>(n));
         if (!layered.coupled || layered.contacts == 0) continue;
         const HeadPose pose = held.partway(before[n], {layered.position, layered.attitude}, part);
-        move_to(beside_kept(held, before[n], pose), hand.tip, layered, result.of_layer[n], result);
+        move_to(outside_protected(held, before[n], pose), hand.tip, layered, result.of_layer[n], result);
       }
       state.taken_mm3 += swept.area_mm2 * way.length_mm * part;
-      state.spare_mJ -= cost_mJ * part;
+      state.unspent_work_mJ -= cost_mJ * part;
     }
   }
-  state.pressed_N = std::min(result.force_N.norm(), burr.most_press_N);
-  state.sunk_mm = std::min(state.inset_mm, sunk_mm(surfaces, held, proxy));
+  state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
+  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, held, proxy));
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
@@ -501,7 +501,7 @@ ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr
   return result;
 }
 
-void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state) {
   const auto gone = static_cast<int>(
       std::min<std::uint64_t>(carved > state.first ? carved - state.first : 0, state.sweeps));
@@ -509,9 +509,9 @@ void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const 
   state.first += static_cast<std::uint64_t>(gone);
   state.sweeps -= gone;
   if (gone > 0) state.full = false;
-  const double sunk = sunk_mm(surfaces, HeldBurr(burr, hand), proxy);
+  const double sunk = penetration_mm(surfaces, HeldBurr(burr, hand), proxy);
   const bool fits = sunk > 0 && sunk + kCuttingFeel.rounding_mm < burr.thinnest_mm();
-  state.sunk_mm = state.inset_mm = fits ? sunk + kCuttingFeel.rounding_mm : 0;
+  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingFeel.rounding_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

@@ -65,22 +65,22 @@ class LedBurr {
   void carve() {
     const std::uint64_t count = finished_sweeps(state_);
     carved_ = carved_.with(state_.pending().first(count - state_.first));
-    for (FeltSurface& felt : felt_) {
+    for (ContactSurface& felt : felt_) {
       felt.surface = carved_.surface();
       felt.made = carved_.made();
-      felt.short_mm = carved_.short_mm();
+      felt.clearance_error_mm = carved_.clearance_error_mm();
     }
-    settle_burr(felt_, burr_, pose(), count, proxy_, state_);
+    rebase_burr(felt_, burr_, pose(), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
-    std::vector<SurfaceBefore> before;
+    std::vector<SurfaceCorrespondence> before;
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(felt_.size()); ++n) before.push_back({n, false});
-    keep_proxy(felt_, {&head, 1}, pose(), before, proxy_);
+    transfer_proxy(felt_, {&head, 1}, pose(), before, proxy_);
   }
   /// Adds a softer adjacent structure, so that the bone contributes its stiffness in two layers.
   void in_two_layers() {
     felt_[0].layer = 1;
     felt_[0].from_N_per_mm = 0.5;
-    FeltSurface outer = felt_[0];
+    ContactSurface outer = felt_[0];
     outer.structure = outer.layer = 0;
     outer.from_N_per_mm = 0;
     outer.to_N_per_mm = 0.5;
@@ -88,7 +88,7 @@ class LedBurr {
   }
 
   CarvedSurface carved_;
-  std::vector<FeltSurface> felt_{1};
+  std::vector<ContactSurface> felt_{1};
   Burr burr_;
   BurrState state_;
   ProxyState proxy_;
@@ -173,8 +173,8 @@ TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
     burr.carve();
   }
   ASSERT_LT((burr.proxy_.position - in).norm(), 0.4);
-  EXPECT_GT(burr.carved_.short_mm(), 0.02);
-  EXPECT_LT(burr.carved_.short_mm(), 0.6) << "a voxel";
+  EXPECT_GT(burr.carved_.clearance_error_mm(), 0.02);
+  EXPECT_LT(burr.carved_.clearance_error_mm(), 0.6) << "a voxel";
 
   burr.burr_.revolutions_per_s = 0;
   const double taken_mm3 = burr.state_.taken_mm3;
@@ -420,7 +420,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
 TEST(Removal, TheRimOfAGrooveGivesWay) {
   // moved along an existing groove, whose rim it meets from the side
   LedBurr burr;
-  for (FeltSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
+  for (ContactSurface& felt : burr.felt_) felt.cutting_energy_mJ_per_mm3 = 2;
   for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
     burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
     for (const Point<Patient>& to : {Point<Patient>(-2.5, y, 0.5), Point<Patient>(2.5, y, 0.5)}) {
@@ -467,12 +467,12 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
       << "what is being carved grows no more";
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
-  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
+  rebase_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(burr.state_.first, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // repeating the call loses nothing
-  settle_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
+  rebase_burr(burr.felt_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 

@@ -14,15 +14,15 @@ TissueLaw law_of(const ModelChange& change) {
   return static_cast<TissueLaw>(change.tissue - ModelChange::kLaw);
 }
 
-void LawsByVersion::hear(const ModelChange& change) {
+void LawHistory::hear(const ModelChange& change) {
   // whatever a file says, versions rise
   if (!change.is_of_law() || change.version < laws_.back().version) return;
   const double coarsened = change.stiffness_N_per_mm;
-  const bool tells_cells = coarsened >= 1 && coarsened <= kMostTissueCoarsened;
+  const bool tells_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;
   laws_.push_back({change.version, law_of(change), tells_cells ? coarsened : laws_.back().coarsened});
 }
 
-const LawsByVersion::From& LawsByVersion::from(std::uint32_t version) const {
+const LawHistory::From& LawHistory::from(std::uint32_t version) const {
   return *std::prev(std::ranges::upper_bound(laws_, version, {}, &From::version));
 }
 

@@ -51,9 +51,9 @@ bool is_around(const Model& model, const std::array<int, 3>& first_cell, const E
   return true;
 }
 
-double displacing_at_once_N(const DeviceTick& felt, const YieldingTissue& tissue, double radius_mm) {
+double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm) {
   if (!(tissue.modulus_N_per_mm2 > 0)) return felt.contact_N[0];
-  return yield_force(tissue, felt.depth_mm, radius_mm, FeltStiffness(felt).most_in_patient()).force_N;
+  return yield_force(tissue, felt.depth_mm, radius_mm, RenderedStiffness(felt).max_in_patient()).force_N;
 }
 
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,

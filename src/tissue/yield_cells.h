@@ -22,9 +22,9 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
 /// First cell of the box with that middle, and whether an existing box still covers a middle.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
-/// YieldSolver::displacing_N for relaxing tissue.
+/// YieldSolver::displacing_force_N for relaxing tissue.
 /// @param tissue  tissue at the contact
-double displacing_at_once_N(const DeviceTick& felt, const YieldingTissue& tissue, double radius_mm);
+double instantaneous_force_N(const DeviceTick& felt, const ContactLaw& tissue, double radius_mm);
 /// Cells of a box, with springs on its faces for a load at YieldBox::about.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
                         const YieldBox& box);

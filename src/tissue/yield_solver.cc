@@ -12,7 +12,7 @@
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/elastic_multigrid.h"
 #include "tissue/yield_cells.h"
-#include "tissue/yield_shares.h"
+#include "tissue/relaxation_weights.h"
 
 namespace palpate {
 namespace {
@@ -37,7 +37,7 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
   for (int step = 0; step < kSteps; ++step) {
     const Surface* nearest = nullptr;
     double distance_mm = kSolvingFeel.reach_mm;
-    for (const FeltSurface& felt : model.surfaces) {
+    for (const ContactSurface& felt : model.surfaces) {
       if (felt.surface == nullptr || felt.layer != 0 || felt.beneath >= 0) continue;
       if (felt.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
       const double mm = felt.surface->distance_mm(found.at);
@@ -81,7 +81,7 @@ double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, doubl
 }
 
 // Contact radius at a depth: Hertz's, and while in contact no more than the force implies.
-// @param force_N  YieldSolver::displacing_N
+// @param force_N  YieldSolver::displacing_force_N
 double radius_at_depth_mm(const DeviceTick& felt, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
@@ -148,7 +148,7 @@ struct YieldSolver::Region {
   CarvedCells cells;
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
-  std::optional<YieldShares> shares;  ///< If any tissue relaxes
+  std::optional<RelaxationWeights> shares;  ///< If any tissue relaxes
   double modulus = 0;                 ///< Contact modulus under the patch in the last frame
   double radius_mm = 0;               ///< Radius of the tool
   bool is_new = true;                 ///< Nothing has been solved in it yet
@@ -217,23 +217,23 @@ struct YieldSolver::Region {
           for (int axis = 0; axis < 3; ++axis)
             to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
         }
-    solver.put_at_rest(to);
+    solver.zero_held(to);
   }
   // follows material that was removed or restored since the last frame
   void follow(const CarvedLabels& labels) {
     if (cells.follow(labels, solver).empty()) return;
-    solver.put_at_rest(unit_mm);
+    solver.zero_held(unit_mm);
     if (finite == nullptr) return;
-    solver.put_at_rest(finite->correction_mm);
-    solver.put_at_rest(finite->turning_mm);
+    solver.zero_held(finite->correction_mm);
+    solver.zero_held(finite->turning_mm);
   }
 
   /// Solves the neo-Hookean body at the tool's expected depth and adds its parameters to the linear spot.
-  void solve_finite(const PressurePatch& patch, double depth_mm, bool anew, YieldSpot& spot);
+  void solve_finite(const PressurePatch& patch, double depth_mm, bool anew, LocalCompliance& spot);
 };
 
 void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_mm, bool anew,
-                                       YieldSpot& spot) {
+                                       LocalCompliance& spot) {
   constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
   Finite& f = *finite;
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
@@ -242,7 +242,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
   const HeldMeans surface = patch.columns(kSolvingFeel.least_bearing);
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
-  YieldingTissue tissue;
+  ContactLaw tissue;
   tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N();
   tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
   tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
@@ -309,15 +309,15 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
 YieldSolver::YieldSolver() = default;
 YieldSolver::~YieldSolver() = default;
 
-const YieldFrame& YieldSolver::solve(const Model& model, const TickRecord& felt) {
+const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& felt) {
   frame_.number += 1;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     const DeviceTick& device = felt.device[d];
     // based on the previous frame
-    const double force_N = displacing_N(d, device);
-    YieldSpot& spot = frame_.spot[d];
+    const double force_N = displacing_force_N(d, device);
+    LocalCompliance& spot = frame_.spot[d];
     spot = {};
     if (d >= static_cast<std::size_t>(felt.devices)) continue;
     const auto contact = expected_contact(model, device);
@@ -388,13 +388,13 @@ bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
   return true;
 }
 
-double YieldSolver::displacing_N(std::size_t device, const DeviceTick& felt) const {
+double YieldSolver::displacing_force_N(std::size_t device, const DeviceTick& felt) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !region->shares || !frame_.spot[device].is_known()) return felt.contact_N[0];
-  return displacing_at_once_N(felt, tissue_at(frame_.spot[device]), region->radius_mm);
+  return instantaneous_force_N(felt, tissue_at(frame_.spot[device]), region->radius_mm);
 }
 
-bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before) {
+bool VirtualClockYieldSolver::advance(const Model& model, const TickRecord* before) {
   if (before == nullptr || before->tick % ticks_ != 0) return false;
   const bool any = solver_.frame().number > frame_.number;
   if (any) {
@@ -406,7 +406,7 @@ bool YieldsOnVirtualClock::advance(const Model& model, const TickRecord* before)
   return any;
 }
 
-bool YieldsOnVirtualClock::rest() {
+bool VirtualClockYieldSolver::rest() {
   if (solver_.frame().number == frame_.number) return false;
   frame_ = solver_.frame();
   input_tick_ = solved_from_;

@@ -37,9 +37,9 @@ double settled_compliance(const Model& model, const TickRecord& felt) {
 TEST(YieldSolver, KnowsWhatIsUnderAToolThatComes) {
   const auto model = soft_block(false);
   YieldSolver solver;
-  const YieldFrame& frame = solver.solve(*model, tool_at({2, 1, 6}));
+  const ComplianceFrame& frame = solver.solve(*model, tool_at({2, 1, 6}));
   EXPECT_EQ(frame.number, 1u);
-  const YieldSpot& spot = frame.spot[0];
+  const LocalCompliance& spot = frame.spot[0];
   ASSERT_TRUE(spot.is_known());
   EXPECT_LT((spot.at - Point<Patient>(2, 1, 0)).norm(), 0.01);
   EXPECT_EQ(spot.patch_radius_mm, 4.5);
@@ -69,7 +69,7 @@ TEST(YieldSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
   EXPECT_LT(over, 0.92 * beside);
   YieldSolver solver;
   for (int n = 0; n < 8; ++n) solver.solve(*model, pressed_at(4, 0));
-  const YieldSpot& spot = solver.frame().spot[0];
+  const LocalCompliance& spot = solver.frame().spot[0];
   EXPECT_GT(spot.slope_per_N.x(), 0);
   // within a cell: from cell to cell W varies by a thousandth
   const double change =
@@ -83,7 +83,7 @@ TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   model->tissue_cell_mm = 0.9;
   YieldSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
-  const YieldSpot& spot = solver.frame().spot[0];
+  const LocalCompliance& spot = solver.frame().spot[0];
 
   // in a box that reaches into the plate and is wider, solved to convergence
   ElasticBox box = elastic_box_of(model->labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, model->tissue_cell_mm);
@@ -91,7 +91,7 @@ TEST(YieldSolver, WhatIsHardFarBelowCountsToo) {
   box.corner = Point<Patient>(-21.15, -21.6, -27);
   auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), box);
   ASSERT_TRUE(grid.ok());
-  grid->continue_beyond({true, true, true, true, true, true}, Point<Patient>(0, 0, 0));
+  grid->set_boundary_springs({true, true, true, true, true, true}, Point<Patient>(0, 0, 0));
   const PressurePatch patch(*grid, spot.at, Vector<Patient>(0, 0, 1), spot.patch_radius_mm);
   ElasticField unit(grid->layout()), load(grid->layout());
   patch.add(1, load);
@@ -116,7 +116,7 @@ TEST(YieldSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
       return cells[0] * cells[1] * cells[2];
     };
     EXPECT_LT(of(coarse_field), of(fine_field) / 3.5);
-    const YieldSpot &one = fine.frame().spot[0], &other = coarse.frame().spot[0];
+    const LocalCompliance &one = fine.frame().spot[0], &other = coarse.frame().spot[0];
     ASSERT_TRUE(one.is_known() && other.is_known());
     EXPECT_NEAR(other.beyond_half_space_mm_per_N(), one.beyond_half_space_mm_per_N(),
                 0.1 * one.compliance_mm_per_N);
@@ -130,7 +130,7 @@ TEST(YieldSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {
   double worst = 0;
   // the box extends 16 mm to each side: three boxes are needed on the way
   for (double x = -22; x < 22; x += kSpeed_mm_s * kYieldFrame_s) {
-    const YieldSpot& spot = solver.solve(*model, pressed_at(x, 0.3, kSpeed_mm_s)).spot[0];
+    const LocalCompliance& spot = solver.solve(*model, pressed_at(x, 0.3, kSpeed_mm_s)).spot[0];
     ASSERT_TRUE(spot.is_known());
     // solved for the tool's predicted position
     EXPECT_NEAR(spot.at.x(), x + 1.5 * kSpeed_mm_s * kYieldFrame_s, 1e-6);
@@ -185,23 +185,23 @@ TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.1
   felt.device[0].contact_N[0] = force_N;
   return felt;
 }
-YieldSpot settled_spot(const Model& model, const TickRecord& felt) {
+LocalCompliance settled_spot(const Model& model, const TickRecord& felt) {
   YieldSolver solver;
   for (int n = 0; n < 8; ++n) solver.solve(model, felt);
   return solver.frame().spot[0];
 }
 // relative reduction of the depth at a force, compared with the linear body
-double stiffer_part(const YieldSpot& spot) {
+double stiffer_part(const LocalCompliance& spot) {
   return spot.stiffening_mm_per_N2 * spot.finite_N / spot.compliance_mm_per_N;
 }
 
 TEST(YieldSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
   const auto model = finite_block();
-  const YieldSpot over = settled_spot(*model, deep_at(0, 0)), beside = settled_spot(*model, deep_at(20, 0));
+  const LocalCompliance over = settled_spot(*model, deep_at(0, 0)), beside = settled_spot(*model, deep_at(20, 0));
   ASSERT_TRUE(over.is_finite() && beside.is_finite());
   EXPECT_GT(stiffer_part(over), stiffer_part(beside) + 0.02);
   // for small strains it equals the linear solution
-  const YieldSpot slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
+  const LocalCompliance slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
   ASSERT_TRUE(slight.is_finite());
   EXPECT_LT(std::abs(stiffer_part(slight)), 0.02);
   EXPECT_FALSE(settled_spot(*soft_block(true), deep_at(0, 0)).is_finite());
@@ -221,17 +221,17 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
   const auto model = finite_block();
   YieldSolver solver;
   for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
-  const YieldSpot before = solver.frame().spot[0];
+  const LocalCompliance before = solver.frame().spot[0];
   // jumps from one position to another in one frame, far too deep
   for (int n = 0; n < 12; ++n) {
-    const YieldSpot& spot =
+    const LocalCompliance& spot =
         solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
     ASSERT_TRUE(spot.is_known());
     ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
     ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
   }
   for (int n = 0; n < 20; ++n) solver.solve(*model, deep_at(0, 0));
-  const YieldSpot& after = solver.frame().spot[0];
+  const LocalCompliance& after = solver.frame().spot[0];
   ASSERT_TRUE(after.is_finite());
   EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
 }
@@ -268,7 +268,7 @@ double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule)
   }
   device.depth_mm = kSphere_mm;
   device.contact_N[0] = 0.33;
-  const YieldSpot spot = settled_spot(model, felt);
+  const LocalCompliance spot = settled_spot(model, felt);
   return spot.is_finite() ? stiffer_part(spot) : std::numeric_limits<double>::quiet_NaN();
 }
 
@@ -305,7 +305,7 @@ TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
         felt = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
         felt.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
       }
-      const YieldSpot& spot = solver.solve(*model, felt).spot[0];
+      const LocalCompliance& spot = solver.solve(*model, felt).spot[0];
       ASSERT_TRUE(spot.is_known());
       ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
       ASSERT_LE(std::abs(stiffer_part(spot)), kYieldFeel.most_stiffening);
@@ -389,7 +389,7 @@ TEST(YieldSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
     const double before = solver.frame().spot[0].compliance_mm_per_N;
     const auto less = trimmed(whole, kTrimmed_mm);
     for (int n = 0; n < 14; ++n) solver.solve(*less, pressed_on(-kTrimmed_mm));
-    const YieldSpot& spot = solver.frame().spot[0];
+    const LocalCompliance& spot = solver.frame().spot[0];
     ASSERT_TRUE(spot.is_known());
     EXPECT_NEAR(spot.at.z(), -kTrimmed_mm, 0.05);
     const double thinner = settled_compliance(*plate_on(support, -kTrimmed_mm), pressed_on(-kTrimmed_mm));

@@ -3,7 +3,7 @@
 #include <atomic>
 
 #include "palpate/base/clock.h"
-#include "palpate/device/led_pose.h"
+#include "palpate/device/interpolated_pose.h"
 
 namespace palpate {
 namespace {
@@ -16,7 +16,7 @@ constexpr double kLook_s = 1;
 Rotation<TrackedTool, Device> shaft_of(const Point<TrackedTool>& tip) {
   const Eigen::Vector3d along = -tip.eigen();
   if (along.norm() < 1e-6) return {};
-  return Rotation<TrackedTool, Device>(smallest_turn(Eigen::Vector3d::UnitZ(), along));
+  return Rotation<TrackedTool, Device>(shortest_rotation(Eigen::Vector3d::UnitZ(), along));
 }
 
 }  // namespace
@@ -81,7 +81,7 @@ class TrackerDriver::Core {
   const Rotation<TrackedTool, Device> shaft_;  // orientation of the displayed tool in the markers' frame
   DeviceInfo info_;
   std::atomic<bool> is_far_{false};
-  LedPose told_{Point<Device>()};
+  InterpolatedPose told_{Point<Device>()};
   TrackerStream stream_;  // last, because its thread calls tell()
 };
 
@@ -104,7 +104,7 @@ std::optional<Error> TrackerDriver::trouble() const {
   return core_->trouble();
 }
 
-DeviceMaker tracker_maker(const TrackedToolSettings& settings) {
+DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
   const auto look = [address = settings.stream.address] {
     DeviceReport report;
     if (address.host.empty()) {

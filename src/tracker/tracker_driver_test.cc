@@ -8,7 +8,7 @@
 #include "base/test_wait.h"
 #include "device/test_wall.h"
 #include "palpate/base/clock.h"
-#include "palpate/device/led_pose.h"
+#include "palpate/device/interpolated_pose.h"
 #include "tracker/test_tracker_server.h"
 
 namespace palpate {
@@ -162,7 +162,7 @@ TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
   EXPECT_TRUE(is_well());
   server_.move(kTool, {far});
   EXPECT_TRUE(says("more than a metre"));
-  EXPECT_TRUE(soon([&] { return seen_.age_s() > LedPose::kHeld_s; }));
+  EXPECT_TRUE(soon([&] { return seen_.age_s() > InterpolatedPose::kHeld_s; }));
   EXPECT_LT((seen_.last().tip.eigen() - tip_of(near)).norm(), 0.001) << "where it was seen last";
   server_.move(kTool, {kToolPose});
   EXPECT_TRUE(is_well());

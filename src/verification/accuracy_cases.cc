@@ -17,7 +17,7 @@ constexpr double kMargin_mm = 9;  // four sigma of 1.5 mm, the band and more tha
 // An orthonormal frame with no axis along the grid's; its third column is the shapes' axis.
 const Eigen::Matrix3d& tilted() {
   static const Eigen::Matrix3d frame =
-      smallest_turn(Vector3d::UnitZ(), Vector3d(0.36, 0.48, 0.8)).toRotationMatrix();
+      shortest_rotation(Vector3d::UnitZ(), Vector3d(0.36, 0.48, 0.8)).toRotationMatrix();
   return frame;
 }
 

@@ -47,7 +47,7 @@ Volume<LabelId> labelled(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& 
 }
 
 // what a scene feels of labels 1, 2, ..., prepared as a scene is
-Result<std::vector<FeltSurface>> surfaces_of(const Volume<LabelId>& labels,
+Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
                                              const std::vector<double>& stiffness_N_per_mm) {
   auto model = std::make_shared<Model>();
   model->labels = label_bricks(labels);
@@ -68,7 +68,7 @@ Result<std::vector<FeltSurface>> surfaces_of(const Volume<LabelId>& labels,
 /// A tip that is led about without friction.
 class Led {
  public:
-  Led(const std::vector<FeltSurface>& surfaces, double radius_mm)
+  Led(const std::vector<ContactSurface>& surfaces, double radius_mm)
       : surfaces_(surfaces), sphere_{{}, radius_mm} {}
 
   const ProxyResult& at(const Eigen::Vector3d& tip, double dt_s = 1e-3) {
@@ -84,7 +84,7 @@ class Led {
   Eigen::Vector3d proxy() const { return state_.position.eigen(); }
 
  private:
-  const std::vector<FeltSurface>& surfaces_;
+  const std::vector<ContactSurface>& surfaces_;
   const ToolSphere sphere_;
   ProxyState state_;
   ProxyResult result_;
@@ -121,7 +121,7 @@ struct Terrace {
 
 /// A half space that is tilted to the slices.
 struct TiltedPlane {
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
   Eigen::Vector3d up, along, middle;  ///< along: its steepest line
 };
 

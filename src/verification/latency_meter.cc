@@ -181,7 +181,7 @@ Result<void> Meter::bare_block(double seconds, const Progress& progress) {
   request.cpu = settings_.cpu;
   bare_block_.clear();
   const auto bare =
-      run_bare_loop(settings_.rate_hz, seconds, settings_.spin_s, request, bare_block_, progress);
+      measure_empty_loop(settings_.rate_hz, seconds, settings_.spin_s, request, bare_block_, progress);
   if (!bare) return bare.error();
   bare_lateness_.merge(bare_block_);
   sums_.bare_ticks += bare->ticks;

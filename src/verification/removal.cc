@@ -93,11 +93,11 @@ class BurrHand {
     carved_ = carved_.with(pending);
     felt_.surface = carved_.surface();
     felt_.made = carved_.made();
-    felt_.short_mm = carved_.short_mm();
-    settle_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
+    felt_.clearance_error_mm = carved_.clearance_error_mm();
+    rebase_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
     const ToolSphere head = burr_.head(burr_state_.inset_mm);
-    const SurfaceBefore before{0, false};
-    keep_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    const SurfaceCorrespondence before{0, false};
+    transfer_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
     taken_.held = taken_.held && proxy_.coupled;
     return true;
   }
@@ -131,7 +131,7 @@ class BurrHand {
 
   const BurrStroke stroke_;
   CarvedSurface carved_;
-  FeltSurface felt_;
+  ContactSurface felt_;
   Burr burr_;
   BurrState burr_state_;
   ProxyState proxy_;

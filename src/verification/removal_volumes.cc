@@ -222,11 +222,11 @@ class LedTip {
     carved_ = carved_.with(finished);
     felt_.surface = carved_.surface();
     felt_.made = carved_.made();
-    felt_.short_mm = carved_.short_mm();
-    settle_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
+    felt_.clearance_error_mm = carved_.clearance_error_mm();
+    rebase_burr({&felt_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
-    const SurfaceBefore before{0, false};
-    keep_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
+    const SurfaceCorrespondence before{0, false};
+    transfer_proxy({&felt_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
   }
 
   double gone_of_surface_mm3() const {
@@ -250,7 +250,7 @@ class LedTip {
 
   CarvedSurface carved_;
   RemovedVolume removed_;
-  FeltSurface felt_;
+  ContactSurface felt_;
   Burr burr_;
   BurrState state_;
   ProxyState proxy_;

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "palpate/base/check.h"
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/scene/scene.h"
 #include "palpate/servo/servo.h"
@@ -86,7 +86,7 @@ struct Plane {
   }
 
   Vector<Patient> up, along;
-  FeltSurface felt;
+  ContactSurface felt;
   ToolSphere sphere;
   ProxyState state;
   Vector<Patient> force_N;
@@ -196,7 +196,7 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
   const auto plates = two_plates(1, PreparationMethod::kUnionGaussian, progress);
   if (!plates) return plates.error();
   Model sticky = **plates;
-  for (FeltSurface& felt : sticky.surfaces) {
+  for (ContactSurface& felt : sticky.surfaces) {
     felt.static_friction = kStickStatic;
     felt.dynamic_friction = kStickDynamic;
   }
@@ -263,7 +263,7 @@ struct Pressed {
 
 /// From the free place before the structure nearest to `target`, inside it, along a random line: askew
 /// towards it and then aside, never harder than a random force nor faster than kFastest_mm a tick.
-Pressed press(const FeltSurface& felt, const DistanceOracle& oracle, const Point<Patient>& target,
+Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
   constexpr double kBefore_mm = 0.5, kMostAskew = 0.6, kFurther_mm = 6;
   const ToolSphere tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
@@ -279,7 +279,7 @@ Pressed press(const FeltSurface& felt, const DistanceOracle& oracle, const Point
   Pressed pressed;
   ProxyState state;
   const auto follow = [&] {
-    ProxyWay way;
+    ProxyPath way;
     const ProxyResult result = advance_proxy({&felt, 1}, {&tool, 1}, tip, state, {}, &way);
     PALPATE_CHECK(way.count < way.corner.size());
     pressed.touched = pressed.touched || result.force_N.norm() > kTouch_N;
@@ -350,7 +350,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     progress.report("pressing on the " + names[s], static_cast<double>(s) / count);
     const TissuePreset* preset = match_preset(names[s]).preset;
     PALPATE_CHECK(preset != nullptr);
-    FeltSurface felt;
+    ContactSurface felt;
     felt.surface = std::make_shared<const Surface>((*prepared)[s].surface);
     felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
     felt.static_friction = felt.dynamic_friction = preset->values.friction_coefficient;

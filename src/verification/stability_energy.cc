@@ -210,7 +210,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
   parameters.device[0].delay_s = exploration.told_s.value_or(exploration.delay_s);
-  if (yields_by_itself) parameters.device[0].most_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
+  if (yields_by_itself) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
   parameters.motor = exploration.cuts;
@@ -233,7 +233,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   Wrench sent;
   ExploredEnergy result;
   std::shared_ptr<const Model> felt = std::make_shared<const Model>(ball);
-  YieldsOnVirtualClock yields(exploration.rate_hz);
+  VirtualClockYieldSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> places_mm, forces_N;  // across the plane
   double energy_mJ = 0;

@@ -19,7 +19,7 @@ struct PressingDevice {
   double delay_s = 1e-3;          ///< of its own, from a command to its force
 };
 
-/// Two of them at 10 mm from each other on one wall, in one tick, as SeveralDrivers has it: the first one's
+/// Two of them at 10 mm from each other on one wall, in one tick, as CompositeDriver has it: the first one's
 /// clock ticks; the second one's update tells its state, sends what the last tick has left, and comes by a
 /// clock that runs away from the first one's.
 struct Following {

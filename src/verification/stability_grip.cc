@@ -94,7 +94,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
   parameters.method = ForceMethod::kProxy;
   parameters.passivity = held.controller;
   parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
-  parameters.device[0].most_damping_N_s_per_mm = held.most_damping_N_s_per_mm;
+  parameters.device[0].max_damping_N_s_per_mm = held.max_damping_N_s_per_mm;
   parameters.device[0].delay_s = held.told_s.value_or(held.delay_s);
   parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
   if (held.states_nothing) parameters.device[0] = device_parameters(rate_alone(held.rate_hz), {});

@@ -26,7 +26,7 @@ struct GripCase {
   Grip grip;
   double stiffness_N_per_mm = 1;               ///< that the hand feels
   double viscosity_N_s_per_mm = 0;             ///< likewise, inside
-  double most_damping_N_s_per_mm = kNotKnown;  ///< DeviceParameters
+  double max_damping_N_s_per_mm = kNotKnown;  ///< DeviceParameters
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;

@@ -35,7 +35,7 @@ TEST(StabilityGrip, AViscousTissueIsQuietUnderAFingertip) {
           if (stiffness_N_per_mm == 0.1) {
             EXPECT_GT(hold_wall(grip_wall(), held).swing_mm, 0.4) << "as it is asked for";
           }
-          held.most_damping_N_s_per_mm = recommended_damping_N_s_per_mm(held.device, 1000, delay_s);
+          held.max_damping_N_s_per_mm = recommended_damping_N_s_per_mm(held.device, 1000, delay_s);
           EXPECT_LT(hold_wall(grip_wall(), held).swing_mm, 2e3 * held.device.encoder_step_m);
         }
 }

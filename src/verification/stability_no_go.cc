@@ -64,7 +64,7 @@ HeldOff lead_against(const Model& model, const LedAgainst& led, double stiffness
   Parameters parameters;
   parameters.method = model.has(ForceMethod::kProxy) ? ForceMethod::kProxy : ForceMethod::kTrilinear;
   parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].most_stiffness_N_per_mm = led.stiffness_N_per_mm;
+  parameters.device[0].max_stiffness_N_per_mm = led.stiffness_N_per_mm;
   parameters.device[0].delay_s = led.delay_s;
   parameters.max_force_N = led.device.peak_force_N;
   // the labels' surface stands between two voxels

@@ -74,7 +74,7 @@ TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
   parameters.method = ForceMethod::kProxy;
   parameters.friction = parameters.viscosity = parameters.passivity = false;
   parameters.max_force_N = 8;
-  parameters.device[0].most_stiffness_N_per_mm = kHeld_N_per_mm;
+  parameters.device[0].max_stiffness_N_per_mm = kHeld_N_per_mm;
   SessionState state;
   state.hands[0].output.gain = 1;
   TickRecord record;
@@ -100,7 +100,7 @@ TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
 TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
   const Model& model = stiff_no_go(NoGoPlace::kStructure);
   Parameters parameters;
-  parameters.device[0].most_stiffness_N_per_mm = kHeld_N_per_mm;
+  parameters.device[0].max_stiffness_N_per_mm = kHeld_N_per_mm;
   parameters.emergency_stop = true;
   SessionState state;
   TickRecord record;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 #include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
 
@@ -21,7 +21,7 @@ const Eigen::Vector3d kPlateVoxels_mm[] = {{0.36, 0.36, 0.7}, {0.28, 0.28, 1.0},
 
 /// A round plate of labels, somewhere between the voxels.
 struct RoundPlate {
-  FeltSurface felt;
+  ContactSurface felt;
   Eigen::Vector3d normal, middle;
 };
 
@@ -134,7 +134,7 @@ class TurningHand {
     const ToolPose hand(tip_, turn_of(angle_rad));
     const ToolPose before(state_.position, state_.attitude);
     const bool known = state_.coupled;
-    ProxyWay way;
+    ProxyPath way;
     const ProxyResult result =
         advance_proxy({&plate_.felt, 1}, tool_at(hand.attitude).spheres(), hand, state_, {}, &way);
     PALPATE_CHECK(way.count < way.corner.size());

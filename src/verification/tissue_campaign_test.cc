@@ -35,7 +35,7 @@ class CampaignTip {
     parameters_.method = ForceMethod::kProxy;
     parameters_.max_force_N = max_force_N;
     parameters_.device[0].limits.peak_force_N = max_force_N;
-    parameters_.device[0].most_stiffness_N_per_mm = 2;
+    parameters_.device[0].max_stiffness_N_per_mm = 2;
     parameters_.motor = model_->cuts();
   }
   const TickRecord& at(const Eigen::Vector3d& tip) {
@@ -61,7 +61,7 @@ class CampaignTip {
     return next.ok();
   }
   void pause(bool paused) { parameters_.paused = paused; }
-  const YieldFrame& frame() const { return yields_.frame(); }
+  const ComplianceFrame& frame() const { return yields_.frame(); }
   int versions_cut() const { return cut_; }
 
  private:
@@ -70,7 +70,7 @@ class CampaignTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  YieldsOnVirtualClock yields_{1000};
+  VirtualClockYieldSolver yields_{1000};
 };
 
 std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector<Tissue> tissues,
@@ -166,7 +166,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
         ASSERT_TRUE(std::isfinite(device.unclamped_force_N) && std::isfinite(device.energy_mJ));
         ASSERT_EQ(device.flags & kFlagNotFinite, 0u);
         touched += device.label != 0;
-        const YieldSpot& spot = tip.frame().spot[0];
+        const LocalCompliance& spot = tip.frame().spot[0];
         if (!spot.is_known()) continue;
         ++solved;
         ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.slope_per_N.all_finite());

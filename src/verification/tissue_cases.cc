@@ -206,7 +206,7 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
       1);
   const ElasticLayout& layout = grid.layout();
   const int middle = cells / 2, top = cells / 2;
-  grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
+  grid.set_boundary_springs({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
   ElasticSolver solver(grid);
   ElasticField load(layout), u(layout);
   load.values[layout.node(middle, middle, top, 2)] = -1e-3f;
@@ -245,7 +245,7 @@ PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Pati
         return (p - at).dot(outward) < 0 ? yielding(kPa, press.poissons_ratio) : ElasticMaterial{};
       },
       16);
-  grid.continue_beyond({true, true, true, true, true, true}, at);
+  grid.set_boundary_springs({true, true, true, true, true, true}, at);
   ElasticSolver solver(grid);
   ElasticField unit(solver.layout()), load(solver.layout());
   const double depth = press.radius_cells * press.radius_cells / kRadius_mm;
@@ -313,7 +313,7 @@ TissueCase punch_case(int cells, int radius_cells) {
   const int middle = cells / 2, top = cells / 2;
   ElasticGrid grid(
       box_of({cells, cells, top}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
-  grid.continue_beyond({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
+  grid.set_boundary_springs({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
   const auto rings = node_rings(middle, middle, top, radius_cells);
   const Eigen::MatrixXd w = ring_compliance(grid, rings);
   const Eigen::VectorXd force =

@@ -57,7 +57,7 @@ TissueFrame measure_tissue_frame(int frames) {
       1);
   const Vector<Patient> up(0, 0, 1);
   const auto place = [&](int frame) { return Point<Patient>(32 + kStep_mm * frame, 22.3, 12); };
-  grid.continue_beyond({true, true, true, true, false, false}, place(0));
+  grid.set_boundary_springs({true, true, true, true, false, false}, place(0));
   ElasticSolver solver(grid);
   ElasticField unit(solver.layout()), load(solver.layout()), converged(solver.layout()),
       force(solver.layout());

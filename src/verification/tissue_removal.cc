@@ -60,7 +60,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     if (!now.cuts.empty()) carving = carving->with(now.cuts);
     const CarvedLabels labels{model.labels, carving->taken()};
     const double begin = tissue_thread_seconds();
-    if (!cells.follow(labels, solver).empty()) solver.put_at_rest(unit);
+    if (!cells.follow(labels, solver).empty()) solver.zero_held(unit);
     const double followed = tissue_thread_seconds();
     const PressurePatch patch(cells.grid(), Point<Patient>(0, 0, now.surface_mm), {0, 0, 1}, rho_mm);
     std::fill(load.values.begin(), load.values.end(), 0.0f);
@@ -84,7 +84,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       const PressurePatch there(whole.grid(), Point<Patient>(0, 0, now.surface_mm), {0, 0, 1}, rho_mm);
       std::fill(load.values.begin(), load.values.end(), 0.0f);
       there.add(1, load);
-      fresh.put_at_rest(converged);
+      fresh.zero_held(converged);
       fresh.solve(load, converged, kTruthIterations, kTruthTolerance);
       told.behind_percent = std::max(told.behind_percent, off_percent(w, there.displacement(converged)));
     }
@@ -147,7 +147,7 @@ Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
     device.normal_patient = {0, 0, 1};
     device.depth_mm = kPressed_mm;
     device.contact_N[0] = last_N;
-    const YieldSpot& spot = solver.solve(model, felt).spot[0];
+    const LocalCompliance& spot = solver.solve(model, felt).spot[0];
     YieldField field;
     if (!spot.is_known() || !solver.field_of(0, field)) continue;
     const double force_N = pressing_N(spot.compliance_mm_per_N, spot.patch_radius_mm, spot.modulus_N_per_mm2);

@@ -66,7 +66,7 @@ class TissueTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  YieldsOnVirtualClock yields_{kTickRate_hz};
+  VirtualClockYieldSolver yields_{kTickRate_hz};
   Eigen::Vector3d at_ = {0, 0, kBeginAbove_mm};
 };
 
@@ -82,7 +82,7 @@ class ConvergedForce {
     device.velocity_patient_mm_s = {};
     double force_N = 0;
     for (int n = 0; n < kSettling; ++n) {
-      const YieldSpot& spot = solver_.solve(*model_, still).spot[0];
+      const LocalCompliance& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
       force_N = yield_force(tissue_at(spot), device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;

@@ -83,42 +83,42 @@ constexpr std::string_view kQualities =
     "outflow process superioris covid first second third fourth fdi";
 
 // Words that are also family names, with the word that must precede or follow them.
-struct WithCompany {
+struct CompanionWord {
   std::string_view word, before, after;
 };
-constexpr std::array kWithCompany{
-    WithCompany{"white", "", "matter"},      WithCompany{"gray", "", "matter"},
-    WithCompany{"grey", "", "matter"},       WithCompany{"small", "", "bowel"},
-    WithCompany{"small", "", "intestine"},   WithCompany{"large", "", "bowel"},
-    WithCompany{"large", "", "intestine"},   WithCompany{"major", "teres", ""},
-    WithCompany{"minor", "teres", ""},       WithCompany{"major", "pectoralis", ""},
-    WithCompany{"minor", "pectoralis", ""},  WithCompany{"major", "psoas", ""},
-    WithCompany{"minor", "psoas", ""},       WithCompany{"major", "zygomaticus", ""},
-    WithCompany{"minor", "zygomaticus", ""}, WithCompany{"long", "biceps", "head"},
-    WithCompany{"short", "biceps", "head"},  WithCompany{"dc", "ventral", ""},
-    WithCompany{"magnus", "adductor", ""},   WithCompany{"hoffa", "", "fat"},
-    WithCompany{"maximus", "gluteus", ""},   WithCompany{"medius", "gluteus", ""},
-    WithCompany{"minimus", "gluteus", ""},   WithCompany{"oral", "", "cavity"},
-    WithCompany{"cord", "spinal", ""},       WithCompany{"stem", "brain", ""},
-    WithCompany{"band", "iliotibial", ""},   WithCompany{"band", "tract", ""},
-    WithCompany{"common", "", "carotid"},    WithCompany{"common", "", "iliac"},
-    WithCompany{"wall", "abdominal", ""},    WithCompany{"wall", "bladder", ""},
-    WithCompany{"wall", "thoracic", ""},     WithCompany{"wall", "vessel", ""},
-    WithCompany{"pole", "", "frontal"},      WithCompany{"pole", "", "occipital"},
-    WithCompany{"pole", "", "temporal"},     WithCompany{"pole", "frontal", ""},
-    WithCompany{"pole", "occipital", ""},    WithCompany{"pole", "temporal", ""},
-    WithCompany{"tissue", "soft", ""},       WithCompany{"tissues", "soft", ""},
-    WithCompany{"wall", "airways", ""},      WithCompany{"segment", "liver", ""},
-    WithCompany{"true", "", "lumen"},        WithCompany{"false", "", "lumen"},
-    WithCompany{"hard", "", "palate"},       WithCompany{"non", "", "coronary"},
-    WithCompany{"hand", "phalanges", ""},    WithCompany{"feet", "phalanges", ""},
-    WithCompany{"horn", "frontal", ""},      WithCompany{"horn", "occipital", ""},
-    WithCompany{"horn", "temporal", ""},     WithCompany{"arch", "zygomatic", ""},
-    WithCompany{"arch", "aortic", ""},       WithCompany{"space", "subarachnoid", ""},
-    WithCompany{"start", "left", ""},        WithCompany{"start", "right", ""},
-    WithCompany{"implant", "hip", ""},       WithCompany{"oblique", "external", ""},
-    WithCompany{"oblique", "internal", ""},  WithCompany{"oblique", "inferior", ""},
-    WithCompany{"oblique", "superior", ""},  WithCompany{"capsule", "internal", ""},
+constexpr std::array kCompanionWords{
+    CompanionWord{"white", "", "matter"},      CompanionWord{"gray", "", "matter"},
+    CompanionWord{"grey", "", "matter"},       CompanionWord{"small", "", "bowel"},
+    CompanionWord{"small", "", "intestine"},   CompanionWord{"large", "", "bowel"},
+    CompanionWord{"large", "", "intestine"},   CompanionWord{"major", "teres", ""},
+    CompanionWord{"minor", "teres", ""},       CompanionWord{"major", "pectoralis", ""},
+    CompanionWord{"minor", "pectoralis", ""},  CompanionWord{"major", "psoas", ""},
+    CompanionWord{"minor", "psoas", ""},       CompanionWord{"major", "zygomaticus", ""},
+    CompanionWord{"minor", "zygomaticus", ""}, CompanionWord{"long", "biceps", "head"},
+    CompanionWord{"short", "biceps", "head"},  CompanionWord{"dc", "ventral", ""},
+    CompanionWord{"magnus", "adductor", ""},   CompanionWord{"hoffa", "", "fat"},
+    CompanionWord{"maximus", "gluteus", ""},   CompanionWord{"medius", "gluteus", ""},
+    CompanionWord{"minimus", "gluteus", ""},   CompanionWord{"oral", "", "cavity"},
+    CompanionWord{"cord", "spinal", ""},       CompanionWord{"stem", "brain", ""},
+    CompanionWord{"band", "iliotibial", ""},   CompanionWord{"band", "tract", ""},
+    CompanionWord{"common", "", "carotid"},    CompanionWord{"common", "", "iliac"},
+    CompanionWord{"wall", "abdominal", ""},    CompanionWord{"wall", "bladder", ""},
+    CompanionWord{"wall", "thoracic", ""},     CompanionWord{"wall", "vessel", ""},
+    CompanionWord{"pole", "", "frontal"},      CompanionWord{"pole", "", "occipital"},
+    CompanionWord{"pole", "", "temporal"},     CompanionWord{"pole", "frontal", ""},
+    CompanionWord{"pole", "occipital", ""},    CompanionWord{"pole", "temporal", ""},
+    CompanionWord{"tissue", "soft", ""},       CompanionWord{"tissues", "soft", ""},
+    CompanionWord{"wall", "airways", ""},      CompanionWord{"segment", "liver", ""},
+    CompanionWord{"true", "", "lumen"},        CompanionWord{"false", "", "lumen"},
+    CompanionWord{"hard", "", "palate"},       CompanionWord{"non", "", "coronary"},
+    CompanionWord{"hand", "phalanges", ""},    CompanionWord{"feet", "phalanges", ""},
+    CompanionWord{"horn", "frontal", ""},      CompanionWord{"horn", "occipital", ""},
+    CompanionWord{"horn", "temporal", ""},     CompanionWord{"arch", "zygomatic", ""},
+    CompanionWord{"arch", "aortic", ""},       CompanionWord{"space", "subarachnoid", ""},
+    CompanionWord{"start", "left", ""},        CompanionWord{"start", "right", ""},
+    CompanionWord{"implant", "hip", ""},       CompanionWord{"oblique", "external", ""},
+    CompanionWord{"oblique", "internal", ""},  CompanionWord{"oblique", "inferior", ""},
+    CompanionWord{"oblique", "superior", ""},  CompanionWord{"capsule", "internal", ""},
 };
 
 // Complete names whose words do not identify a structure by themselves: Bridge, for example, is also a family
@@ -127,7 +127,7 @@ constexpr std::array<std::string_view, 7> kWholeNames{"head",    "face",       "
                                                       "implant", "body_trunc", "body_extremities"};
 
 // neutral words of file names, which do not identify a person
-constexpr std::string_view kSayNothing =
+constexpr std::string_view kNeutralWords =
     "label labels labelmap seg segs dseg segment segmentation segmentations mask masks roi binary volume vol "
     "image img data file output out result pred prediction final new copy test sub subject ses patient case "
     "untitled surface surf mesh model structure stl obj ply vtk vtp nii nrrd mha mhd gz x r l a b c d lps "
@@ -186,7 +186,7 @@ bool is_structure(const std::string& word) {
 }
 
 bool in_company(const std::vector<Token>& tokens, std::size_t n) {
-  return std::ranges::any_of(kWithCompany, [&](const WithCompany& one) {
+  return std::ranges::any_of(kCompanionWords, [&](const CompanionWord& one) {
     if (tokens[n].lower != one.word) return false;
     const bool before = one.before.empty() || (n > 0 && tokens[n - 1].lower == one.before);
     return before && (one.after.empty() || (n + 1 < tokens.size() && tokens[n + 1].lower == one.after));
@@ -204,7 +204,7 @@ bool is_level(const std::vector<Token>& tokens, std::size_t n) {
 }  // namespace
 
 AnatomyInName anatomy_in(std::string_view text) {
-  static const std::set<std::string_view> qualities = set_of(kQualities), say_nothing = set_of(kSayNothing);
+  static const std::set<std::string_view> qualities = set_of(kQualities), say_nothing = set_of(kNeutralWords);
   AnatomyInName found;
   if (std::ranges::find(kWholeNames, text) != kWholeNames.end()) {
     found.name = text;

@@ -147,7 +147,7 @@ struct Image {
 using Counts = std::map<std::string, std::size_t>;
 
 // True if two images with equal attributes have equal values; false if one of them is unreadable.
-bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one, const Image& other) {
+bool same_values(DicomLibrary& library, const FoundFiles& found, const Image& one, const Image& other) {
   std::array<std::vector<std::int64_t>, 2> values;
   for (std::size_t n = 0; n < one.content.frames.size(); ++n) {
     for (const std::size_t which : {0, 1}) {
@@ -168,7 +168,7 @@ bool same_values(DicomFiles& library, const FoundFiles& found, const Image& one,
 // Removes all but one of the copies of each image, as found in duplicated folders.
 // @param look  called before each comparison; false: the parent has gone
 template <class Look>
-std::size_t drop_copies(DicomFiles& library, const FoundFiles& found, std::vector<Image>& images,
+std::size_t drop_copies(DicomLibrary& library, const FoundFiles& found, std::vector<Image>& images,
                         const Look& look) {
   std::map<std::string, std::vector<std::size_t>> of_uid;
   std::vector<char> is_copy(images.size());
@@ -218,7 +218,7 @@ std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& i
 // @param look  called with the index of the file to be read, and with the number of files when all are done;
 //              false: the parent has gone
 template <class Look>
-Result<DicomContent> look_at(DicomFiles& library, const FoundFiles& found, const Look& look) {
+Result<DicomContent> look_at(DicomLibrary& library, const FoundFiles& found, const Look& look) {
   std::vector<Image> images;
   std::size_t others = 0, pictureless = 0;
   Counts kinds, damages;
@@ -352,7 +352,7 @@ void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, 
 }
 
 // slice by slice; a multi-frame file is opened once
-Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const FoundFiles& found,
+Result<void> send_slices(DicomLibrary& library, const DicomVolume& volume, const FoundFiles& found,
                          Component component, VoxelSink& sink) {
   std::optional<InputFile> file;
   std::unique_ptr<DicomPixels> pixels;
@@ -381,7 +381,7 @@ Result<void> send_slices(DicomFiles& library, const DicomVolume& volume, const F
   return {};
 }
 
-Result<DicomContent> look_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+Result<DicomContent> look_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   library.begin_reading();
   return look_at(library, found, [&](std::size_t begun) {
     const auto number = static_cast<std::uint32_t>(begun);
@@ -413,7 +413,7 @@ Error in_file(Error error, const std::vector<fs::path>& files, std::size_t n) {
 // decoder for the frames of a segmentation; each file is opened once
 class SegmentPixels {
  public:
-  static Result<SegmentPixels> open(DicomFiles& library, const std::vector<fs::path>& files) {
+  static Result<SegmentPixels> open(DicomLibrary& library, const std::vector<fs::path>& files) {
     SegmentPixels all;
     all.files_ = &files;
     for (std::size_t n = 0; n < files.size(); ++n) {
@@ -466,12 +466,12 @@ class SegmentPixels {
 
 // @param look  called before each slice; false: the parent has gone
 template <class Look>
-Result<void> find_overlaps(DicomFiles& library, Segments& segments, const Look& look) {
+Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Look& look) {
   const DicomSegmentation& said = segments.said;
   std::vector<int> index_of_number(kNumbers, -1);
   for (std::size_t n = 0; n < said.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(said.segments[n].number)] = static_cast<int>(n);
-  Meetings meetings;
+  SegmentOverlapPairs meetings;
   // the labels of a single file are mutually exclusive
   if (said.codings.size() > 1 || said.codings.front().kind != SegmentCoding::Kind::kLabels) {
     auto pixels = SegmentPixels::open(library, segments.files);
@@ -488,17 +488,17 @@ Result<void> find_overlaps(DicomFiles& library, Segments& segments, const Look& 
       }
       return {};
     };
-    auto found = find_meetings(segments.grid.geometry, read_slice, look);
+    auto found = find_overlapping_pairs(segments.grid.geometry, read_slice, look);
     if (!found) return found.error();
     meetings = *std::move(found);
   }
-  const auto layers = put_in_layers(said.segments.size(), meetings, segments.file);
+  const auto layers = assign_layers(said.segments.size(), meetings, segments.file);
   for (std::size_t n = 0; n < layers.size(); ++n)
     segments.layer_of_number[static_cast<std::size_t>(said.segments[n].number)] = layers[n];
   return {};
 }
 
-Result<DicomSegmentation> read_segmentation_file(DicomFiles& library, const fs::path& file) {
+Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs::path& file) {
   const auto opened = InputFile::open(file);
   if (!opened) return opened.error();
   std::string front(kKindBytes, '\0');
@@ -517,7 +517,7 @@ Result<DicomSegmentation> read_segmentation_file(DicomFiles& library, const fs::
 
 // @param look  called regularly; false: the parent has gone
 template <class Look>
-Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::path>& files,
+Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::path>& files,
                                   const fs::path& named, const Look& look) {
   library.begin_reading();
   Segments segments;
@@ -561,7 +561,7 @@ Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::pat
     const DicomSegment& segment = said.segments[n];
     std::string name = name_of_segment(segment);
     // several files may use the same names
-    if (files.size() > 1) name = told_apart(std::move(name), names);
+    if (files.size() > 1) name = unique_name(std::move(name), names);
     names.push_back(name);
     put_segment(segments.file, n, name, segment.number,
                 segments.layer_of_number[static_cast<std::size_t>(segment.number)],
@@ -570,7 +570,7 @@ Result<Segments> look_at_segments(DicomFiles& library, const std::vector<fs::pat
   return segments;
 }
 
-Result<void> send_segments(DicomFiles& library, const Segments& segments, VoxelSink& sink) {
+Result<void> send_segments(DicomLibrary& library, const Segments& segments, VoxelSink& sink) {
   auto pixels = SegmentPixels::open(library, segments.files);
   if (!pixels) return pixels.error();
   const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
@@ -610,7 +610,7 @@ std::string colour_of_structure(const DicomStructure& structure) {
 }
 
 // notes for the user: missing contours, filled gaps, clipped and empty structures
-void tell_of_structures(const Structures& structures, const std::vector<std::string>& without_contours,
+void note_structures(const Structures& structures, const std::vector<std::string>& without_contours,
                         std::size_t left_out, const std::vector<std::uint64_t>& voxels, VolumeFile& file) {
   std::vector<std::string> cut, empty;
   std::size_t bridged = 0;
@@ -641,7 +641,7 @@ void tell_of_structures(const Structures& structures, const std::vector<std::str
 
 // @param look  called regularly; false: the parent has gone
 template <class Look>
-Result<Structures> look_at_structures(DicomFiles& library, const fs::path& named, const GridGeometry& grid,
+Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& named, const GridGeometry& grid,
                                       const Look& look) {
   library.begin_reading();
   Structures structures;
@@ -676,11 +676,11 @@ Result<Structures> look_at_structures(DicomFiles& library, const fs::path& named
       });
     return {};
   };
-  const auto meetings = find_meetings(grid, read_slice, look);
+  const auto meetings = find_overlapping_pairs(grid, read_slice, look);
   if (!meetings) return meetings.error();
   structures.file = labels_in_slices(grid, named);
-  structures.layers = put_in_layers(structures.planes.size(), *meetings, structures.file);
-  tell_of_structures(structures, without_contours, left_out, voxels, structures.file);
+  structures.layers = assign_layers(structures.planes.size(), *meetings, structures.file);
+  note_structures(structures, without_contours, left_out, voxels, structures.file);
   for (std::size_t n = 0; n < structures.said.size(); ++n)
     put_segment(structures.file, n, name_of_segment(structures.said[n].segment),
                 structures.said[n].segment.number, structures.layers[n],
@@ -699,21 +699,21 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
   return send_layers(structures.file.header, read_slice, sink);
 }
 
-bool read_structures_for(DicomFiles& library, reader::ParentEnd& parent, const fs::path& named,
+bool read_structures_for(DicomLibrary& library, reader::ParentEnd& parent, const fs::path& named,
                          const GridGeometry& grid) {
   const auto structures = look_at_structures(library, named, grid, sign_of_life(parent));
   return read_labels_for(parent, named, structures,
                          [&](VoxelSink& sink) { return send_structures(*structures, sink); });
 }
 
-bool read_segments_for(DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
+bool read_segments_for(DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
                        const fs::path& named) {
   const auto segments = look_at_segments(library, files, named, sign_of_life(parent));
   return read_labels_for(parent, named, segments,
                          [&](VoxelSink& sink) { return send_segments(library, *segments, sink); });
 }
 
-bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                     const fs::path& named, std::optional<int> number) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
@@ -725,7 +725,7 @@ bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
   said.insert(said.end(), volume.notes.begin(), volume.notes.end());
   const VolumeFile file = volume_of(volume, named, std::move(said));
   if (!send_volume(parent, file, {&named, 1})) return false;
-  while (parent.wait_for_word()) {
+  while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
     const auto read = send_slices(library, volume, found, file.voxels.component, slots);
     slots.drain();
@@ -737,7 +737,7 @@ bool read_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
 // Maximum number of volumes in a list: a folder of images that are each a series of its own has thousands.
 constexpr std::size_t kMostListed = 2000;
 
-bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
   if (!send_end(parent, {})) return false;
@@ -763,7 +763,7 @@ bool list_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundF
 
 // Matches a segmentation with the images on which it may have been made: sends the number of the volume and
 // the notes.
-bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                      const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
                      std::optional<int> number) {
   const auto content = look_for(library, parent, found);
@@ -791,12 +791,12 @@ bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const Found
                              "name one of them after the images, or this folder to read all as one"),
                    segmentation);
   const auto chosen =
-      choose_segmented(content->volumes, bonds_of(reference, content->volumes, content->identifiers), number);
+      choose_segmented(content->volumes, relations_of(reference, content->volumes, content->identifiers), number);
   if (!chosen) return refused(chosen.error(), segmentation);
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
   out.put(static_cast<std::uint32_t>(chosen->index + 1));
-  out.put(static_cast<std::uint32_t>(chosen->is_said));
+  out.put(static_cast<std::uint32_t>(chosen->is_stated));
   out.put(static_cast<std::uint32_t>(chosen->notes.size()));
   for (const std::string& note : chosen->notes) out.put(note);
   return out.ok();
@@ -805,7 +805,7 @@ bool match_dicom_for(DicomFiles& library, reader::ParentEnd& parent, const Found
 // ---- in the parent process ----------------------------------------------------------------------
 
 // DICOM library with its dictionary, before a reader process is started
-Result<DicomFiles*> ready_library() {
+Result<DicomLibrary*> ready_library() {
   const ItkSection section;
   auto library = load_dicom_files();
   if (!library) return library.error();
@@ -936,7 +936,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
   return found;
 }
 
-bool tell_identity_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found,
+bool send_identity(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                        std::optional<int> number) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
@@ -967,7 +967,7 @@ bool tell_identity_for(DicomFiles& library, reader::ParentEnd& parent, const Fou
 
 }  // namespace
 
-Result<DicomFiles*> ready_dicom_library() {
+Result<DicomLibrary*> ready_dicom_library() {
   return ready_library();
 }
 
@@ -981,7 +981,7 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   const auto found = find_files(study, progress);
   if (!found) return found.error();
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
-    return tell_identity_for(**library, parent, *found, attached.volume);
+    return send_identity(**library, parent, *found, attached.volume);
   });
   if (!process) return at(study, process.error());
   const Files named{&study, 1};
@@ -1098,7 +1098,7 @@ Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress
                      "name one of them, or put those that are wanted into a folder of their own");
   return open_dicom_labels(
       file, std::move(files), progress,
-      [&](DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>& parts) {
+      [&](DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& parts) {
         return read_segments_for(library, parent, parts, file);
       });
 }
@@ -1107,7 +1107,7 @@ Result<DicomReader> open_dicom_structures(const fs::path& file, const GridGeomet
                                           const Progress& progress) {
   auto reader =
       open_dicom_labels(file, {file}, progress,
-                        [&](DicomFiles& library, reader::ParentEnd& parent, const std::vector<fs::path>&) {
+                        [&](DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>&) {
                           return read_structures_for(library, parent, file, grid);
                         });
   const Files named{&file, 1};
@@ -1181,9 +1181,9 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   named.insert(named.end(), files.begin(), files.end());
   if (auto looked = wait_for_files(**process, *found, named, progress); !looked) return looked.error();
   reader::Receiver in(**process, "is damaged: ");
-  std::uint32_t number = 0, is_said = 0, notes = 0;
+  std::uint32_t number = 0, is_stated = 0, notes = 0;
   in.get(number);
-  in.get(is_said);
+  in.get(is_stated);
   in.get(notes);
   constexpr std::uint32_t kMostNumber = 100'000, kMostStudyNotes = 10;
   if (number < 1 || number > kMostNumber || notes > kMostStudyNotes) return nonsense(named);
@@ -1193,7 +1193,7 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   }
   if (!in.ok()) return about(in.error(), named);
   study.volume = static_cast<int>(number);
-  study.is_said = is_said == 1;
+  study.is_stated = is_stated == 1;
   return study;
 }
 
@@ -1233,7 +1233,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
   }
   if (label_files(*study.labels).empty()) return study;
   if (images) return matched(std::move(study), !labels, progress);
-  study.is_said = false;
+  study.is_stated = false;
   study.notes.push_back(study.labels->string() + " says on which images it was made, and " + scan.string() +
                         " does not say which it is: that they belong together was not checked");
   return study;
@@ -1326,7 +1326,7 @@ void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_sai
   }
 }
 
-bool tell_identifiers_for(DicomFiles& library, reader::ParentEnd& parent, const FoundFiles& found) {
+bool send_identifiers(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   library.begin_reading();
   IdentifierRows all;
   for (std::size_t n = 0; n < found.files.size(); ++n) {
@@ -1373,7 +1373,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   // the DICOMDIR itself contains a record of each patient
   if (is_dicom_directory(file)) found->files.push_back(file);
   auto process = start_in(*found, 0, progress, [&](reader::ParentEnd& parent) {
-    return tell_identifiers_for(**library, parent, *found);
+    return send_identifiers(**library, parent, *found);
   });
   if (!process) return at(file, process.error());
   const Files named{&file, 1};

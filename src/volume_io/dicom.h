@@ -31,9 +31,9 @@ struct DicomReader {
 Result<DicomReader> open_dicom(const std::filesystem::path& file, std::optional<int> number,
                                const Progress& progress);
 
-class DicomFiles;
+class DicomLibrary;
 /// Library that reads and writes DICOM files, with its dictionary loaded. Errors: kUnavailable.
-Result<DicomFiles*> ready_dicom_library();
+Result<DicomLibrary*> ready_dicom_library();
 /// Patient, study and images of a volume, for objects that are attached to a study. Errors: an unusable
 /// study; those of choose_volume().
 Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const Progress& progress);

@@ -112,7 +112,7 @@ Result<void> write_dicom_segmentation(const std::filesystem::path& file, const L
   const auto seg = segmentation_of(labels, file);
   if (!seg) return seg.error();
   return write_object(file, attached, progress,
-                      [&](DicomFiles& library, const std::filesystem::path& path, const auto& identity) {
+                      [&](DicomLibrary& library, const std::filesystem::path& path, const auto& identity) {
                         return library.write_segmentation(path, *seg, identity);
                       });
 } catch (const std::bad_alloc&) {
@@ -127,7 +127,7 @@ Result<void> write_secondary_capture(const std::filesystem::path& file, int widt
   PALPATE_CHECK(rgb.size() ==
                 std::size_t{3} * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   return write_object(file, attached, progress,
-                      [&](DicomFiles& library, const std::filesystem::path& path, const auto& identity) {
+                      [&](DicomLibrary& library, const std::filesystem::path& path, const auto& identity) {
                         return library.write_picture(path, {height, width, rgb, description}, identity);
                       });
 }

@@ -1107,7 +1107,7 @@ Result<void> FilePixels::read(const DicomFrame& frame, std::span<std::int64_t> v
   return {};
 }
 
-class DcmtkFiles : public DicomFiles {
+class DcmtkFiles : public DicomLibrary {
  public:
   Result<void> load_dictionary() override {
     if (dcmDataDict.isDictionaryLoaded()) return {};
@@ -1175,7 +1175,7 @@ class DcmtkFiles : public DicomFiles {
 }  // namespace
 }  // namespace palpate::volume_io
 
-palpate::volume_io::DicomFiles* palpate_dicom_files() {
+palpate::volume_io::DicomLibrary* palpate_dicom_files() {
   static palpate::volume_io::DcmtkFiles files;
   return &files;
 }

@@ -48,9 +48,9 @@ class DicomPixels {
   virtual Result<void> read(const DicomFrame& frame, std::span<std::int64_t> values) = 0;
 };
 
-class DicomFiles {
+class DicomLibrary {
  public:
-  virtual ~DicomFiles() = default;
+  virtual ~DicomLibrary() = default;
   /// Loads DCMTK's data dictionary, once per program, for reader processes that are started afterwards; none
   /// may be started meanwhile. Errors: kUnavailable if it is missing.
   virtual Result<void> load_dictionary() = 0;
@@ -87,9 +87,9 @@ class DicomFiles {
 
 /// Loads the library once, by the search path of the dynamic linker. Errors: kUnavailable if the library or
 /// one of its dependencies is missing.
-Result<DicomFiles*> load_dicom_files();
+Result<DicomLibrary*> load_dicom_files();
 
 }  // namespace palpate::volume_io
 
 /// Entry point of the library.
-extern "C" __attribute__((visibility("default"))) palpate::volume_io::DicomFiles* palpate_dicom_files();
+extern "C" __attribute__((visibility("default"))) palpate::volume_io::DicomLibrary* palpate_dicom_files();

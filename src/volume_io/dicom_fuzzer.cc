@@ -18,8 +18,8 @@ void must(bool condition) {
   if (!condition) std::abort();
 }
 
-DicomFiles& library() {
-  static DicomFiles& files = [&]() -> DicomFiles& {
+DicomLibrary& library() {
+  static DicomLibrary& files = [&]() -> DicomLibrary& {
     must(palpate_dicom_files()->load_dictionary().ok());
     palpate_dicom_files()->begin_reading();
     return *palpate_dicom_files();

@@ -9,7 +9,7 @@ namespace {
 
 constexpr const char* kDicomLibrary = "libpalpate_dicom.so";
 
-Result<DicomFiles*> open_dicom_library() {
+Result<DicomLibrary*> open_dicom_library() {
   const auto missing = [] {
     const char* why = ::dlerror();
     return Error{ErrorKind::kUnavailable,
@@ -26,8 +26,8 @@ Result<DicomFiles*> open_dicom_library() {
 
 }  // namespace
 
-Result<DicomFiles*> load_dicom_files() {
-  static const Result<DicomFiles*> files = open_dicom_library();
+Result<DicomLibrary*> load_dicom_files() {
+  static const Result<DicomLibrary*> files = open_dicom_library();
   return files;
 }
 

@@ -11,15 +11,15 @@ std::string numbered(const std::vector<DicomVolume>& volumes, std::size_t n) {
   return "volume " + std::to_string(n + 1) + " (" + volumes[n].what + ")";
 }
 
-std::string bond_in_words(Bond bond, const std::string& volume) {
+std::string relation_in_words(VolumeRelation bond, const std::string& volume) {
   switch (bond) {
-    case Bond::kImages:
+    case VolumeRelation::kImages:
       return "was made on " + volume;
-    case Bond::kSeries:
+    case VolumeRelation::kSeries:
       return "was made on the series of " + volume;
-    case Bond::kSpace:
+    case VolumeRelation::kSpace:
       return "lies in the frame of reference of " + volume + "; on which images it was made it does not say";
-    case Bond::kUnsaid:
+    case VolumeRelation::kUnspecified:
       return "is taken as made on " + volume +
              ": that they lie in one frame of reference is not said, and was not checked";
     default:
@@ -32,9 +32,9 @@ std::string bond_in_words(Bond bond, const std::string& volume) {
 
 }  // namespace
 
-std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
+std::vector<VolumeRelation> relations_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
                            const DicomIdentifiers& identifiers) {
-  std::vector<Bond> bonds;
+  std::vector<VolumeRelation> bonds;
   for (const DicomVolume& volume : volumes) {
     // all frames of a volume share the series, and the frame of reference except in anonymised series
     const DicomFrame& first = volume.frames.front();
@@ -43,26 +43,26 @@ std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector
     });
     const std::string& series = identifiers.of_series[static_cast<std::size_t>(first.series)];
     if (images)
-      bonds.push_back(Bond::kImages);
+      bonds.push_back(VolumeRelation::kImages);
     else if (segmentation.series.contains(series))
-      bonds.push_back(Bond::kSeries);
+      bonds.push_back(VolumeRelation::kSeries);
     else if (first.frame_of_reference.empty() || segmentation.frames_of_reference.empty())
-      bonds.push_back(Bond::kUnsaid);
+      bonds.push_back(VolumeRelation::kUnspecified);
     else
       bonds.push_back(std::ranges::any_of(volume.frames,
                                           [&](const DicomFrame& frame) {
                                             return segmentation.frames_of_reference.contains(
                                                 frame.frame_of_reference);
                                           })
-                          ? Bond::kSpace
-                          : Bond::kNone);
+                          ? VolumeRelation::kSpace
+                          : VolumeRelation::kNone);
   }
   return bonds;
 }
 
 Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
-                                         const std::vector<Bond>& bonds, std::optional<int> number) {
-  const Bond closest = *std::ranges::min_element(bonds);
+                                         const std::vector<VolumeRelation>& bonds, std::optional<int> number) {
+  const VolumeRelation closest = *std::ranges::min_element(bonds);
   std::vector<std::size_t> best;
   for (std::size_t n = 0; n < bonds.size(); ++n)
     if (bonds[n] == closest) best.push_back(n);
@@ -70,13 +70,13 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
     const auto asked = choose_volume(volumes, number);
     if (!asked) return asked.error();
     SegmentedVolume chosen{
-        *asked, {bond_in_words(bonds[*asked], numbered(volumes, *asked))}, bonds[*asked] <= Bond::kSpace};
+        *asked, {relation_in_words(bonds[*asked], numbered(volumes, *asked))}, bonds[*asked] <= VolumeRelation::kSpace};
     if (bonds[*asked] != closest)
-      chosen.notes.insert(chosen.notes.begin(), bond_in_words(closest, numbered(volumes, best.front())) +
+      chosen.notes.insert(chosen.notes.begin(), relation_in_words(closest, numbered(volumes, best.front())) +
                                                     "; volume " + std::to_string(*number) + " was asked for");
     return chosen;
   }
-  if (closest == Bond::kNone)
+  if (closest == VolumeRelation::kNone)
     return bad_input(
         "",
         "was not made on these images: it lies in another frame of reference than each of them "
@@ -88,7 +88,7 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
     if (volumes[n].fault.empty()) usable.push_back(n);
   if (usable.empty())
     return bad_input("",
-                     bond_in_words(closest, numbered(volumes, best.front())) +
+                     relation_in_words(closest, numbered(volumes, best.front())) +
                          ", which cannot be used: " + volumes[best.front()].fault,
                      volumes[best.front()].remedy);
   if (usable.size() > 1) {
@@ -101,7 +101,7 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
                      "choose one with --volume N");
   }
   return SegmentedVolume{
-      usable.front(), {bond_in_words(closest, numbered(volumes, usable.front()))}, closest <= Bond::kSpace};
+      usable.front(), {relation_in_words(closest, numbered(volumes, usable.front()))}, closest <= VolumeRelation::kSpace};
 }
 
 }  // namespace palpate::volume_io

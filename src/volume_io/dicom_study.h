@@ -27,27 +27,27 @@ struct DicomIdentifiers {
 };
 
 /// Relation of a segmentation to a volume, the closest first.
-enum class Bond {
+enum class VolumeRelation {
   kImages,  ///< References to images of this volume.
   kSeries,  ///< Reference to the volume's series.
   kSpace,   ///< Both have the same frame of reference.
-  kUnsaid,  ///< One of them does not state its frame of reference.
+  kUnspecified,  ///< One of them does not state its frame of reference.
   kNone,    ///< Their frames of reference differ, so their relative position is unknown.
 };
 /// Relation of a segmentation to each volume.
-std::vector<Bond> bonds_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
+std::vector<VolumeRelation> relations_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
                            const DicomIdentifiers& identifiers);
 
 struct SegmentedVolume {
   std::size_t index = 0;
   std::vector<std::string> notes;  ///< Sentences about the segmentation: "was made on volume 2 (series 1: MR,
                                    ///< ...)".
-  bool is_said = true;             ///< The relation is stated by images, series or frame of reference.
+  bool is_stated = true;             ///< The relation is stated by images, series or frame of reference.
 };
 /// Selects the volume of a segmentation: the one of the given number, from 1 on; without a number the only
 /// one with the closest relation. Errors, without `where`, about the segmentation: made on none of the
 /// volumes, or on one that cannot be used; several have the closest relation; and those of choose_volume().
 Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
-                                         const std::vector<Bond>& bonds, std::optional<int> number);
+                                         const std::vector<VolumeRelation>& bonds, std::optional<int> number);
 
 }  // namespace palpate::volume_io

@@ -73,7 +73,7 @@ class Dicom : public ::testing::Test {
 
   Result<ScanFile> read(std::optional<int> volume = {}) {
     return read_scan(
-        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Unpacked::kAnew,
+        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, VoxelCaching::kOff,
         volume);
   }
   std::string refusal(std::optional<int> volume = {}) {
@@ -970,7 +970,7 @@ TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
 
 TEST_F(Dicom, WhatIsNoDicomHasNoNumber) {
   std::ofstream(folder_ / "a.nrrd") << "NRRD0004\n";
-  const auto scan = read_scan(folder_ / "a.nrrd", {}, {}, Unpacked::kAnew, 2);
+  const auto scan = read_scan(folder_ / "a.nrrd", {}, {}, VoxelCaching::kOff, 2);
   ASSERT_FALSE(scan);
   EXPECT_EQ(scan.error().kind, ErrorKind::kUsage);
 }
@@ -1725,7 +1725,7 @@ class StructureSet : public Dicom {
     EXPECT_TRUE(grid);
     return read_labels(
         file_, {}, {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Doubtful::kRefused,
-        Unpacked::kAnew, &grid->geometry);
+        VoxelCaching::kOff, &grid->geometry);
   }
   std::string refusal(const test::DicomContours& contours) {
     const auto read = labels(contours);
@@ -1894,7 +1894,7 @@ TEST(SharedStructureSets, AreTheirContours) {
   EXPECT_THAT(study->notes, ::testing::ElementsAre(HasSubstr("was made on volume 1")));
   const auto grid = read_header(folder.path());
   ASSERT_TRUE(grid) << grid.error().message();
-  const auto read = read_labels(structures, {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &grid->geometry);
+  const auto read = read_labels(structures, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid->geometry);
   ASSERT_TRUE(read) << read.error().message();
   const auto& layer = read->labels.layers.at(0);
   const double spacing_mm = grid->geometry.spacing_mm.x();
@@ -1999,7 +1999,7 @@ TEST(DicomSeeds, AreUnderstood) {
       GridGeometry grid;
       grid.dims = {16, 12, 10};
       grid.origin = Point<Patient>(-16, 16, -30);
-      EXPECT_TRUE(read_labels(seed.path(), {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &grid));
+      EXPECT_TRUE(read_labels(seed.path(), {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid));
       continue;
     }
     const auto list = list_volumes(seed.path());

@@ -49,7 +49,7 @@ using Told = std::tuple<int, bool, int, int, std::optional<double>, std::optiona
                         std::optional<double>, std::string, std::string, std::string, std::string>;
 
 // key of attributes that are equal in all images of a volume, except those compared with a tolerance
-Told told_apart_by(const DicomFrame& frame) {
+Told volume_key(const DicomFrame& frame) {
   // images without a position are distinguished only by what they lack
   if (!frame.placed)
     return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", frame.fault};
@@ -99,7 +99,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   // a group with one key is split by orientation, pixel spacing and diffusion direction
   std::map<Told, std::vector<std::vector<DicomFrame>>> groups;
   for (DicomFrame& frame : frames) {
-    auto& parts = groups[told_apart_by(frame)];
+    auto& parts = groups[volume_key(frame)];
     const auto fits = [&](const std::vector<DicomFrame>& part) {
       constexpr double kSame_mm = 0.02;
       return !frame.placed ||

@@ -209,7 +209,7 @@ bool is_volume(const std::filesystem::path& file) {
   return kind && !kind->volume.empty();
 }
 
-std::optional<Error> something_else(const std::filesystem::path& file) {
+std::optional<Error> describe_non_volume(const std::filesystem::path& file) {
   std::error_code ignored;
   const auto status = std::filesystem::status(file, ignored);
   if (is_dicom(file) || is_meshes(file) || is_masks(file) || !dicom_segmentation_files(file).empty() ||

@@ -48,7 +48,7 @@ struct NiftiHeader {
   std::optional<Eigen::Matrix<double, 3, 4>> affine;
   /// The transform that is not used, if the file has both and none was requested.
   std::optional<Eigen::Matrix<double, 3, 4>> other_affine;
-  ValueMeaning meaning = ValueMeaning::kUnsaid;  ///< By its intent code.
+  ValueMeaning meaning = ValueMeaning::kUnspecified;  ///< By its intent code.
   VoxelSource voxels;                            ///< Its `skip` is the offset of the voxels.
   std::size_t header_bytes = 0;                  ///< Size without the extensions; bytes.
   bool swapped = false;                          ///< Byte order differs from that of this machine.

@@ -181,7 +181,7 @@ TEST_F(ImageStack, TheSpacingIsAskedFor) {
   EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures, which do not say how far apart"));
   EXPECT_THAT(unsaid.error().remedy, HasSubstr("--spacing X,Y,Z"));
   // settings of a scene take precedence over those of the program
-  const auto said = read_scan(folder_ / "stack", {}, {}, Unpacked::kAnew, {},
+  const auto said = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
                               {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
   ASSERT_TRUE(said) << said.error().message();
   EXPECT_EQ(said->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));

@@ -67,7 +67,7 @@ std::string structure_in_name(std::string_view text) {
 
 namespace volume_io {
 
-std::optional<TableBeside> table_beside(const std::filesystem::path& file,
+std::optional<AdjacentTable> find_adjacent_table(const std::filesystem::path& file,
                                         const std::optional<std::filesystem::path>& scan) {
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
   std::error_code failed;
@@ -75,10 +75,10 @@ std::optional<TableBeside> table_beside(const std::filesystem::path& file,
     // a .txt file of that name may contain anything
     if (table.ending == ".txt") continue;
     const auto beside = folder / (stem_of(file) + std::string(table.ending));
-    if (std::filesystem::is_regular_file(beside, failed)) return TableBeside{beside, true, {}};
+    if (std::filesystem::is_regular_file(beside, failed)) return AdjacentTable{beside, true, {}};
   }
   std::vector<std::filesystem::path> tables;
-  TableBeside only;
+  AdjacentTable only;
   failed.clear();
   std::filesystem::directory_iterator entries(folder, failed);
   for (; !failed && entries != std::filesystem::directory_iterator(); entries.increment(failed)) {

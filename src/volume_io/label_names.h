@@ -9,7 +9,7 @@
 
 namespace palpate::volume_io {
 
-struct TableBeside {
+struct AdjacentTable {
   std::filesystem::path file;
   bool has_own_name = false;                  ///< True for the label map's own name.
   std::vector<std::filesystem::path> others;  ///< Other volumes in the folder to which the table may belong.
@@ -17,7 +17,7 @@ struct TableBeside {
 /// Table of names in the folder of a label map: one of the same name, otherwise the single .ctbl or .tsv in
 /// the folder; nullopt if there is none or more than one.
 /// @param scan  file that is not a label map
-std::optional<TableBeside> table_beside(const std::filesystem::path& file,
+std::optional<AdjacentTable> find_adjacent_table(const std::filesystem::path& file,
                                         const std::optional<std::filesystem::path>& scan);
 
 /// Structure name by the file name: the words that are known to be anatomy; empty for "labels", "seg_01" or a

@@ -92,7 +92,7 @@ TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   EXPECT_NE(warning.find("that of other.nrrd"), std::string::npos) << warning;
   // the scan is not a label map
   const auto of_scan =
-      read_labels(file, {}, {}, warn, Doubtful::kRefused, Unpacked::kAnew, nullptr, {}, other);
+      read_labels(file, {}, {}, warn, Doubtful::kRefused, VoxelCaching::kOff, nullptr, {}, other);
   EXPECT_TRUE(of_scan->unnamed.empty());
 }
 

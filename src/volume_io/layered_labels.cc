@@ -2,7 +2,7 @@
 
 namespace palpate::volume_io {
 
-std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file) {
+std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& meetings, VolumeFile& file) {
   std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
   file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
   if (meetings.voxels > 0)

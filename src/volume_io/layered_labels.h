@@ -23,7 +23,7 @@ namespace palpate::volume_io {
 constexpr std::size_t kNumbers = 65536;
 
 /// Pairs of segment indices that share a voxel, and the number of voxels with more than one segment.
-struct Meetings {
+struct SegmentOverlapPairs {
   std::set<std::pair<int, int>> pairs;
   std::uint64_t voxels = 0;
 };
@@ -32,8 +32,8 @@ struct Meetings {
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
 /// @param look        called regularly; false: the parent has gone, and the rest is skipped
 template <class ReadSlice, class Look>
-Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
-  Meetings meetings;
+Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
+  SegmentOverlapPairs meetings;
   // Many pairs share many voxels, so most pairs found are known already.
   constexpr int kKnown = 1024;
   std::vector<bool> known(std::size_t{kKnown} * kKnown);
@@ -67,7 +67,7 @@ Result<Meetings> find_meetings(const GridGeometry& grid, const ReadSlice& read_s
 }
 
 /// Distributes segments over layers in which they do not overlap, and notes their overlaps in `file`.
-std::vector<int> put_in_layers(std::size_t segments, const Meetings& meetings, VolumeFile& file);
+std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& meetings, VolumeFile& file);
 
 /// Label volume whose voxels are sent by send_layers().
 VolumeFile labels_in_slices(const GridGeometry& grid, const std::filesystem::path& named);
@@ -113,7 +113,7 @@ bool read_labels_for(reader::ParentEnd& parent, const std::filesystem::path& nam
   if (!understood) return send_end(parent, understood.error());
   if (!send_end(parent, {})) return false;
   if (!send_volume(parent, understood->file, {&named, 1})) return false;
-  while (parent.wait_for_word()) {
+  while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
     const auto read = send(slots);
     slots.drain();

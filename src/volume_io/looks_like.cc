@@ -129,7 +129,7 @@ bool has_large_ids(const std::vector<float>& voxels) {
 
 bool looks_like_labels(const ScanFile& file) {
   if (file.header.has_segments || file.header.meaning == ValueMeaning::kLabels) return true;
-  return file.header.meaning == ValueMeaning::kUnsaid &&
+  return file.header.meaning == ValueMeaning::kUnspecified &&
          content_by_values(statistics_of(file.scan.voxels())).kind == VolumeContent::Kind::kLabels;
 }
 

@@ -120,7 +120,7 @@ struct Cut {
 };
 
 // Intersection of an edge with the plane of a slice; bit-identical for both triangles that share the edge.
-Cut cut_at(const Vec3& from, const Vec3& to, double z) {
+Cut intersect_edge(const Vec3& from, const Vec3& to, double z) {
   const bool upwards = from.z() < to.z();
   const Vec3 &low = upwards ? from : to, &high = upwards ? to : from;
   const double part = (z - low.z()) / (high.z() - low.z());
@@ -129,9 +129,9 @@ Cut cut_at(const Vec3& from, const Vec3& to, double z) {
 
 // Changes of the winding number along the rows of a slice, each stored at the first voxel to which it
 // applies.
-class SliceTurns {
+class WindingChanges {
  public:
-  SliceTurns(int columns, int rows)
+  WindingChanges(int columns, int rows)
       : columns_(columns),
         rows_(rows),
         turns_(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)) {}
@@ -161,14 +161,14 @@ class SliceTurns {
   std::vector<std::int32_t> turns_;
 };
 
-void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mirrored, SliceTurns& turns) {
+void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mirrored, WindingChanges& turns) {
   const std::array<const Vec3*, 3> corners{&a, &b, &c};
   std::optional<Cut> falling, rising;
   for (std::size_t n = 0; n < 3; ++n) {
     const Vec3 &from = *corners[n], &to = *corners[(n + 1) % 3];
     const bool from_above = from.z() > z, to_above = to.z() > z;
     if (from_above == to_above) continue;
-    (from_above ? falling : rising) = cut_at(from, to, z);
+    (from_above ? falling : rising) = intersect_edge(from, to, z);
   }
   if (!falling || !rising) return;
   // a left-handed grid mirrors the mesh
@@ -200,7 +200,7 @@ class FanBlocks {
           X_ * Point<Voxel>(i / kSize * kSize + kHalf, j / kSize * kSize + kHalf, layer_ * kSize + kHalf);
       // below this the fans cannot move an integer winding number across 1/2
       constexpr double kLittle = 0.49;
-      known = fans_.most_within(middle.eigen(), radius_, kLittle) >= kLittle ? Matters::kYes : Matters::kNo;
+      known = fans_.bound_within(middle.eigen(), radius_, kLittle) >= kLittle ? Matters::kYes : Matters::kNo;
     }
     return known == Matters::kYes;
   }
@@ -275,7 +275,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   };
   std::ranges::sort(order, {}, lowest);
   std::size_t next = 0;
-  SliceTurns turns(grid.dims[0], grid.dims[1]);
+  WindingChanges turns(grid.dims[0], grid.dims[1]);
   const bool mirrored = !grid.right_handed();
 
   for (int k = first[2]; k <= last[2]; ++k) {

@@ -58,11 +58,11 @@ StructureName name_of_mesh(const TriangleMesh& mesh, std::size_t n, std::size_t 
   if (meshes == 1) return name_of_structure(file, others);
   // the mesh's own name is as unreliable as a file name
   const AnatomyInName own = anatomy_in(mesh.name);
-  if (!own.name.empty() && !name_fault(own.name)) return {told_apart(own.name, others), own.left_out};
+  if (!own.name.empty() && !name_fault(own.name)) return {unique_name(own.name, others), own.left_out};
   const AnatomyInName words = name_of_mask(file);
   const std::string name = words.name.empty() ? "structure " + std::to_string(others.size() + 1)
                                               : words.name + " " + std::to_string(n + 1);
-  return {told_apart(name, others), own.left_out || words.left_out};
+  return {unique_name(name, others), own.left_out || words.left_out};
 }
 
 std::string as_text(double value) {

@@ -37,7 +37,7 @@ std::vector<std::string> warnings_of(const std::filesystem::path& file, const Gr
   std::vector<std::string> said;
   labels = read_labels(
       file, {}, {}, [&](const std::string& warning) { said.push_back(warning); }, Doubtful::kRefused,
-      Unpacked::kAnew, scan, Placing{.mesh = placing});
+      VoxelCaching::kOff, scan, Placing{.mesh = placing});
   return said;
 }
 
@@ -49,7 +49,7 @@ TEST(Meshes, EveryFormatBecomesTheSameLabels) {
     write_text(folder / written.name, written.bytes);
     EXPECT_TRUE(is_volume(folder / written.name)) << written.name;
     const auto labels =
-        read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+        read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
     ASSERT_TRUE(labels) << labels.error().message();
     EXPECT_EQ(labels->header.format, "surfaces");
     EXPECT_TRUE(labels->header.has_geometry);
@@ -84,7 +84,7 @@ TEST(Meshes, OfAFolderEachFileIsAStructure) {
 
   // the error names a damaged file
   write_text(folder / "patella.obj", "v 0 0 0\nf 1 2 3\n");
-  const auto refused = read_labels(folder.path(), {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+  const auto refused = read_labels(folder.path(), {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().where, (folder / "patella.obj").string());
 }
@@ -214,7 +214,7 @@ TEST(Meshes, DamageIsOneErrorThatNamesTheFile) {
           bytes[random() % bytes.size()] ^= static_cast<char>(1 << random() % 8);
       write_text(folder / written.name, bytes);
       const auto labels =
-          read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, Unpacked::kAnew, &scan);
+          read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
       if (labels) continue;
       EXPECT_EQ(labels.error().what.find("its reader"), std::string::npos) << labels.error().message();
       EXPECT_EQ(labels.error().where, (folder / written.name).string());

@@ -139,7 +139,7 @@ Fields second_version(std::string_view text, const Bytes& bytes) {
 ValueMeaning meaning_of(std::int32_t intent_code) {
   constexpr std::int32_t kLabel = 1002, kNeuroName = 1003;
   if (intent_code == kLabel || intent_code == kNeuroName) return ValueMeaning::kLabels;
-  return intent_code > 0 ? ValueMeaning::kMeasured : ValueMeaning::kUnsaid;
+  return intent_code > 0 ? ValueMeaning::kMeasured : ValueMeaning::kUnspecified;
 }
 
 // voxel index to RAS mm by the standard's method 2

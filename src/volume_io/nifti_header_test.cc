@@ -86,7 +86,7 @@ TEST(NiftiHeader, WhatCannotBeRightIsAnError) {
 }
 
 TEST(NiftiHeader, TheIntentSaysWhatTheValuesAre) {
-  for (const auto& [code, meaning] : {std::pair{0, ValueMeaning::kUnsaid},
+  for (const auto& [code, meaning] : {std::pair{0, ValueMeaning::kUnspecified},
                                       {1002, ValueMeaning::kLabels},
                                       {1003, ValueMeaning::kLabels},
                                       {3, ValueMeaning::kMeasured},

@@ -7,7 +7,7 @@
 
 #include "palpate/base/reading.h"
 #include "volume_io/formats.h"
-#include "volume_io/kept_voxels.h"
+#include "volume_io/voxel_cache.h"
 #include "volume_io/label_names.h"
 #include "volume_io/layered_labels.h"
 #include "volume_io/looks_like.h"
@@ -160,7 +160,7 @@ class LabelSink {
   }
 
   /// Takes all voxels from the cache; false if they are not cached.
-  bool find(const KeptVoxels& kept) {
+  bool find(const VoxelCacheEntry& kept) {
     auto layers = kept.find_labels(layers_.size());
     if (layers.empty()) return false;
     layers_ = std::move(layers);
@@ -168,7 +168,7 @@ class LabelSink {
     return true;
   }
   /// Stores the voxels in the cache, after the last voxel.
-  void keep(const KeptVoxels& kept) const { kept.keep_labels(layers_); }
+  void keep(const VoxelCacheEntry& kept) const { kept.keep_labels(layers_); }
   /// Moves the layers out, after the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
@@ -312,7 +312,7 @@ Result<FoundNames> find_names(const VolumeFile& file, const std::filesystem::pat
     return FoundNames{*std::move(names), NameSource::kGivenTable, given};
   }
   if (file.header.has_segments && file.header.format != kColouredPictures) return FoundNames{};
-  const auto table = table_beside(labels, scan);
+  const auto table = find_adjacent_table(labels, scan);
   if (!table) return FoundNames{};
   const auto stays = check_stays_in(labels.parent_path(), table->file);
   auto names = stays ? read_label_names(table->file) : stays.error();
@@ -436,14 +436,14 @@ Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path
 }
 
 Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& path, const Progress& progress,
-                           const Warn& warn, Unpacked unpacked) {
+                           const Warn& warn, VoxelCaching unpacked) {
   const VolumeFile& file = reader.file();
   if (file.header.layers > 1)
     return bad_input(path.string(), "holds several values for each voxel, a scan has one",
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
-  const KeptVoxels kept(reader, "scan", unpacked);
+  const VoxelCacheEntry kept(reader, "scan", unpacked);
   ScanValues values;
   if (kept.find_scan(values.voxels, values.replaced)) {
     progress.report("taking what was read before", 0);
@@ -477,7 +477,7 @@ std::string left_out_of_name(const std::string& name) {
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
                               const std::optional<std::filesystem::path>& names,
                               const std::optional<std::filesystem::path>& scan, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful, Unpacked unpacked) {
+                              const Warn& warn, Doubtful doubtful, VoxelCaching unpacked) {
   const VolumeFile& file = reader.file();
   const auto found = find_names(file, path, names, scan, warn);
   if (!found) return found.error();
@@ -486,7 +486,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     return plausible.error();
 
   LabelSink sink(file);
-  const KeptVoxels kept(reader, "labels", unpacked);
+  const VoxelCacheEntry kept(reader, "labels", unpacked);
   if (sink.find(kept)) {
     progress.report("taking what was read before", 0);
   } else {
@@ -534,7 +534,7 @@ std::optional<std::string> evidence_by_table(const ValueStatistics& values, cons
                                              const std::optional<std::filesystem::path>& given) {
   if (!values.only_whole || values.distinct == 0) return std::nullopt;
   if (given) return "its values are whole numbers, and a table was given";
-  const auto beside = table_beside(file, {});
+  const auto beside = find_adjacent_table(file, {});
   if (!beside || !check_stays_in(file.parent_path(), beside->file)) return std::nullopt;
   const auto names = read_label_names(beside->file);
   if (!names) return std::nullopt;
@@ -617,7 +617,7 @@ Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optiona
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names,
                                                       const Progress& progress, const Warn& warn,
-                                                      Unpacked unpacked, std::optional<int> volume) try {
+                                                      VoxelCaching unpacked, std::optional<int> volume) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
   auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process({}));
   if (!reader) return reader.error();
@@ -653,7 +653,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                           Unpacked unpacked, std::optional<int> volume, const Placing& placing) try {
+                           VoxelCaching unpacked, std::optional<int> volume, const Placing& placing) try {
   if (!volume && !is_dicom(file)) {
     if (is_meshes(file))
       return bad_input(file.string(), "holds surfaces, which are labels and not a scan",
@@ -676,7 +676,7 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful, Unpacked unpacked,
+                              const Warn& warn, Doubtful doubtful, VoxelCaching unpacked,
                               const GridGeometry* scan_grid, const Placing& placing,
                               const std::optional<std::filesystem::path>& scan) try {
   if (is_dicom(file))

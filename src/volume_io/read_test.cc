@@ -594,7 +594,7 @@ TEST(NiftiForms, TheOneThatIsAskedForIsRead) {
     placing.nifti_form = form;
     std::string warnings;
     const auto scan = read_scan(
-        file, {}, [&](const std::string& text) { warnings += text; }, Unpacked::kAnew, {}, placing);
+        file, {}, [&](const std::string& text) { warnings += text; }, VoxelCaching::kOff, {}, placing);
     EXPECT_TRUE(scan);
     EXPECT_EQ(warnings, "");
     return scan->scan.geometry();

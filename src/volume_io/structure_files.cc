@@ -106,7 +106,7 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   return found;
 }
 
-std::string told_apart(std::string name, const std::vector<std::string>& others) {
+std::string unique_name(std::string name, const std::vector<std::string>& others) {
   if (std::ranges::find(others, name) != others.end()) name += " (" + std::to_string(others.size() + 1) + ")";
   return name;
 }
@@ -114,8 +114,8 @@ std::string told_apart(std::string name, const std::vector<std::string>& others)
 StructureName name_of_structure(const fs::path& file, const std::vector<std::string>& others) {
   const AnatomyInName words = name_of_mask(file);
   if (words.name.empty())
-    return {told_apart("structure " + std::to_string(others.size() + 1), others), words.left_out};
-  return {told_apart(words.name, others), words.left_out};
+    return {unique_name("structure " + std::to_string(others.size() + 1), others), words.left_out};
+  return {unique_name(words.name, others), words.left_out};
 }
 
 std::string note_of_left_out(const std::vector<std::string>& names) {
@@ -132,10 +132,10 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs
       labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { take(v, static_cast<int>(n)); });
     return {};
   };
-  const auto meetings = find_meetings(grid, read_slice, look);
+  const auto meetings = find_overlapping_pairs(grid, read_slice, look);
   if (!meetings) return meetings.error();
   labels.file = labels_in_slices(grid, named);
-  labels.layers = put_in_layers(labels.voxels.size(), *meetings, labels.file);
+  labels.layers = assign_layers(labels.voxels.size(), *meetings, labels.file);
   for (std::size_t n = 0; n < labels.names.size(); ++n)
     put_segment(labels.file, n, labels.names[n], static_cast<int>(n + 1), labels.layers[n], "");
   return {};

@@ -44,7 +44,7 @@ struct StructureName {
 };
 StructureName name_of_structure(const std::filesystem::path& file, const std::vector<std::string>& others);
 /// `name`, with a number appended if `others` contains it.
-std::string told_apart(std::string name, const std::vector<std::string>& others);
+std::string unique_name(std::string name, const std::vector<std::string>& others);
 /// Note for the user about structures whose file names were only partly used.
 std::string note_of_left_out(const std::vector<std::string>& names);
 

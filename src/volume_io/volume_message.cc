@@ -13,13 +13,13 @@ namespace {
 using reader::Receiver;
 using reader::Sender;
 
-enum class Answer : std::uint8_t { kRefusal, kVolume, kWish };
+enum class Answer : std::uint8_t { kRefusal, kVolume, kFileRequest };
 
 // maximum length of an error's texts and of a file name; longer ones are truncated
 constexpr std::size_t kMostErrorText = std::size_t{1} << 16;
 // maximum number of segment fields
 constexpr std::size_t kMostFields = std::size_t{1} << 20;
-constexpr int kMostLayers = 4096;
+constexpr int kMaxLayers = 4096;
 constexpr std::uint32_t kMostNotes = 100;
 
 void put(Sender& out, const Error& refusal) {
@@ -122,7 +122,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
 
   const std::string source = files.front().string();
   const VoxelSource& voxels = volume.voxels;
-  if (file >= files.size() || volume.header.layers < 1 || volume.header.layers > kMostLayers ||
+  if (file >= files.size() || volume.header.layers < 1 || volume.header.layers > kMaxLayers ||
       !std::isfinite(voxels.slope) || !std::isfinite(voxels.intercept))
     return nonsense(files);
   if (const auto dims = volume_dims({geometry.dims.begin(), geometry.dims.end()}, source); !dims)
@@ -174,9 +174,9 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   return out.ok();
 }
 
-bool send_wish(reader::ByteTarget& target, const OtherFile& wanted) {
+bool send_file_request(reader::ByteTarget& target, const OtherFile& wanted) {
   Sender out(target);
-  out.put(static_cast<std::uint8_t>(Answer::kWish));
+  out.put(static_cast<std::uint8_t>(Answer::kFileRequest));
   out.put(static_cast<std::uint8_t>(wanted.which));
   out.put(wanted.name.substr(0, kMostErrorText));
   return out.ok();
@@ -194,7 +194,7 @@ Result<std::variant<VolumeFile, OtherFile>> receive_answer(reader::ByteSource& s
   using Received = std::variant<VolumeFile, OtherFile>;
   Receiver in = receiver(source);
   Answer answer{};
-  get_one_of(in, answer, Answer::kWish);
+  get_one_of(in, answer, Answer::kFileRequest);
   if (!in.ok()) return about(in.error(), files);
   if (answer == Answer::kRefusal) return get_refusal(in, files);
   if (answer == Answer::kVolume) {

@@ -131,7 +131,7 @@ TEST(VolumeMessage, EndsAreNoticedAtEveryByte) {
            [](Memory& m) { return send_volume(m, example(), kFiles); },
            [](Memory& m) { return send_refusal(m, bad_input("/a/named.nhdr", "is bad", "mend it")); },
            [](Memory& m) {
-             return send_wish(m, {OtherFile::Which::kNamed, "x"});
+             return send_file_request(m, {OtherFile::Which::kNamed, "x"});
            }}) {
     Memory whole;
     ASSERT_TRUE(send(whole));
@@ -192,11 +192,11 @@ TEST(VolumeMessage, EndsAndWishesArrive) {
     }
   }
   const OtherFile wanted{OtherFile::Which::kVoxels, "name"};
-  ASSERT_TRUE(send_wish(memory, wanted));
+  ASSERT_TRUE(send_file_request(memory, wanted));
   const auto answer = receive_answer(memory, kFiles);
   ASSERT_TRUE(answer);
   EXPECT_EQ(std::get<OtherFile>(*answer), wanted);
-  ASSERT_TRUE(send_wish(memory, {static_cast<OtherFile::Which>(3), ""}));
+  ASSERT_TRUE(send_file_request(memory, {static_cast<OtherFile::Which>(3), ""}));
   EXPECT_FALSE(receive_answer(memory, kFiles));
 }
 

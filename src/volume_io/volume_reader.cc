@@ -23,10 +23,10 @@ namespace {
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
               const Placing& placing) {
   const auto volume = understand(format, files.front(), others, placing);
-  if (others.asked()) return send_wish(parent, *others.asked());
+  if (others.asked()) return send_file_request(parent, *others.asked());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
-  while (parent.wait_for_word()) {
+  while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
     const auto read = send_voxels(*volume, slots);
     slots.drain();
@@ -81,7 +81,7 @@ void VoxelSlots::drain() {
 }
 
 void VoxelSlots::wait() {
-  if (!parent_.wait_for_word()) throw std::runtime_error("no word");
+  if (!parent_.wait_for_grant()) throw std::runtime_error("no word");
   --filled_;
 }
 

@@ -111,7 +111,7 @@ TEST_F(VolumeReaderTest, HeaderAndVoxelsAreReadByAConfinedProcess) {
   ASSERT_EQ(reading.size(), 1u);
   if (reader::sanitized()) return;
   EXPECT_EQ(privileges, "1");
-  EXPECT_EQ(filtered, reader::can_hold_to_calls() ? "2" : "0");
+  EXPECT_EQ(filtered, reader::can_restrict_system_calls() ? "2" : "0");
 }
 
 TEST_F(VolumeReaderTest, AReaderThatDiesIsOneError) {
@@ -147,7 +147,7 @@ TEST_F(VolumeReaderTest, ATakersErrorEndsIt) {
 
 TEST_F(VolumeReaderTest, AnotherFileUnderTheNameIsNotRead) {
   if (reader::sanitized()) return;
-  if (!reader::can_hold_to_files())
+  if (!reader::can_restrict_files())
     GTEST_SKIP() << "this kernel has no Landlock: what stands under the name is read";
   auto reader = VolumeReader::open(file_, silent_);
   ASSERT_TRUE(reader);
@@ -197,7 +197,7 @@ std::string taken_from(const std::vector<std::uint32_t>& words, const Result<voi
   auto process = reader::ReaderProcess::start(
       job,
       [&](reader::ParentEnd& parent) {
-        return parent.wait_for_word() && parent.write(std::as_bytes(std::span(words))) &&
+        return parent.wait_for_grant() && parent.write(std::as_bytes(std::span(words))) &&
                (end == nullptr || send_end(parent, *end));
       },
       silent);

@@ -129,7 +129,7 @@ double FastWinding::at(const Vec3& from) const {
   return sum;
 }
 
-double FastWinding::most_within(const Vec3& middle, double radius, double enough) const {
+double FastWinding::bound_within(const Vec3& middle, double radius, double enough) const {
   if (nodes_.empty()) return 0;
   double sum = 0;
   std::array<std::uint32_t, 128> open;

@@ -23,16 +23,16 @@ namespace palpate::test {
 /// A label map with what is felt of it, without friction.
 struct Body {
   std::shared_ptr<const Model> model;
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
 
   bool is_felt(LabelId label) const { return model->is_felt(label); }
   /// Those of a layer that a tool meets that has gone through nothing.
-  bool is_met(const FeltSurface& felt, int layer = 0) const {
+  bool is_met(const ContactSurface& felt, int layer = 0) const {
     return felt.surface != nullptr && felt.beneath < 0 && felt.layer == layer;
   }
   double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
     double least = std::numeric_limits<double>::infinity();
-    for (const FeltSurface& felt : surfaces)
+    for (const ContactSurface& felt : surfaces)
       if (is_met(felt, layer)) least = std::min(least, felt.surface->distance_mm(at) - radius_mm);
     return least;
   }
@@ -49,8 +49,8 @@ struct Body {
     return first;
   }
   Vector<Patient> outward(const Point<Patient>& at) const {
-    const FeltSurface* nearest = nullptr;
-    for (const FeltSurface& felt : surfaces)
+    const ContactSurface* nearest = nullptr;
+    for (const ContactSurface& felt : surfaces)
       if (is_met(felt) &&
           (nearest == nullptr || felt.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
         nearest = &felt;

@@ -156,7 +156,7 @@ class FreeAirPress {
 
   // whether a layer that gave force gives none any more
   static bool has_let_go(const ProxyResult& before, const ProxyResult& now) {
-    for (std::size_t n = 0; n < kMostLayers; ++n)
+    for (std::size_t n = 0; n < kMaxLayers; ++n)
       if (before.of_layer[n].force_N != Vector<Patient>() && now.of_layer[n].force_N == Vector<Patient>())
         return true;
     return false;

@@ -76,7 +76,7 @@ class DrivenSession {
   SessionState state_;
   TickRecord record_;
   Wrench sent_;
-  YieldsOnVirtualClock yields_{kRate_hz};
+  VirtualClockYieldSolver yields_{kRate_hz};
   Point<Patient> tip_;
 };
 

@@ -99,7 +99,7 @@ TEST(ManyLayers, ThreeHundredLabelsOfFourTissuesAreTaken) {
   const Body body =
       one_body(model_of(map, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
   const auto shapes = std::count_if(body.surfaces.begin(), body.surfaces.end(),
-                                    [](const FeltSurface& felt) { return felt.surface != nullptr; });
+                                    [](const ContactSurface& felt) { return felt.surface != nullptr; });
   EXPECT_LT(shapes, kLabels);
   const ToolSphere ball{{}, 1.5};
   ProxyState state;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/test_files.h"
-#include "palpate/haptics/proxy_way.h"
+#include "palpate/haptics/proxy_path.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
@@ -174,7 +174,7 @@ struct Counted {
 /// way.
 class Press {
  public:
-  Press(const FeltSurface& felt, const Oracle& oracle, const ToolSphere& tool)
+  Press(const ContactSurface& felt, const Oracle& oracle, const ToolSphere& tool)
       : felt_(felt), oracle_(oracle), tool_(tool) {}
 
   /// From before the structure, along a random direction through `target`, askew, up to a random force; every
@@ -188,7 +188,7 @@ class Press {
     const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;
     double way_mm = 0;
-    while (way_mm < most_mm_ + 6 && pull_mm() < most_mm_ - 1e-6) {
+    while (way_mm < most_mm_ + 6 && multiplier_mm() < most_mm_ - 1e-6) {
       lead(push);
       way_mm += speed_mm;
     }
@@ -222,7 +222,7 @@ class Press {
     }
     return least_mm - tool_.radius_mm;
   }
-  double pull_mm() const { return (state_.position - tip_).norm(); }
+  double multiplier_mm() const { return (state_.position - tip_).norm(); }
 
   // A hand that presses no harder than it wants to, and moves no faster than it can.
   void lead(const Vector<Patient>& way) {
@@ -235,7 +235,7 @@ class Press {
   }
 
   void follow() {
-    ProxyWay way;
+    ProxyPath way;
     const ProxyResult result = advance_proxy({&felt_, 1}, {&tool_, 1}, tip_, state_, {}, &way);
     ++ticks_;
     ASSERT_TRUE(state_.coupled);
@@ -252,7 +252,7 @@ class Press {
       deepest_mm_ = std::max(deepest_mm_, -below_or_above(a + (b - a) * (static_cast<double>(n) / pieces)));
   }
 
-  const FeltSurface& felt_;
+  const ContactSurface& felt_;
   const Oracle& oracle_;
   const ToolSphere tool_;
   ProxyState state_;
@@ -277,7 +277,7 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     const auto prepared = prepare_surfaces(*label_bricks(grid), {structure.value}, {});
     EXPECT_TRUE(prepared.ok());
     if (!prepared.ok() || preset == nullptr) return counted;
-    FeltSurface felt;
+    ContactSurface felt;
     felt.surface = std::make_shared<const Surface>(prepared->front().surface);
     felt.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
     felt.static_friction = felt.dynamic_friction = preset->values.friction_coefficient;

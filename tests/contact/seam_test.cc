@@ -138,7 +138,7 @@ class SeamPress {
     outward_ = out;
     withdrawing_ = true;
     double free_mm = 0;
-    std::array<bool, kMostLayers> left{};
+    std::array<bool, kMaxLayers> left{};
     for (double way_mm = 0; way_mm < kFar_mm + kDeepest_mm && free_mm < kWithdrawn_mm; way_mm += kStep_mm) {
       const bool was_free = free_mm > 0;
       tip_ += out * kStep_mm;
@@ -151,7 +151,7 @@ class SeamPress {
         ++figures_.elsewhere;
         return;
       }
-      for (int layer = 1; layer < kMostLayers; ++layer) {
+      for (int layer = 1; layer < kMaxLayers; ++layer) {
         bool& out_of_it = left[static_cast<std::size_t>(layer)];
         const double clearance_mm = body_.clearance_mm(tip_, tool_.radius_mm, layer);
         if (out_of_it && clearance_mm < -kOutside_mm) return;
@@ -187,7 +187,7 @@ class SeamPress {
 
   // whether the straight way from a proxy that pulls to the tip leads through what it rests on
   bool is_beyond_a_wall() const {
-    for (int layer = 0; layer < kMostLayers; ++layer) {
+    for (int layer = 0; layer < kMaxLayers; ++layer) {
       if (!(result_.of_layer[static_cast<std::size_t>(layer)].force_N.dot(outward_) < 0)) continue;
       const Point<Patient>& from = state_.layer(layer).position;
       if (body_.clearance_mm(from, tool_.radius_mm, layer) < -kOutside_mm) return false;
@@ -200,7 +200,7 @@ class SeamPress {
 
   // of what lies within, too, which may come to the outside
   bool is_free() const {
-    for (int layer = 0; layer < kMostLayers; ++layer)
+    for (int layer = 0; layer < kMaxLayers; ++layer)
       if (body_.clearance_mm(tip_, tool_.radius_mm, layer) <= kOutside_mm) return false;
     return true;
   }
@@ -224,7 +224,7 @@ class SeamPress {
     jumped_ = jumped_ || jump_N > kJump_N;
     inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);
     unfelt_ = unfelt_ || (felt_N() < kFelt_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kFelt_mm);
-    for (int layer = 0; layer < kMostLayers && !withdrawing_; ++layer)
+    for (int layer = 0; layer < kMaxLayers && !withdrawing_; ++layer)
       came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
                                 body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
     if (free_mm_ == 0) return;
@@ -320,7 +320,7 @@ LabelMap flat_top(const Eigen::Vector3d& spacing_mm, double turned_degrees) {
 struct Crossing {
   double dip_mm = 0, drag_N = 0, jump_N = 0;
   // straight across: the place beside the seam, mm, and the force, N
-  std::vector<std::array<double, 2>> up_N, aside_N;
+  std::vector<std::array<double, 2>> up_N, tangential_force_N;
 };
 
 // 1 mm deep across the seam and along it, 1 N/mm
@@ -352,7 +352,7 @@ Crossing cross(const Body& body, double radius_mm) {
         found.jump_N = std::max(found.jump_N, (result.force_N - before.force_N).norm() - kStep_mm);
         if (heading == 0) {
           found.up_N.push_back({way_mm, result.force_N.z()});
-          found.aside_N.push_back({way_mm, std::hypot(result.force_N.x(), result.force_N.y())});
+          found.tangential_force_N.push_back({way_mm, std::hypot(result.force_N.x(), result.force_N.y())});
         }
       }
       before = result;
@@ -378,7 +378,7 @@ void draw(const Crossing& before, const Crossing& after, const std::filesystem::
       "1.0 mm";
   const char* drag = "N aside on the same point, without friction";
   chart("Force across a seam", press, before.up_N, after.up_N, "seam-force.svg");
-  chart("Drag at a seam", drag, before.aside_N, after.aside_N, "seam-drag.svg");
+  chart("Drag at a seam", drag, before.tangential_force_N, after.tangential_force_N, "seam-drag.svg");
 }
 
 // With PALPATE_DRAW_SEAMS=FOLDER two pictures there: docs/images has them.

@@ -15,7 +15,7 @@
 #include "haply/test_haply_rig.h"
 #include "haptics/test_model.h"
 #include "openhaptics/test_hd_rig.h"
-#include "palpate/servo/several_drivers.h"
+#include "palpate/servo/composite_driver.h"
 
 /// Devices of two makers in one session, each in its maker's own clock, when either breaks or both do.
 namespace palpate {
@@ -128,7 +128,7 @@ class TwoMakers {
       EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message());
     }
     both_.emplace(std::vector<DeviceDriver*>{&made_[0]->driver(), &made_[1]->driver()},
-                  SeveralSettings{.rate_hz = 1000, .realtime = false});
+                  CompositeDriverSettings{.rate_hz = 1000, .realtime = false});
     Parameters parameters;
     parameters.max_force_N = kUsers_N;
     auto loop =
@@ -205,7 +205,7 @@ class TwoMakers {
   }
 
   std::array<std::unique_ptr<Made>, 2> made_;
-  std::optional<SeveralDrivers> both_;
+  std::optional<CompositeDriver> both_;
   std::unique_ptr<ServoLoop> loop_;
 };
 

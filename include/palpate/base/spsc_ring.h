@@ -47,9 +47,9 @@ class SpscRing {
   /// @param bytes  number of leading bytes of the item to copy; the rest of the slot is unchanged
   bool push(const T& item, std::size_t bytes = sizeof(T)) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
-    if (tail - head_seen_ > mask_) {
-      head_seen_ = head_.load(std::memory_order_acquire);
-      if (tail - head_seen_ > mask_) return false;
+    if (tail - cached_head_ > mask_) {
+      cached_head_ = head_.load(std::memory_order_acquire);
+      if (tail - cached_head_ > mask_) return false;
     }
     std::memcpy(static_cast<void*>(&slots_[tail & mask_]), &item, bytes);
     tail_.store(tail + 1, std::memory_order_release);
@@ -59,8 +59,8 @@ class SpscRing {
   /// Moves the oldest items, in order, to the front of `out`; returns their number. Consumer only; wait-free.
   std::size_t pop(std::span<T> out) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
-    if (tail_seen_ - head < out.size()) tail_seen_ = tail_.load(std::memory_order_acquire);
-    const std::size_t count = std::min(out.size(), tail_seen_ - head);
+    if (cached_tail_ - head < out.size()) cached_tail_ = tail_.load(std::memory_order_acquire);
+    const std::size_t count = std::min(out.size(), cached_tail_ - head);
 
     // up to the end of the slots, then wrapping around to their beginning
     const std::size_t first = std::min(count, capacity() - (head & mask_));
@@ -82,10 +82,10 @@ class SpscRing {
   const std::unique_ptr<T[]> slots_;
   // producer's cache line
   alignas(kCacheLine_bytes) std::atomic<std::size_t> tail_{0};
-  std::size_t head_seen_ = 0;
+  std::size_t cached_head_ = 0;
   // consumer's cache line
   alignas(kCacheLine_bytes) std::atomic<std::size_t> head_{0};
-  std::size_t tail_seen_ = 0;
+  std::size_t cached_tail_ = 0;
 };
 
 }  // namespace palpate

@@ -13,13 +13,13 @@
 namespace palpate {
 
 /// Default maximum size of all entries; bytes.
-inline constexpr std::uint64_t kUsualCacheBytes = 4'000'000'000;
+inline constexpr std::uint64_t kDefaultCacheBytes = 4'000'000'000;
 /// Upper limit relative to the space that the disk would have free without the cache.
-inline constexpr double kCachePartOfDisk = 0.1;
+inline constexpr double kMaxCacheDiskFraction = 0.1;
 
 struct CacheSettings {
   std::filesystem::path folder;  ///< Created if it is missing; empty: no caching.
-  std::uint64_t most_bytes = kUsualCacheBytes;
+  std::uint64_t most_bytes = kDefaultCacheBytes;
   Warn warn = {};  ///< Called at most once, if the folder is not writable.
 };
 /// Settings from the environment. Folder: $PALPATE_CACHE if it is set, where an empty value disables the

@@ -31,7 +31,7 @@ double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s
 
 /// Values assumed for a device that does not state them.
 struct CarefulDevice {
-  double rate_hz = 250;          ///< Slowest loop rate, kLowestRate_hz
+  double rate_hz = 250;          ///< Slowest loop rate, kMinRate_hz
   double delay_s = 4e-3;         ///< Longer than any device's published delay known to us
   double mass_kg = 0.045;        ///< Mass of the lightest known device, the Touch
   double damping_N_s_per_m = 0;  ///< Damping of the device, without the hand's

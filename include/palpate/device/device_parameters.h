@@ -27,7 +27,7 @@ OutputLimits limits_of(const DeviceInfo& info);
 /// device, careful_bounds() for a physical one, which is never run without a bound.
 double bound_of_stiffness_N_per_mm(const DeviceInfo& info);
 /// Message for the user if the bound is careful_bounds() instead of the vendor's value; else empty.
-std::string careful_bound_told(const DeviceInfo& info);
+std::string careful_bound_message(const DeviceInfo& info);
 
 /// Tick inputs that belong to one device.
 struct DeviceParameters {
@@ -37,12 +37,12 @@ struct DeviceParameters {
   /// Largest stiffness that an operator can hold stable with the device, device N/mm, at most the vendor's
   /// value. Stiffer tissues are rendered at this stiffness: by the proxy each tissue is clamped separately,
   /// by the direct methods all are scaled by one factor.
-  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+  double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   /// Encoder step; the passivity controller ignores smaller displacements
   double position_step_mm = kNotKnown;
   /// Largest damping that the device renders stably, device N s/mm. Viscosity of tissue, the published
   /// friction and the coupling's damping are clamped to it. Not above 0 or NaN: unknown, nothing is clamped.
-  double most_damping_N_s_per_mm = kNotKnown;
+  double max_damping_N_s_per_mm = kNotKnown;
   /// Delay from a command to its force, s; 0: none. Used by the passivity observer. The caller of
   /// ServoLoop::start() may state a longer delay than the device does, but not a shorter one.
   double delay_s = 0;

@@ -14,16 +14,16 @@ namespace palpate {
 /// newtons; clamped to the largest stiffness that the operator can hold with the device. Dampings (N s/mm)
 /// convert the same way. The proxy clamps every tissue separately; the direct methods scale all tissues by
 /// one factor, because a single field contains all of them.
-class FeltStiffness {
+class RenderedStiffness {
  public:
   /// Gains of the scene, without clamping.
-  explicit FeltStiffness(const WorkspaceSettings& settings)
-      : FeltStiffness(settings.scale, settings.force_gain, std::numeric_limits<double>::infinity()) {}
-  explicit FeltStiffness(const DeviceParameters& device)
-      : FeltStiffness(device.scale, device.force_gain, device.most_stiffness_N_per_mm) {}
+  explicit RenderedStiffness(const WorkspaceSettings& settings)
+      : RenderedStiffness(settings.scale, settings.force_gain, std::numeric_limits<double>::infinity()) {}
+  explicit RenderedStiffness(const DeviceParameters& device)
+      : RenderedStiffness(device.scale, device.force_gain, device.max_stiffness_N_per_mm) {}
   /// Gains that were in effect in a recorded tick.
-  explicit FeltStiffness(const DeviceTick& device)
-      : FeltStiffness(device.scale, device.force_gain, device.most_stiffness_N_per_mm) {}
+  explicit RenderedStiffness(const DeviceTick& device)
+      : RenderedStiffness(device.scale, device.force_gain, device.max_stiffness_N_per_mm) {}
 
   /// Converts `patient_N_per_mm` in the patient to the device, without clamping.
   double at_device(double patient_N_per_mm) const { return factor_ * patient_N_per_mm; }
@@ -31,7 +31,7 @@ class FeltStiffness {
   double in_patient(double device_N_per_mm) const { return device_N_per_mm / factor_; }
   /// Largest stiffness in the patient that is rendered unclamped, N/mm, at least 0. NaN if unknown, which
   /// clamps nothing.
-  double most_in_patient() const {
+  double max_in_patient() const {
     const double most = in_patient(most_N_per_mm_);
     return most < 0 ? 0 : most;
   }
@@ -41,10 +41,10 @@ class FeltStiffness {
   }
   /// Factor by which the direct methods scale every stiffness, 0 ... 1.
   /// @param all_N_per_mm  stiffness in the patient of the stiffest tissue, summed over all points of the tool
-  double left_of_all(double all_N_per_mm) const { return std::min(1.0, most_in_patient() / all_N_per_mm); }
+  double direct_method_factor(double all_N_per_mm) const { return std::min(1.0, max_in_patient() / all_N_per_mm); }
 
  private:
-  FeltStiffness(double scale, double force_gain, double most_N_per_mm)
+  RenderedStiffness(double scale, double force_gain, double most_N_per_mm)
       : factor_(scale * force_gain), most_N_per_mm_(most_N_per_mm) {}
 
   double factor_;

@@ -3,11 +3,11 @@
 #include <span>
 
 #include "palpate/device/device.h"
-#include "palpate/device/led_pose.h"
+#include "palpate/device/interpolated_pose.h"
 
 namespace palpate {
 
-/// A mouse, pen or finger as a device (LedPose). Positions arrive 60 to 120 times a second, at rest 30 times.
+/// A mouse, pen or finger as a device (InterpolatedPose). Positions arrive 60 to 120 times a second, at rest 30 times.
 /// The device exerts no force. Pulled, at the servo's own rate.
 class PointerDriver final : public DeviceDriver {
  public:
@@ -33,7 +33,7 @@ class PointerDriver final : public DeviceDriver {
  private:
   const TimeSource now_;
   const DeviceInfo info_;
-  LedPose told_;
+  InterpolatedPose told_;
 };
 
 }  // namespace palpate

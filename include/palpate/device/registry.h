@@ -32,7 +32,7 @@ struct DeviceReport {
 };
 
 /// A vendor's device kind and how to create and probe it.
-struct DeviceMaker {
+struct DeviceVendor {
   std::string name;  ///< Name for `--device`: lower-case letters, digits and hyphens
   std::string what;  ///< One-line description
   /// Creates a driver that is not connected; DeviceDriver::open() connects it.
@@ -45,13 +45,13 @@ struct DeviceMaker {
 class DeviceRegistry {
  public:
   /// Registers a vendor. A name that is already registered is a bug.
-  void add(DeviceMaker maker);
-  const std::vector<DeviceMaker>& all() const { return makers_; }
+  void add(DeviceVendor maker);
+  const std::vector<DeviceVendor>& all() const { return makers_; }
   /// Vendor of that name; nullptr if there is none.
-  const DeviceMaker* find(const std::string& name) const;
+  const DeviceVendor* find(const std::string& name) const;
 
  private:
-  std::vector<DeviceMaker> makers_;
+  std::vector<DeviceVendor> makers_;
 };
 
 }  // namespace palpate

@@ -49,9 +49,9 @@ Result<PlantHand> find_plant_hand(const std::string& name);
 /// friction with stick. Deterministic: time advances only by advance(), which allocates nothing.
 class SimulatedDevice {
  public:
-  /// @param delay_s  delay from a command to its force, 0 ... kMostDelay_s
+  /// @param delay_s  delay from a command to its force, 0 ... kMaxDelay_s
   SimulatedDevice(const PlantDevice& device, const PlantHand& hand, double delay_s = 0);
-  static constexpr double kMostDelay_s = 0.02;
+  static constexpr double kMaxDelay_s = 0.02;
 
   /// Device properties. The axes are World's; the workspace is the largest cube in the device's reach.
   DeviceInfo info() const;
@@ -88,7 +88,7 @@ class SimulatedDevice {
   // state of the hand's mass if it has skin
   Eigen::Vector3d hand_m_ = Eigen::Vector3d::Zero(), hand_m_s_ = Eigen::Vector3d::Zero();
   double time_s_ = 0, work_mJ_ = 0;
-  std::array<Command, 512> line_;  // ring buffer: kMostDelay_s at more than 20 kHz
+  std::array<Command, 512> line_;  // ring buffer: kMaxDelay_s at more than 20 kHz
   std::size_t first_ = 0, count_ = 0;
 };
 

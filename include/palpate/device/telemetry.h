@@ -13,11 +13,11 @@ namespace palpate {
 /// Maximum number of devices in a tick.
 inline constexpr int kMaxDevices = 4;
 /// Maximum number of structures along the tip's path that a tick reports.
-inline constexpr int kMostTold = 6;
+inline constexpr int kMostStructuresReported = 6;
 /// Maximum number of contacts that a tick reports.
-inline constexpr int kMostContactsTold = 6;
+inline constexpr int kMostContactsReported = 6;
 /// Maximum number of structures near the tool that a tick reports.
-inline constexpr std::size_t kMostNearTold = 8;
+inline constexpr std::size_t kMostNearReported = 8;
 
 /// Value of unknown quantities: not a number.
 inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
@@ -81,13 +81,13 @@ struct SweepRecord {
 enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
 /// Upper limit of Model::tissue_coarsened.
-inline constexpr double kMostTissueCoarsened = 2;
+inline constexpr double kMaxTissueCoarsening = 2;
 
 /// Difference of a model version from the one before: a tissue's properties changed, the direct methods'
 /// fields were rebuilt for the current stiffnesses, material was cut away, a stroke was undone or redone, or
 /// soft tissue switched to another constitutive law.
 struct ModelChange {
-  static constexpr std::uint32_t kFieldsMadeAnew = 0xffffffff;
+  static constexpr std::uint32_t kFieldsRebuilt = 0xffffffff;
   static constexpr std::uint32_t kCut = 0xfffffffe;   ///< Cut by the sweeps recorded before it
   static constexpr std::uint32_t kUndo = 0xfffffffd;  ///< Undo of the last stroke (StrokeHistory)
   static constexpr std::uint32_t kRedo = 0xfffffffc;
@@ -123,8 +123,8 @@ struct DeviceTick {
   double force_gain = 1, scale = 1;
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
-  double most_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
-  double most_damping_N_s_per_mm = kNotKnown;  ///< NaN or, in recordings before format 4.1, 0: unknown
+  double max_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
+  double max_damping_N_s_per_mm = kNotKnown;  ///< NaN or, in recordings before format 4.1, 0: unknown
   double delay_s = 0;
   // outputs
   std::array<double, 3> force_N{};     ///< Force sent, World
@@ -152,20 +152,20 @@ struct DeviceTick {
   /// Contacts of the tool: structure, part of the tool (its points, then its capsules), position on the
   /// surface, and force along the normal, in the patient. The outermost layer's come first, within a layer
   /// the strongest first; the first one belongs to `label`. Label 0 ends the list.
-  std::array<std::uint16_t, kMostContactsTold> contact_label{}, contact_part{};
+  std::array<std::uint16_t, kMostContactsReported> contact_label{}, contact_part{};
   /// Origin of the force: structures along the tip's path into the tissue, outermost first, the length of the
   /// path within each, and each one's share of the force, 0 ... 1. By a direct method the touched structure
   /// with share 1. Label 0 ends the list; empty without contact.
-  std::array<std::uint16_t, kMostTold> felt_label{};
+  std::array<std::uint16_t, kMostStructuresReported> felt_label{};
   /// Structures near the tool, nearest first (nearest_structures). Label 0 ends the list.
-  std::array<std::uint16_t, kMostNearTold> near_label{};
+  std::array<std::uint16_t, kMostNearReported> near_label{};
   /// No-go region that the tool is deepest in (NoGoForce): index in the scene from 1; 0: none.
   std::uint16_t no_go = 0;
-  std::array<double, 3 * kMostContactsTold> contact_patient_mm{};
-  std::array<double, kMostContactsTold> contact_N{};
-  std::array<double, kMostTold> felt_depth_mm{}, felt_share{};
+  std::array<double, 3 * kMostContactsReported> contact_patient_mm{};
+  std::array<double, kMostContactsReported> contact_N{};
+  std::array<double, kMostStructuresReported> felt_depth_mm{}, felt_share{};
   /// Distance from the tool's outline to each structure of near_label, negative inside.
-  std::array<double, kMostNearTold> near_mm{};
+  std::array<double, kMostNearReported> near_mm{};
   /// Depth of the tool inside the keep-away zone of no_go, and the force of all no-go regions together at the
   /// device, in addition to the contacts' and before the output stage.
   double no_go_depth_mm = 0, no_go_N = 0;
@@ -180,7 +180,7 @@ struct TickRecord {
   double lateness_s = 0;  ///< Real clock: delay of the tick's start; not part of the hash
   double compute_s = 0;   ///< Real clock: time from reading the states to the commands; not part of the hash
   std::uint32_t model_version = 0;
-  std::uint32_t yield_frame = 0;  ///< Deformable tissue: newest solution (YieldFrame); 0: none yet
+  std::uint32_t yield_frame = 0;  ///< Deformable tissue: newest solution (ComplianceFrame); 0: none yet
   /// Number of parameter changes, and of stops and rearms, that the loop had taken into account. Not
   /// recorded: recordings contain the requests themselves (EventLog).
   std::uint32_t settings_number = 0, arming_number = 0;

@@ -10,20 +10,20 @@ namespace palpate {
 
 /// Placement and scaling of one device in the workspace.
 struct WorkspaceSettings {
-  double scale = 1;       ///< Patient mm per device mm; kLowestScale ... kHighestScale
-  double force_gain = 1;  ///< Device N per patient N; kLowestScale ... kHighestScale
+  double scale = 1;       ///< Patient mm per device mm; kMinScale ... kMaxScale
+  double force_gain = 1;  ///< Device N per patient N; kMinScale ... kMaxScale
   double yaw_deg = 0;     ///< Rotation of the device about World's up axis, for where the person sits
   /// Position of the centre of the device's workspace; empty: World's origin, the volume's centre.
   std::optional<Point<World>> home;
   int clutch_button = -1;  ///< Button that acts as clutch, 0 ... 31; any other number: none
 };
 /// Range of scale and force gain.
-inline constexpr double kLowestScale = 0.05, kHighestScale = 20;
+inline constexpr double kMinScale = 0.05, kMaxScale = 20;
 
 /// Maps a device's samples to the workspace and forces back: p_World = home + s R (p - middle) + o, where R
 /// combines the device's axes and the user's yaw, and o is the offset accumulated by the clutch. Forces are
 /// already multiplied by the gain g, torques by g / s (DeviceParameters), so that the output stage limits
-/// what the device actually receives. A tissue of stiffness K is therefore rendered as s g K (FeltStiffness),
+/// what the device actually receives. A tissue of stiffness K is therefore rendered as s g K (RenderedStiffness),
 /// and work at the device is g / s of the work in the patient, for forces and torques alike.
 class WorkspaceMapping {
  public:

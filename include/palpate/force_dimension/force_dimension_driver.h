@@ -60,6 +60,6 @@ class ForceDimensionDriver final : public DeviceDriver {
 };
 
 /// `--device force-dimension`.
-DeviceMaker force_dimension_maker(const ForceDimensionSettings& settings = {});
+DeviceVendor force_dimension_maker(const ForceDimensionSettings& settings = {});
 
 }  // namespace palpate

@@ -135,7 +135,7 @@ class Rotation {
 /// frame, non-zero, of any length. Opposite directions give a half turn about an arbitrary perpendicular
 /// axis. Equivalent to Eigen's FromTwoVectors without its SVD of two nearly opposite directions, which costs
 /// ten seconds of compile time wherever it is instantiated.
-inline Eigen::Quaterniond smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
+inline Eigen::Quaterniond shortest_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& onto) {
   const Eigen::Vector3d a = from.normalized(), b = onto.normalized();
   const double twice_cosine = (a + b).norm();  // twice the cosine of half the rotation angle
   Eigen::Quaterniond turn;

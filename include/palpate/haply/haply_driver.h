@@ -62,6 +62,6 @@ class HaplyDriver final : public DeviceDriver {
 };
 
 /// `--device haply`.
-DeviceMaker haply_maker(const HaplySettings& settings = {});
+DeviceVendor haply_maker(const HaplySettings& settings = {});
 
 }  // namespace palpate

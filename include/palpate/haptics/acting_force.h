@@ -15,7 +15,7 @@ struct DelayLine {
   };
   std::array<Held, 64> held;
   int count = 0;        ///< Number of valid entries of `held`
-  bool forgot = false;  ///< Whether older commands were dropped from the line
+  bool dropped_older = false;  ///< Whether older commands were dropped from the line
 };
 
 /// Mean force that acted on the device since the last tick, with each command acting after a delay and held
@@ -28,6 +28,6 @@ struct DelayLine {
 Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
 
 /// Impulse along a direction of the commands that have not acted yet; N s.
-double still_to_act_N_s(const DelayLine& line, const Vector<World>& along, double delay_s);
+double pending_impulse_N_s(const DelayLine& line, const Vector<World>& along, double delay_s);
 
 }  // namespace palpate

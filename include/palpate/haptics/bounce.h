@@ -15,7 +15,7 @@ struct BounceState {
   double back_N_s2_mm = 0, squares_N2_s4 = 0;
 };
 
-/// Inputs of most_without_a_throw_N() for one tick.
+/// Inputs of limit_rebound_N() for one tick.
 struct BounceInput {
   double acted_N = 0;      ///< Force that acted since the last tick, along the requested force
   double along_mm = 0;     ///< Displacement of the tip since then, outward
@@ -35,6 +35,6 @@ struct BounceInput {
 /// operator who presses has a large apparent mass and is not affected.
 /// @param input  inputs of this tick
 /// @param state  impact state, updated
-double most_without_a_throw_N(const BounceInput& input, BounceState& state);
+double limit_rebound_N(const BounceInput& input, BounceState& state);
 
 }  // namespace palpate

@@ -15,10 +15,10 @@ namespace palpate {
 /// theirs.
 /// @param tissue_of_label  as in Model
 /// @param said             the scene's colour of each tissue; empty: none
-void take_colours_of_tissues(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
+void apply_tissue_colours(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
                              std::span<const std::optional<Rgb>> said);
 
-/// Colour of a structure: its segment's, after take_colours_of_tissues(); for a label without a segment its
+/// Colour of a structure: its segment's, after apply_tissue_colours(); for a label without a segment its
 /// tissue's.
 Rgb colour_of(const Model& model, LabelId label);
 /// colour_of() for all labels, indexed by LabelId. Labels beyond the end have neither segment nor tissue.

@@ -20,7 +20,7 @@
 namespace palpate {
 
 /// Structures whose distances are reported.
-struct ToldDistances {
+struct ReportedDistances {
   std::vector<LabelId> structures;  ///< In ascending order; empty: none
   double reach_mm = 20;             ///< Maximum reported distance of the tool's outline; above 0
 };
@@ -102,7 +102,7 @@ struct NearStructure {
 /// Reported structures within Distances::reach_mm of a tool, nearest first, up to the capacity; unused
 /// entries have label 0. The work depends on the number of structures nearby. Does not allocate, lock or
 /// throw.
-std::array<NearStructure, kMostNearTold> nearest_structures(const Distances& distances,
+std::array<NearStructure, kMostNearReported> nearest_structures(const Distances& distances,
                                                             std::span<const ToolSphere> spheres,
                                                             const Point<Patient>& tip);
 

@@ -160,7 +160,7 @@ struct Model {
   /// forces are not blended in, and contact with surfaces they did not change continues without interruption.
   std::uint32_t edits = 0;
   std::uint64_t content_hash = 0;  ///< Hash of field, labels, tissues, tools, limits and method settings
-  std::uint64_t uncut_hash = 0;    ///< content_hash of the same model without any removal
+  std::uint64_t hash_before_removal = 0;    ///< content_hash of the same model without any removal
   std::string title;
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
@@ -188,16 +188,16 @@ struct Model {
   std::array<std::shared_ptr<const ForceField>, kDirectMethods.size()> methods;
   /// Surfaces for the proxy: one per felt structure, then the common surfaces of touching structures and
   /// layers. Empty: not prepared.
-  std::vector<FeltSurface> surfaces;
+  std::vector<ContactSurface> surfaces;
   /// Label of each structure surface, i.e. of the first entries of `surfaces`.
   std::vector<LabelId> label_of_surface;
   /// Felt structures that a burr should spare, with their surfaces before any removal. Empty without a burr.
   std::vector<ProtectedStructure> protected_structures;
   /// Structures whose distance to the tool is reported in every tick.
-  ToldDistances told_distances;
+  ReportedDistances reported_distances;
   /// Regions that the tool is pushed out of; at most kMostNoGo.
   std::vector<NoGoRegion> no_go;
-  /// Distance trees of the structures in told_distances and no_go. Empty: not prepared, or no structures.
+  /// Distance trees of the structures in reported_distances and no_go. Empty: not prepared, or no structures.
   Distances distances;
   /// Tissue removed from the surfaces (palpate/tissue/carving.h). null: nothing was removed.
   std::shared_ptr<const Carving> carving;

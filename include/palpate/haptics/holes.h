@@ -11,7 +11,7 @@
 namespace palpate {
 
 /// Correspondence of a surface to those before a change of the surfaces.
-struct SurfaceBefore {
+struct SurfaceCorrespondence {
   std::int16_t index;  ///< Index of the same structure's surface before the change. -1: none
   bool same;           ///< Whether shape and position are unchanged; contact properties may differ
 };
@@ -44,7 +44,7 @@ class Holes {
   void lead(int structure, const Point<Patient>& middle);
   /// Transfers the holes to a changed set of surfaces; holes in structures that no longer exist are dropped.
   /// @param before  correspondence for each of the new surfaces
-  void keep(std::span<const SurfaceBefore> before);
+  void keep(std::span<const SurfaceCorrespondence> before);
   void hash_into(std::uint64_t& hash) const;
 
  private:

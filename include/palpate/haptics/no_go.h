@@ -63,7 +63,7 @@ struct NoGoForce {
 /// the gradient of the distance, with stiffness times depth, acting at the tool's nearest point.
 ///
 /// If several regions are active, a virtual proxy connects the tip to their springs: the force is that of a
-/// spring of `most_stiffness_N_per_mm` from the tip to the position u that minimises the total energy of this
+/// spring of `max_stiffness_N_per_mm` from the tip to the position u that minimises the total energy of this
 /// spring and the regions' springs (Moreau envelope of the regions' energy). The stiffness in any direction
 /// is then at most that limit, however many regions overlap, and a single region keeps its own stiffness,
 /// because its spring is made stiffer by what the series connection removes. Each region is linearised at the
@@ -73,12 +73,12 @@ struct NoGoForce {
 /// or throw.
 /// @param spheres                  tool parts in the operator's pose
 /// @param tip                      position of the tip
-/// @param most_stiffness_N_per_mm  limit in the patient; each region has at most nine tenths of it. 0: no
+/// @param max_stiffness_N_per_mm  limit in the patient; each region has at most nine tenths of it. 0: no
 ///                                 force
-/// @param most_stiffness_N_per_mm  in the patient; no region is stiffer than nine tenths of it. 0: no force
+/// @param max_stiffness_N_per_mm  in the patient; no region is stiffer than nine tenths of it. 0: no force
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                      double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
+                      double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
 inline constexpr std::size_t kMostNoGoMet = 8;  ///< Regions that act at a time
 
 }  // namespace palpate

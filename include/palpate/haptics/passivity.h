@@ -19,7 +19,7 @@ struct PassivityState {
   BounceState bounce;
 };
 
-/// Inputs of keep_passive() for one tick.
+/// Inputs of control_passivity() for one tick.
 struct PassivityInput {
   Vector<World> force_N;   ///< Requested force, after force limit and ramp
   double unlimited_N = 0;  ///< Magnitude of that force without the limit
@@ -52,6 +52,6 @@ struct PassivityOutput {
 /// step. A wall so stiff that the tip bounces within a single encoder step is softened while energy is owed.
 /// A falling tip does not rebound faster than it arrived (bounce.h).
 /// @param act  false: observer only
-PassivityOutput keep_passive(const PassivityInput& input, bool act, PassivityState& state);
+PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state);
 
 }  // namespace palpate

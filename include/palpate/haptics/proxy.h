@@ -34,7 +34,7 @@ namespace palpate {
 /// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
 /// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
 /// touches; rigid structures within keep their whole stiffness.
-struct FeltSurface {
+struct ContactSurface {
   /// Signed-distance surface. null: the structure is only touched through common surfaces.
   std::shared_ptr<const Surface> surface;
   double stiffness_N_per_mm = 1;  ///< Spring stiffness of the structure
@@ -71,8 +71,8 @@ struct FeltSurface {
   /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
   bool kept = false;
   /// Maximum error by which the distance to a carved part of the surface is underestimated
-  /// (CarvedSurface::short_mm).
-  double short_mm = 0;
+  /// (CarvedSurface::clearance_error_mm).
+  double clearance_error_mm = 0;
   /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
   double yield_modulus_N_per_mm2 = 0;
   /// Relaxation fractions of a deformable structure, one per time constant of the model.
@@ -87,13 +87,13 @@ struct ProtectedStructure {
 /// Ownership of a surface point: on a common surface the shares of its structures at that point, otherwise
 /// the one structure with share 1.
 /// @param index  index into `surfaces`
-OwnerShares owners_at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& at);
+OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at);
 /// Cache of the last four owner lookups. A tool at rest on a few contacts looks up the same points in every
 /// tick.
-class OwnersMemo {
+class OwnerCache {
  public:
   /// Cached owners_at().
-  OwnerShares at(std::span<const FeltSurface> surfaces, int index, const Point<Patient>& place);
+  OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& place);
 
  private:
   struct Known {
@@ -109,9 +109,9 @@ class OwnersMemo {
   std::size_t next_ = 0;
 };
 /// Maximum number of surfaces of a model.
-inline constexpr std::size_t kMostSurfaces = 1024;
+inline constexpr std::size_t kMaxSurfaces = 1024;
 /// Set of surfaces, by their index.
-using SurfaceSet = std::bitset<kMostSurfaces>;
+using SurfaceSet = std::bitset<kMaxSurfaces>;
 
 /// A collision primitive of the tool: a sphere, or a capsule (a sphere swept along a segment) whose radius
 /// may change linearly along its axis. A point tool is a sphere of radius 0.
@@ -179,7 +179,7 @@ struct ProxyContact {
   double part = 0;         ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
   Vector<Patient> normal;  ///< Outward surface normal; unit
   /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
-  double pull_mm = 0;
+  double multiplier_mm = 0;
 };
 /// Lever arm: vector from the tip to the contact point.
 inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
@@ -193,7 +193,7 @@ struct Friction {
 /// Cache of the active contacts of a proxy at rest. It is valid while the same tool remains at the same
 /// position with the same punctured surfaces; a tick then needs no surface queries. Not used for tools with
 /// capsules.
-class TouchedAtRest {
+class RestingContacts {
  public:
   struct Wall {
     Vector<Patient> normal;  ///< Outward normal; unit
@@ -226,7 +226,7 @@ class TouchedAtRest {
 inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
 
 /// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
-inline constexpr int kMostLayers = 12;
+inline constexpr int kMaxLayers = 12;
 
 /// State of one layer's proxy between ticks.
 struct ProxyLayer {
@@ -253,8 +253,8 @@ struct ProxyLayer {
   int contacts = 0;   ///< Number of valid entries of `contact`
   std::array<ProxyContact, kMostContacts> contact;
   // caches: they affect the time of a tick but not its result
-  OwnersMemo owners;
-  TouchedAtRest at_rest;
+  OwnerCache owners;
+  RestingContacts at_rest;
 };
 
 /// Residual force of layers whose proxies were released because the tool has left the covering layer. It
@@ -273,16 +273,16 @@ struct ProxyRelease {
 /// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
 /// copyable, without pointers.
 struct ProxyState : ProxyLayer {
-  std::array<ProxyLayer, kMostLayers - 1> within;  ///< Layer n at n - 1
+  std::array<ProxyLayer, kMaxLayers - 1> within;  ///< Layer n at n - 1
   Point<Patient> tip;                              ///< Tip position of the last tick
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
-  YieldState yield;               ///< State of the deformable structures of the outermost layer
+  ComplianceState yield;               ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
   ProxyRelease release;
   /// Last tip position in free space, where the outermost proxy coincided with the tip.
   Point<Patient> free_tip;
   Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< Attitude of the tool at free_tip
-  Point<Patient> looked_tip;  ///< Tip position at the last search for a free path back to the free pose
+  Point<Patient> last_search_tip;  ///< Tip position at the last search for a free path back to the free pose
 
   const ProxyLayer& layer(int n) const { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
   ProxyLayer& layer(int n) { return n == 0 ? *this : within[static_cast<std::size_t>(n - 1)]; }
@@ -292,13 +292,13 @@ struct ProxyState : ProxyLayer {
 struct ProxyOptions {
   bool friction = true;  ///< Whether friction is rendered
   /// Upper limit of the rendered stiffness: the largest at which the device is stable in an operator's hand.
-  double most_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
+  double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double dt_s = 0.001;  ///< Time since the last call
   /// Limit of the rate at which the force on the tip changes while the proxy slips.
   double most_slip_N_per_s = kProxyFeel.most_slip_N_per_s;
   /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
   /// of this tool. null: no solution yet, each structure is an elastic half-space.
-  const YieldFrame* yields = nullptr;
+  const ComplianceFrame* yields = nullptr;
   std::size_t device = 0;
   /// Relaxation times of the model. null: nothing relaxes.
   const RelaxationTimes* relaxation_times = nullptr;
@@ -325,22 +325,22 @@ struct ProxyForce {
 
 /// Contribution of one structure along the penetration path. The force is the stiffness integrated along the
 /// path, so each structure contributes its stiffness times the length of the path within it.
-struct FeltPart {
+struct PathSegment {
   int structure = -1;  ///< Index into the surfaces
   /// Length of the path within the structure; at a seam its share of that length, so that the depths add up
   /// to the whole path.
   double depth_mm = 0;
   double share = 0;  ///< Fraction of the force, 0 ... 1
 };
-inline constexpr std::size_t kMostFeltParts = 6;  ///< Capacity of ProxyResult::felt
+inline constexpr std::size_t kMostPathSegments = 6;  ///< Capacity of ProxyResult::felt
 
 /// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {
-  std::array<ProxyForce, kMostLayers> of_layer;  ///< Contribution of each layer
+  std::array<ProxyForce, kMaxLayers> of_layer;  ///< Contribution of each layer
   ProxyRelease release;                          ///< Residual force included in the total; it has no contacts
   /// Structures along the penetration path, outermost first; empty without contact. If there are more than
   /// fit, those with the largest shares.
-  std::array<FeltPart, kMostFeltParts> felt;
+  std::array<PathSegment, kMostPathSegments> felt;
   int felt_parts = 0;  ///< Number of valid entries of `felt`
   /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
   /// disabled.
@@ -393,11 +393,11 @@ struct ProxyResult : ProxyForce {
 ///   tip and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact
 ///   with it fit into its holes, it is passed again without force.
 ///
-/// @param surfaces  at most kMostSurfaces; the same in every call with one `state`
+/// @param surfaces  at most kMaxSurfaces; the same in every call with one `state`
 /// @param spheres   1 ... kMostToolSpheres tool parts, in the attitude of `hand`
 /// @param hand      pose of the tool
 /// @param state     state of this tool, updated
-ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
 
 /// Transfers the state to a changed set of surfaces. Proxies are unaffected by surfaces whose shape is
@@ -406,22 +406,22 @@ ProxyResult advance_proxy(std::span<const FeltSurface> surfaces, std::span<const
 /// which it belongs is unknown.
 /// @param hand    pose of the tool, in whose attitude `spheres` are given
 /// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
-void keep_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
+void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
 
 /// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
 /// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
 /// in.
-bool give_birth_to_proxy(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
+bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                          const ToolPose& hand, ProxyState& state);
 
 /// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
-/// proxy is treated as by keep_proxy. If it was uncoupled, and for all inner layers, a proxy is initialised
+/// proxy is treated as by transfer_proxy. If it was uncoupled, and for all inner layers, a proxy is initialised
 /// at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The deformation
 /// and relaxation states are reset. A tip that was uncoupled before stays without force until it is in free
 /// space. The caller blends the force.
-/// @param before  as for keep_proxy
-void layer_proxy_anew(std::span<const FeltSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, std::span<const SurfaceBefore> before, ProxyState& state);
+/// @param before  as for transfer_proxy
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                      const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
 
 }  // namespace palpate

@@ -13,7 +13,7 @@ namespace palpate {
 /// Maximum number of terms of a tissue's Prony series.
 inline constexpr std::size_t kMostRelaxationTerms = 2;
 /// Maximum number of different time constants of a model's tissues.
-inline constexpr std::size_t kMostRelaxationTimes = 16;
+inline constexpr std::size_t kMaxRelaxationTimes = 16;
 /// Closed range of time constants.
 struct RelaxationTimeRange {
   double min_s, max_s;
@@ -40,7 +40,7 @@ struct Relaxation {
 
 /// Distinct time constants of a model's tissues, in ascending order.
 struct RelaxationTimes {
-  std::array<double, kMostRelaxationTimes> time_s{};
+  std::array<double, kMaxRelaxationTimes> time_s{};
   std::size_t count = 0;  ///< Number of time constants
 
   bool any() const { return count > 0; }
@@ -51,7 +51,7 @@ struct RelaxationTimes {
 
 /// Relaxing fraction of the modulus for each time constant of the model; in sum below 1.
 struct RelaxedParts {
-  std::array<double, kMostRelaxationTimes> of_time{};
+  std::array<double, kMaxRelaxationTimes> of_time{};
 
   /// Adds a tissue's series.
   /// @param times   time constants of the model
@@ -69,7 +69,7 @@ struct RelaxationState {
   double elastic_N = 0;
   /// Low-pass filtered elastic force for each time constant of the model: a fraction g of the modulus loses
   /// the force g times this.
-  std::array<double, kMostRelaxationTimes> lagging_N{};
+  std::array<double, kMaxRelaxationTimes> lagging_N{};
   RelaxedParts parts;    ///< Fractions as rendered last, or at the dent
   Point<Patient> at;     ///< Last contact point on the undeformed surface
   bool presses = false;  ///< Whether the tool pressed in the last tick

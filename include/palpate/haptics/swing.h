@@ -5,7 +5,7 @@
 namespace palpate {
 
 /// State of the oscillation detector.
-struct SwingState {
+struct OscillationState {
   Vector<World> axis;             ///< Direction of the last force
   double way_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
   /// Extremum of way_mm since the last reversal, and its time.
@@ -30,7 +30,7 @@ struct SwingState {
 /// @param step_mm  encoder step
 /// @param dt_s     length of the tick
 /// @param state    detector state, updated; state.later_s is the estimate
-void look_for_swing(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
-                    SwingState& state);
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
+                    OscillationState& state);
 
 }  // namespace palpate

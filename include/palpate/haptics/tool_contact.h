@@ -23,12 +23,12 @@ struct TickContext {
   /// Pose of the patient in the world, including the object's rotation.
   Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
-  const YieldFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
+  const ComplianceFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
   Holes* holes = nullptr;              ///< As ProxyOptions::holes
 };
 
 /// Tick inputs of one device.
-struct HandContext {
+struct DeviceContext {
   const Tool& tool;
   const DeviceParameters& device;
   Eigen::Matrix3d R_WorldTool;    ///< Rotation from tool axes to world axes
@@ -42,9 +42,9 @@ struct HandContext {
     return tick.X_PatientWorld * Vector<World>(R_WorldTool * of_tool);
   }
   /// Maximum rendered stiffness in the patient, from the device's limit and gains; N/mm, at least 0.
-  double most_stiffness_N_per_mm() const;
+  double max_stiffness_N_per_mm() const;
   /// Maximum total damping in the patient; N s/mm. Infinite if the device has no limit.
-  double most_damping_N_s_per_mm() const;
+  double max_damping_N_s_per_mm() const;
 };
 
 /// Contact of one point of the tool.
@@ -70,7 +70,7 @@ struct ContactPoint {
 };
 
 /// Structure along the penetration path.
-struct FeltStructure {
+struct PathStructure {
   LabelId label = 0;
   double depth_mm = 0;  ///< Length of the path within the structure; NaN: deeper than is measured
   double share = 0;     ///< Fraction of the force, 0 ... 1
@@ -83,9 +83,9 @@ struct ToolContact {
   PointContact strongest;  ///< Strongest contact of the outermost layer
   /// Contacts, outermost layer first, within a layer by decreasing force. Unused entries have label 0.
   /// Contacts beyond the capacity are dropped.
-  std::array<ContactPoint, kMostContactsTold> contacts;
+  std::array<ContactPoint, kMostContactsReported> contacts;
   /// Structures along the penetration path, outermost first. Unused entries have label 0.
-  std::array<FeltStructure, kMostTold> felt;
+  std::array<PathStructure, kMostStructuresReported> felt;
   /// Elastic energy of the contact at the device, an upper bound of what it can return; infinite: unknown.
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
@@ -97,12 +97,12 @@ struct ToolContact {
 /// Contact by a direct force method: sum over the tool's points.
 /// @param tick  inputs common to all devices
 /// @param hand  inputs of this device
-ToolContact touch_directly(const TickContext& tick, const HandContext& hand);
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand);
 
 /// The tool's spheres and capsules in the operator's pose, in the patient frame.
 class HeldTool {
  public:
-  HeldTool(const TickContext& tick, const HandContext& hand);
+  HeldTool(const TickContext& tick, const DeviceContext& hand);
   const ToolPose& pose() const { return pose_; }
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
   /// Replaces the first sphere, which is the head of a burr.
@@ -117,12 +117,12 @@ class HeldTool {
 /// State of the spring and damper between tip and proxy.
 struct CouplingState {
   double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
-  Vector<Patient> pull_mm;        ///< Vector from the tip to the proxy
-  VelocityWindow pull_velocity;   ///< Velocity of pull_mm, including free space; unused without damping
+  Vector<Patient> multiplier_mm;        ///< Vector from the tip to the proxy
+  VelocityWindow pull_velocity;   ///< Velocity of multiplier_mm, including free space; unused without damping
 };
 
 /// Options of advance_proxy() for a device in this tick.
-ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
 
 /// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
 /// the direct methods.
@@ -130,7 +130,7 @@ ProxyOptions proxy_options(const TickContext& tick, const HandContext& hand);
 /// @param proxy     state after the advance
 /// @param result    result of the advance
 /// @param coupling  spring and damper, updated
-ToolContact touch_by_proxy(const TickContext& tick, const HandContext& hand, const HeldTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const HeldTool& held,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
 }  // namespace palpate

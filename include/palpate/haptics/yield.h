@@ -25,7 +25,7 @@ inline double contact_modulus_N_per_mm2(const ElasticConstants& constants) {
 /// Local compliance of a point on the surface of soft tissue under a circular patch of pressure p ~ sqrt(1 -
 /// r^2 / rho^2).
 /// Centre of the patch on the undeformed surface, patient frame.
-struct YieldSpot {
+struct LocalCompliance {
   Point<Patient> at;
   /// W: displacement of the patch along its normal per unit force. 0: unknown.
   double compliance_mm_per_N = 0;
@@ -52,16 +52,16 @@ struct YieldSpot {
 };
 
 /// Result of one solver frame: for each device the point that it presses or is about to press.
-struct YieldFrame {
+struct ComplianceFrame {
   std::uint32_t number = 0;  ///< Frame number, from 1. 0: none yet
-  std::array<YieldSpot, kMaxDevices> spot;
+  std::array<LocalCompliance, kMaxDevices> spot;
 
   /// Equal for equal frames in every build.
   std::uint64_t hash() const;
 };
 
 /// State of the deformable tissue that a device's tool presses.
-struct YieldState {
+struct ComplianceState {
   std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
   /// YieldFeel::blend_s, so that no frame causes a step.
@@ -78,11 +78,11 @@ struct YieldState {
 };
 
 /// Parameters of the contact law of a tick.
-struct YieldingTissue {
-  double beyond_mm_per_N = 0;             ///< YieldSpot::beyond_half_space_mm_per_N at the contact point
+struct ContactLaw {
+  double beyond_mm_per_N = 0;             ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
   Vector<Patient> slope_per_N;            ///< grad W
   double modulus_N_per_mm2 = 0;           ///< E*; above 0
-  double stiffening_mm_per_N2 = 0;        ///< C, as YieldSpot::stiffening_mm_per_N2
+  double stiffening_mm_per_N2 = 0;        ///< C, as LocalCompliance::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
   double finite_N = 0;  ///< F1: force beyond which the C term continues linearly; above 0 unless C is 0
 };
@@ -93,12 +93,12 @@ struct YieldForce {
   double tangent_N_per_mm = 0;  ///< dF / d depth
   double stored_mJ = 0;         ///< Work needed to press to that depth
   /// Tangential force that makes the law conservative where the compliance varies along the surface.
-  Vector<Patient> aside_N;
+  Vector<Patient> tangential_force_N;
 };
 
 /// Contact law at the point for which a spot was solved.
 /// @param spot  known
-YieldingTissue tissue_at(const YieldSpot& spot);
+ContactLaw tissue_at(const LocalCompliance& spot);
 /// Contact law at a point in this tick: the frame's values, extrapolated along the surface by their gradients
 /// and blended with those of the previous frame. An elastic half-space if no frame is known.
 /// @param frame              number of the newest frame; blending starts when it differs from the one in
@@ -108,8 +108,8 @@ YieldingTissue tissue_at(const YieldSpot& spot);
 /// @param modulus_N_per_mm2  E* of the tissue there, used unless the frame has a value; above 0
 /// @param dt_s               length of the tick
 /// @param state              blending state, updated
-YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Point<Patient>& at,
-                          double modulus_N_per_mm2, double dt_s, YieldState& state);
+ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
+                          double modulus_N_per_mm2, double dt_s, ComplianceState& state);
 
 /// Force of a rigid frictionless sphere at a depth, from
 ///
@@ -123,20 +123,20 @@ YieldingTissue feel_yield(std::uint32_t frame, const YieldSpot& spot, const Poin
 /// bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
 /// @param radius_mm  radius of the sphere; at least YieldFeel::least_radius_mm is used
-YieldForce yield_force(const YieldingTissue& tissue, double depth_mm, double radius_mm,
+YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
                        double most_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Decrease of that law's energy along the surface at constant force: of_compliance_N2 times grad W minus
 /// of_stiffening_N3 times grad C is the tangential force.
-struct YieldAside {
+struct TangentialCoefficients {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };
 /// Coefficients of the tangential force at a normal force.
-YieldAside yield_aside(const YieldingTissue& tissue, double force_N);
+TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N);
 
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.
-double complementary_mJ(const YieldingTissue& tissue, double force_N, double radius_mm,
+double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
                         double most_N_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

@@ -129,7 +129,7 @@ struct ViewedScene {
   bool simulated = true;
   std::string input = "script";  ///< Source of the tip's motion: "script", "pointer", "device", "recording"
   /// Ratings of the first device; kNotKnown: unknown.
-  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, most_stiffness_N_per_mm = kNotKnown;
+  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, max_stiffness_N_per_mm = kNotKnown;
   /// Range of the user's force limit; N.
   double least_max_force_N = 0, most_max_force_N = 0;
   /// Permitted ranges of the tissue settings.
@@ -138,11 +138,11 @@ struct ViewedScene {
   std::optional<ViewedRecording> recording;  ///< Recording shown in place of a session
   std::vector<ViewedTask> tasks;             ///< Tasks that may be begun
   /// Distance within which ticks report the distance to a structure; empty: ticks report none.
-  std::optional<double> told_reach_mm;
+  std::optional<double> distance_reach_mm;
   std::vector<ViewedNoGo> no_go;  ///< In the order of the indices in DeviceTick::no_go
 
   /// Whether ticks report distances or no-go regions.
-  bool tells_near() const { return told_reach_mm.has_value() || !no_go.empty(); }
+  bool reports_distances() const { return distance_reach_mm.has_value() || !no_go.empty(); }
 };
 
 /// Estimated error of a tracked tool's displayed tip.
@@ -227,7 +227,7 @@ struct ViewedState {
 
 /// Displacement field of soft tissue around a device's tool, on a regular grid.
 struct ViewedYield {
-  std::uint32_t frame = 0;  ///< YieldFrame::number
+  std::uint32_t frame = 0;  ///< ComplianceFrame::number
   std::array<int, 3> nodes{0, 0, 0};
   std::array<double, 3> first_patient_mm{};  ///< Position of node (0, 0, 0); patient frame
   /// Orthonormal grid axes as columns of a row-major matrix

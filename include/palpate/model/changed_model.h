@@ -35,7 +35,7 @@ ModelChange change_of_stroke(const Model& felt, StrokeAction action);
 ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened = 0);
 /// Whether soft tissue can use a law. Errors: kBadInput if no felt tissue has elastic constants; for a law
 /// under which tissue moves, if material was cut without recording fractions of voxels
-/// (Carving::tells_parts); for a change between a law with deformable contact and one without, if there are
+/// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there are
 /// no surfaces for the proxy or something was cut from them.
 Result<void> check_law(const Model& felt, TissueLaw law);
 /// Whether the proxy uses other surfaces under a law: deformable tissues form a single layer.
@@ -48,11 +48,11 @@ Result<std::shared_ptr<const Model>> under_law(const Model& felt, TissueLaw law,
                                                const Progress& progress = {});
 /// Next version after a change of law, using a model from under_law() instead of computing it.
 /// @param under  under_law() of `felt`
-std::shared_ptr<const Model> going_by(const Model& felt, const Model& under, const ModelChange& change);
+std::shared_ptr<const Model> with_law(const Model& felt, const Model& under, const ModelChange& change);
 /// Carving after a change that undoes or redoes a stroke. Null if there is no such stroke, or for other
 /// changes.
 /// @param carving  current carving; null: nothing was cut
-std::shared_ptr<const Carving> other_stroke(const Carving* carving, const ModelChange& change);
+std::shared_ptr<const Carving> carving_after(const Carving* carving, const ModelChange& change);
 
 /// Applies the undo or redo of a stroke to the removed volume; other changes have no effect.
 void follow(const ModelChange& change, RemovedVolume& removed);
@@ -76,16 +76,16 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& felt, const Mode
                                                    const ModelChange& change);
 
 /// Whether the direct methods' fields match the current stiffnesses.
-bool fields_suit(const Model& felt, const Model& made);
+bool fields_match(const Model& felt, const Model& made);
 
 /// Whether the fields can be recomputed: inward ramps can; a union Gaussian needs the scene's files.
 bool can_make_fields(const Model& model);
 /// The current model with fields for its stiffnesses and every direct method of `made`; version and content
 /// hash are unchanged. Takes seconds. Methods that cannot be prepared are omitted. Errors: those of
 /// prepare_ramps.
-Result<std::shared_ptr<const Model>> with_new_fields(const Model& felt, const Model& made,
+Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
                                                      const Progress& progress = {});
 /// Next version of `felt` with the fields of `fields`, which must have the same stiffnesses.
-std::shared_ptr<const Model> taking_fields(const Model& felt, const Model& fields);
+std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields);
 
 }  // namespace palpate

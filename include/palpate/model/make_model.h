@@ -31,7 +31,7 @@ struct ModelParts {
   /// Scene's force limit; infinite: none besides the device's and user's
   double max_force_N = std::numeric_limits<double>::infinity();
   std::vector<NoGoRegion> no_go;  ///< Model::no_go
-  ToldDistances told_distances;   ///< Model::told_distances
+  ReportedDistances reported_distances;   ///< Model::reported_distances
 
   // field of the direct methods: inward ramps, or one computed elsewhere
   std::optional<double> ramp_width_mm;  ///< Empty: chosen by ramp_width_mm()
@@ -75,6 +75,6 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
                                                     const Progress& progress = {});
 
 /// Structures that distances and no-go regions need, ascending, without duplicates.
-std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ToldDistances& told);
+std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go, const ReportedDistances& told);
 
 }  // namespace palpate

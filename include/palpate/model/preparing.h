@@ -32,6 +32,6 @@ class Preparing {
 
 /// Partitions groups into batches that have no structure in common and can be prepared together; first-fit in
 /// their order. Contains indices of the groups.
-std::vector<std::vector<std::size_t>> in_goes(const std::vector<std::vector<LabelId>>& groups);
+std::vector<std::vector<std::size_t>> disjoint_batches(const std::vector<std::vector<LabelId>>& groups);
 
 }  // namespace palpate

@@ -23,6 +23,6 @@ inline constexpr double kSameStiffness = 1.05;
 /// more than `most`, adjacent layers with the least resulting error are merged.
 /// @param stiffnesses  N/mm, above 0, in any order
 /// @param most         at least 1
-std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int most = kMostLayers);
+std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int most = kMaxLayers);
 
 }  // namespace palpate

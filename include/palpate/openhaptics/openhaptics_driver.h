@@ -60,6 +60,6 @@ class OpenHapticsDriver final : public DeviceDriver {
 };
 
 /// `--device touch`.
-DeviceMaker openhaptics_maker(const OpenHapticsSettings& settings = {});
+DeviceVendor openhaptics_maker(const OpenHapticsSettings& settings = {});
 
 }  // namespace palpate

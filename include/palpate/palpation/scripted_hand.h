@@ -25,9 +25,9 @@ struct HandCommands {
   std::optional<StrokeAction> stroke;
   /// Input: model version produced by the last stroke request; 0: there was no such stroke. Empty: not known
   /// yet.
-  std::optional<std::uint32_t> stroke_led_to = {};
+  std::optional<std::uint32_t> stroke_version = {};
   /// Input: the same for the last law request; 0: the law is not possible.
-  std::optional<std::uint32_t> law_led_to = {};
+  std::optional<std::uint32_t> law_version = {};
   /// Target of the second hand's scope from now on. scope_is_there is an input: whether the scope has reached
   /// it.
   std::optional<ScopeStep> scope = {};
@@ -95,25 +95,25 @@ class ScriptedHand {
   bool leave(const PlannedStep& step, const TickRecord& felt, double dt_s);
 
   // ---- failures
-  std::optional<std::string> overreach(const TickRecord& felt, double dt_s);
+  std::optional<std::string> excess_depth(const TickRecord& felt, double dt_s);
   std::optional<std::string> lost(const PlannedStep& step, const TickRecord& felt, double dt_s);
-  std::optional<std::string> kept_badly(double time_s) const;
-  void try_elsewhere(const TickRecord& felt, const std::string& why);
+  std::optional<std::string> force_deviation(double time_s) const;
+  void try_next_place(const TickRecord& felt, const std::string& why);
   bool fail(const PlannedStep& step, const TickRecord& felt, const std::string& why);
   std::string named(const PlannedStep& step) const;
   std::string skipped() const;
-  std::string touched_instead(const TickRecord& felt) const;
+  std::string wrong_contact(const TickRecord& felt) const;
 
   // ---- motion
   void feel(const TickRecord& felt, double dt_s);
   bool walk(double speed_mm_s, const TickRecord& felt, double dt_s);
-  void keep_force(const TickRecord& felt, double dt_s);
-  void keep_contact(const TickRecord& felt, double dt_s);
+  void regulate_force(const TickRecord& felt, double dt_s);
+  void regulate_contact(const TickRecord& felt, double dt_s);
   void begin_withdrawal(const TickRecord& felt);
   bool withdraw(double speed_mm_s, const TickRecord& felt, double dt_s);
   bool begin_step_back(const TickRecord& felt);
-  double leash_mm(const TickRecord& felt) const;
-  double careful_mm_s(LabelId structure, const TickRecord& felt) const;
+  double tracking_tolerance_mm(const TickRecord& felt) const;
+  double careful_speed_mm_s(LabelId structure, const TickRecord& felt) const;
   double stiffness_N_per_mm(LabelId structure, const TickRecord& felt) const;
   double yielding_N_per_mm(const ElasticConstants& constants) const;
   Transform<World, Patient> X_WorldPatient(const TickRecord& felt) const;
@@ -154,7 +154,7 @@ class ScriptedHand {
   double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
   double settled_s_ = 0, longest_s_ = 0, slid_mm_ = 0, sum_Ns_ = 0;
   Point<Patient> contact_;  // contact point of a slide in the previous tick
-  Point<World> leaving_from_;
+  Point<World> retreat_start_;
   // time since the end of the way out was reached; duration of releasing the contact
   double left_s_ = 0, pressed_s_ = 0;
   bool turning_ = false;

@@ -10,7 +10,7 @@
 namespace palpate {
 
 /// Requested contact point of an approach.
-struct TouchWish {
+struct TouchRequest {
   std::optional<Vector<Patient>> landmark;  ///< Unit direction whose extreme point is requested
   std::vector<Point<Patient>> near;  ///< Points, the nearest to any of which is requested; empty: anywhere
   /// Unit vector towards the approaching hand; empty: chosen by reachability
@@ -18,7 +18,7 @@ struct TouchWish {
   double clearance_mm = 15;  ///< Length of the final straight segment, limited by the free space
 };
 /// Tolerance between the requested and the chosen place.
-inline constexpr double kAstray_mm = 5;
+inline constexpr double kPlaceTolerance_mm = 5;
 
 /// Contact point with a collision-free path: from the air around the patient to `before`, then straight.
 struct TouchPlace {
@@ -39,9 +39,9 @@ double tool_reach_mm(const Tool& tool);
 /// Contact points for an approach, best first.
 /// @param structure  a structure with contact
 TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, LabelId structure,
-                              const TouchWish& wish);
+                              const TouchRequest& wish);
 
-/// Structure with contact whose voxels are nearest to a point, within kAstray_mm; 0: none.
-LabelId felt_structure_near(const Model& model, const Point<Patient>& point);
+/// Structure with contact whose voxels are nearest to a point, within kPlaceTolerance_mm; 0: none.
+LabelId contact_structure_near(const Model& model, const Point<Patient>& point);
 
 }  // namespace palpate

@@ -37,7 +37,7 @@ class VirtualRun {
   const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
   /// Commands of the script since the last call, each with the first tick to which it applies.
-  std::vector<RecordingEvent> take_told() { return std::exchange(told_, {}); }
+  std::vector<RecordingEvent> take_events() { return std::exchange(told_, {}); }
 
  private:
   void cut();
@@ -62,7 +62,7 @@ class VirtualRun {
   std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
   std::vector<RecordingEvent> told_;
   std::uint32_t told_number_ = 0;
-  YieldsOnVirtualClock yields_;
+  VirtualClockYieldSolver yields_;
   const Progress progress_;
 };
 

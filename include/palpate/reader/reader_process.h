@@ -33,7 +33,7 @@ class ParentEnd : public ByteTarget {
   bool write(std::span<const std::byte> bytes) override;
   /// Waits until the parent has called go_on() once more than this function has returned. False if it never
   /// will.
-  bool wait_for_word();
+  bool wait_for_grant();
   /// Memory shared with the parent, initially zero.
   std::span<std::byte> shared() const { return shared_; }
 
@@ -72,7 +72,7 @@ class ReaderProcess : public ByteSource {
   /// Reads the next bytes that the process has sent. Errors: kBadInput with Job::died or Job::endless;
   /// interrupted.
   Result<void> read(std::span<std::byte> bytes) override;
-  /// Allows the process to pass one wait_for_word().
+  /// Allows the process to pass one wait_for_grant().
   void go_on() const;
   /// Shared memory, which the process may modify at any time, even during validation: copy, then check, then
   /// use.

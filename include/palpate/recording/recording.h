@@ -100,7 +100,7 @@ struct RecordingEvent {
     kRearm,     ///< Forces ramped up again
     kSweep,     ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
     kMotor,     ///< As kSettings, with the tool's motor switched on or off
-    kYield,     ///< A solution of deforming tissue: frame `number` (YieldFrame), `input_tick`, `frame_hash`
+    kYield,     ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`, `frame_hash`
   };
   /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
   std::uint64_t tick = 0;
@@ -118,7 +118,7 @@ struct RecordingEvent {
   std::array<double, 4> rotation_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
   std::uint64_t input_tick = 0;  ///< kYield: tick from which it was solved
-  std::uint64_t frame_hash = 0;  ///< kYield: YieldFrame::hash of the result
+  std::uint64_t frame_hash = 0;  ///< kYield: ComplianceFrame::hash of the result
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;
 };
@@ -186,12 +186,12 @@ struct RecordingHead {
   RecordingHeader header;
   std::optional<RecordingSummary> summary;  ///< Absent: the recording is incomplete
   std::uint64_t ticks = 0;                  ///< Number of ticks
-  bool clock_rises = true;                  ///< Whether time_s is finite and strictly increasing
-  struct FeltMethod {
+  bool is_clock_monotonic = true;                  ///< Whether time_s is finite and strictly increasing
+  struct UsedMethod {
     std::uint8_t method = 0;  ///< as in TickRecord
     std::uint64_t tick = 0;   ///< First tick that used it
   };
-  std::vector<FeltMethod> methods;  ///< Force methods used, in the order of their first ticks
+  std::vector<UsedMethod> methods;  ///< Force methods used, in the order of their first ticks
 };
 
 /// Consecutive ticks with the events up to them: an event precedes or accompanies the first tick that

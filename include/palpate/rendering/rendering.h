@@ -72,11 +72,11 @@ OrientationLetters orientation_letters(const SectionPlane& plane);
 
 /// Displacement of the tissue that is at a point at rest; patient frame, mm. Continuous, and with a gradient
 /// below 1, so that tissue does not fold; called for many points of a picture, on the rendering thread.
-using TissueMoved = std::function<Vector<Patient>(const Point<Patient>& at_rest)>;
+using TissueDisplacement = std::function<Vector<Patient>(const Point<Patient>& at_rest)>;
 /// Rest position of the tissue that is displaced to `seen`: solves x + moved(x) = seen by fixed-point
 /// iteration x <- seen - moved(x), with half steps if full steps do not converge, to kAtRestNear_mm; the last
 /// of kMostAtRestSteps iterates where tissue folds.
-Point<Patient> place_at_rest(const Point<Patient>& seen, const TissueMoved& moved);
+Point<Patient> rest_position(const Point<Patient>& seen, const TissueDisplacement& moved);
 inline constexpr double kAtRestNear_mm = 0.002;
 inline constexpr int kMostAtRestSteps = 16;
 /// Label map deformed by a displacement field: each voxel gets the label of the voxel nearest to its rest
@@ -84,7 +84,7 @@ inline constexpr int kMostAtRestSteps = 16;
 /// @param within  voxels of the grid to which displacements are confined
 /// @returns new labels for the smallest box of 8 x 8 x 8 blocks in which anything moves by a tenth of a
 /// voxel; size 0 if nothing does
-PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueMoved& moved,
+PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplacement& moved,
                               const VoxelBox& within);
 
 /// Appearance of sections.
@@ -94,9 +94,9 @@ struct SectionStyle {
   double label_opacity = 0.55;
   bool outlines = true;   ///< Draw structures' outlines in full colour
   int grey_levels = 256;  ///< 2 ... 256; fewer levels give a smaller PNG
-  /// Displacement of tissue: each pixel shows the rest position that place_at_rest returns. None: no
+  /// Displacement of tissue: each pixel shows the rest position that rest_position returns. None: no
   /// displacement.
-  TissueMoved moved = {};
+  TissueDisplacement moved = {};
 };
 
 /// 1st and 99th percentile of a scan's finite values, from at most about a million samples uniformly

@@ -35,7 +35,7 @@ struct DiscNode {
   std::int32_t first;
 };
 /// Tree of the surface pieces in one brick of voxels, root first.
-struct BrickOfDiscs {
+struct BrickTree {
   std::vector<DiscNode> nodes;
 };
 
@@ -78,13 +78,13 @@ class SurfaceTree {
   static constexpr int kMostNodes = 1 << 10;  ///< Work limit of a query
 
  private:
-  void look_at_bricks(const SurfaceTree* before);
+  void update_bricks(const SurfaceTree* before);
 
   std::shared_ptr<const Surface> surface_;
   // indexed by the position field's brick number; null: not crossed by the surface
-  std::vector<std::shared_ptr<const internal::BrickOfDiscs>> bricks_;
+  std::vector<std::shared_ptr<const internal::BrickTree>> bricks_;
   std::vector<internal::DiscNode> top_;
-  std::vector<const internal::BrickOfDiscs*> of_top_;  // bricks of its leaves
+  std::vector<const internal::BrickTree*> of_top_;  // bricks of its leaves
   Eigen::Array3d low_, high_;
   std::size_t pieces_ = 0;
 };

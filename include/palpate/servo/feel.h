@@ -70,13 +70,13 @@ struct TurningFeel {
   double interval_s = 0.1;
   /// Limit of the power that a turning object exchanges with an operator, in either direction: within the 0.2
   /// s that a person needs to react, 1 N displaces the hand by 1 mm.
-  double most_power_mW = 5;
+  double max_power_mW = 5;
   /// Limit of the speed of the material point under a tip to which a force is sent, device mm/s: a surface
   /// that meets a tip approaches no faster than a slow hand would.
-  double most_speed_mm_s = 100;
+  double max_speed_mm_s = 100;
   /// Limit of that point's displacement per tick, given as the force that it causes at the model's stiffest
   /// tissue.
-  double most_step_N = 0.1;
+  double max_step_N = 0.1;
   /// Upper bound of the tick duration that counts towards the limits, so that a late tick gets no larger
   /// budget.
   double longest_tick_s = 0.01;
@@ -87,9 +87,9 @@ struct TurningFeel {
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("interval_s", interval_s);
-    of("most_power_mW", most_power_mW);
-    of("most_speed_mm_s", most_speed_mm_s);
-    of("most_step_N", most_step_N);
+    of("most_power_mW", max_power_mW);
+    of("most_speed_mm_s", max_speed_mm_s);
+    of("most_step_N", max_step_N);
     of("longest_tick_s", longest_tick_s);
     of("tries", tries);
   }
@@ -123,6 +123,6 @@ void visit_feel(Visit&& of) {
 std::string feel_text();
 /// First difference between this version's settings and those in `text`, as "group.name WAS, here IS"; empty
 /// if there is none.
-std::string first_other_feel(const std::string& text);
+std::string first_feel_difference(const std::string& text);
 
 }  // namespace palpate

@@ -16,7 +16,7 @@ struct RealtimeRequest {
   bool lock_memory = true;  ///< Lock the process's pages in memory
   int cpu = -1;             ///< CPU to bind the thread to; -1: any
   /// Number of priorities to leave free above this one where the rtprio limit is lower than requested
-  int leave_above = 0;
+  int priorities_above = 0;
   const char* name = "palpate-servo";  ///< Thread name, up to 15 characters
 };
 
@@ -44,12 +44,12 @@ std::string scheduler_of_thread(pid_t tid);
 
 /// Removes `cpu` from the affinity mask of the calling thread, so that the servo has it to itself. No effect
 /// if `cpu` is negative or the only CPU in the mask.
-void keep_off_cpu(int cpu);
+void exclude_cpu(int cpu);
 
 /// Keeps the constructing thread off another thread's CPU, which may change over time.
-class OtherCpus {
+class CpuExclusion {
  public:
-  OtherCpus();
+  CpuExclusion();
   /// Sets the affinity mask to all CPUs of the mask at construction except `cpu`; to all of them if `cpu` is
   /// negative or the only one. Makes a system call only if `cpu` differs from the last call.
   void than(int cpu);

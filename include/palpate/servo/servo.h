@@ -39,7 +39,7 @@ struct Parameters {
   /// Commanded rotation of the object about World's origin; updated about 10 times a second.
   Eigen::Quaterniond rotation_target = Eigen::Quaterniond::Identity();
   /// Latest solution of deformable tissue. The contact itself blends over to a new one.
-  YieldFrame yields;
+  ComplianceFrame yields;
 };
 
 /// TickSwitch bits of the parameters.
@@ -64,7 +64,7 @@ struct SessionState {
     VelocityWindow velocity;
     ProxyState proxy;
     std::uint32_t proxy_version = 0;  ///< Version of the model whose surfaces the proxy is on
-    bool held_directly = false;       ///< A direct method pushed the tip in the previous tick
+    bool pushed_directly = false;       ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
     BurrState burr;  ///< Default-constructed unless the tool is a burr
     // last requested force after blending, and the offset to the previous source's force, which is fading out
@@ -72,7 +72,7 @@ struct SessionState {
     Wrench difference;
     double blend_elapsed_s = kOutputFeel.blend_s;
     PassivityState passivity;
-    SwingState swing;
+    OscillationState swing;
     DelayLine delay;
     double turned_mJ = 0;  ///< Work that the turning object has done on this hand since the run began
     OutputState output;
@@ -94,7 +94,7 @@ struct SessionState {
   Holes holes;  // holes left open by punctures
   // number of the last solution received while no tissue was deformable; it and older ones are ignored after
   // tissue becomes deformable
-  std::uint32_t last_unfelt_frame = 0;
+  std::uint32_t last_ignored_yield_frame = 0;
   std::array<Hand, kMaxDevices> hands;
   /// Surfaces of the last tick's model, used to match those of a new version. Derived from that version,
   /// which the hash includes.
@@ -103,8 +103,8 @@ struct SessionState {
     std::uint32_t edits = 0;    ///< Model::edits of that model
     int count = 0;
     bool yield = false;  ///< is_elastic(Model::tissue_law); a change assigns structures to other layers
-    std::array<LabelId, kMostSurfaces> label{};
-    std::array<std::uint64_t, kMostSurfaces> content{};  ///< Surface::content_hash()
+    std::array<LabelId, kMaxSurfaces> label{};
+    std::array<std::uint64_t, kMaxSurfaces> content{};  ///< Surface::content_hash()
   } surfaces;
 
   /// 64-bit hash of the state; equal states have equal hashes in every build.

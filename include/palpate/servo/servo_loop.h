@@ -29,11 +29,11 @@ template <class T>
 class SpscRing;
 
 /// Range of tick rates, Hz.
-inline constexpr double kLowestRate_hz = 250, kHighestRate_hz = 10000;
+inline constexpr double kMinRate_hz = 250, kMaxRate_hz = 10000;
 
 /// Options of ServoLoop::start().
 struct LoopSettings {
-  /// Tick rate, kLowestRate_hz ... kHighestRate_hz; ignored for devices with a clock of their own
+  /// Tick rate, kMinRate_hz ... kMaxRate_hz; ignored for devices with a clock of their own
   double rate_hz = 1000;
   double spin_s = 0;     ///< Busy-wait time before each tick, which replaces the end of the sleep; 0: never
   bool realtime = true;  ///< Request SCHED_FIFO and locked memory; if refused, the loop runs without them
@@ -100,11 +100,11 @@ struct Arming {
 };
 
 /// Result of a rearm request.
-enum class Rearmed : std::uint8_t {
+enum class RearmResult : std::uint8_t {
   kDone,  ///< Accepted: the force ramps in, starting with the next tick if the tips are still in free space
   kNotStopped,    ///< No stop is active
   kStoppedAgain,  ///< Another stop followed the one that this request answers
-  kUnheard,       ///< No tick has taken the stop into account yet
+  kNotApplied,       ///< No tick has taken the stop into account yet
   kTouching,      ///< A tip is in contact; the force is only restored in free space
 };
 
@@ -113,7 +113,7 @@ class ServoLoop {
  public:
   /// Opens the driver and starts the servo thread and its watchdog. The force ramps in over half a second.
   /// @param driver      must outlive the loop
-  /// @param parameters  of each DeviceParameters only most_stiffness_N_per_mm, most_damping_N_s_per_mm (each
+  /// @param parameters  of each DeviceParameters only max_stiffness_N_per_mm, max_damping_N_s_per_mm (each
   ///                    where it is below the device's) and delay_s (where it is above the device's) are
   ///                    used; the rest follows from the driver and the workspaces
   /// @param workspaces  one for each device, or one for all
@@ -147,7 +147,7 @@ class ServoLoop {
   /// would apply it, that tick stays stopped and the rearm is void. Any thread.
   /// @param stop    number of the latest stop known to the caller
   /// @param number  receives the number of the rearm if the result is kDone
-  virtual Rearmed rearm(std::uint32_t stop, std::uint32_t& number) noexcept = 0;
+  virtual RearmResult rearm(std::uint32_t stop, std::uint32_t& number) noexcept = 0;
   virtual Arming arming() const noexcept = 0;
   /// Fades the force out, then ends the servo thread and leaves the devices at zero force. The destructor
   /// calls it too. Takes a fifth of a second, longer if the servo thread hangs.

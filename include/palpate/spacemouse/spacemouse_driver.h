@@ -55,6 +55,6 @@ class SpaceMouseDriver final : public DeviceDriver {
 };
 
 /// `--device spacemouse`.
-DeviceMaker spacemouse_maker(const SpaceMouseSettings& settings = {});
+DeviceVendor spacemouse_maker(const SpaceMouseSettings& settings = {});
 
 }  // namespace palpate

@@ -27,7 +27,7 @@ struct Hold {
   PlantHand hand;
   ForceMethod method = ForceMethod::kTrilinear;
   double rate_hz = 1000;  ///< kLowestHold_hz ... kHighestHold_hz
-  double delay_s = 1e-3;  ///< Delay from a command to its force, 0 ... SimulatedDevice::kMostDelay_s
+  double delay_s = 1e-3;  ///< Delay from a command to its force, 0 ... SimulatedDevice::kMaxDelay_s
   double force_gain = 1;  ///< Factor on every stiffness
   Point<Patient> from;    ///< Start of the hand's motion
   Point<Patient> at;      ///< Target, reached at constant speed in kLead_s and held for kHeld_s

@@ -15,7 +15,7 @@ struct StabilityCase {
   PlantDevice device;
   PlantHand hand;
   double rate_hz = 1000;  ///< 100 ... 20000
-  double delay_s = 0;     ///< Delay from a command to its force, 0 ... SimulatedDevice::kMostDelay_s
+  double delay_s = 0;     ///< Delay from a command to its force, 0 ... SimulatedDevice::kMaxDelay_s
 };
 
 /// Upper limit of the search.

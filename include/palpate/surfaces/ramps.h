@@ -38,15 +38,15 @@ struct RampOptions {
   /// Stiffness of the scene's stiffest tissue, N/mm, which need not be among the structures. At least theirs;
   /// 0: the greatest of theirs.
   double stiffest_N_per_mm = 0;
-  /// Depth at which the stiffest tissue reaches the full force K_greatest * width_mm, mm; kLeastRampWidth_mm
-  /// ... kMostRampWidth_mm.
+  /// Depth at which the stiffest tissue reaches the full force K_greatest * width_mm, mm; kMinRampWidth_mm
+  /// ... kMaxRampWidth_mm.
   double width_mm = 4;
   int threads = 0;  ///< 0: as many as the machine has; does not affect the result
 };
 /// Maximum number of chains of structures resting on each other.
-inline constexpr int kMostRampChains = 2000;
+inline constexpr int kMaxRampChains = 2000;
 /// Range of the width of a ramp, mm.
-inline constexpr double kLeastRampWidth_mm = 1, kMostRampWidth_mm = 12;
+inline constexpr double kMinRampWidth_mm = 1, kMaxRampWidth_mm = 12;
 /// Depth, mm, to which the ramps of softer structures continue below the width.
 inline constexpr double kDeepestRamp_mm = 12;
 
@@ -71,12 +71,12 @@ struct Ramps {
 ///
 /// Errors: kBadInput for an option out of range, a stiffness that is not positive, label 0, a support that is
 /// not among the structures, is softer than what rests on it, or rests on it in turn, more than
-/// kMostRampChains chains, or insufficient memory; kInterrupted.
+/// kMaxRampChains chains, or insufficient memory; kInterrupted.
 Result<Ramps> prepare_ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                             const RampOptions& options, const Progress& progress = {});
 
 /// Width of an inward ramp on a grid, mm: the requested one, or twice the grid's largest voxel spacing within
-/// kUsualRampWidth_mm ... kMostRampWidth_mm. If the spacing exceeds half of that maximum, the force of the
+/// kUsualRampWidth_mm ... kMaxRampWidth_mm. If the spacing exceeds half of that maximum, the force of the
 /// direct methods reveals the slices. Error kBadInput if a width below two voxels is requested.
 Result<double> ramp_width_mm(std::optional<double> asked_mm, const GridGeometry& grid);
 inline constexpr double kUsualRampWidth_mm = 4;

@@ -28,11 +28,11 @@ struct SurfaceNet;
 
 /// Largest distance that a surface's position can represent: the range of 16 bits in steps of
 /// kSurfaceStep_mm.
-inline constexpr double kMostSurfaceReach_mm = 15;
+inline constexpr double kMaxSurfaceReach_mm = 15;
 
 /// Options of prepare_surfaces(). The defaults suit bones and thin tissue alike.
 struct SurfaceOptions {
-  /// Distance from the surface up to which the position is exact, mm, 1 ... kMostSurfaceReach_mm; beyond, it
+  /// Distance from the surface up to which the position is exact, mm, 1 ... kMaxSurfaceReach_mm; beyond, it
   /// is constant. Time and memory increase with it.
   double reach_mm = 4;
   /// Width of the filter that places the net's nodes before smoothing, mm, 0 ... 3. Has little influence: the
@@ -58,7 +58,7 @@ struct StrayComponent {
 };
 
 /// Intermediate data for updating part of a surface, besides its fields. In steps of kSurfaceStep_mm.
-struct SurfaceWorkings {
+struct SurfaceIntermediates {
   VoxelBox extent;  ///< Bounding box of the structure's voxels at construction, in the label volume
   Bricks<std::int16_t> distance;  ///< To the nearest voxel centre of the other class, negative inside
   Bricks<std::int16_t> broad;     ///< Broadly smoothed distance, on the normal's grid
@@ -81,7 +81,7 @@ struct PreparedSurface {
   /// Extent of the position in voxels of the label volume; larger than the structure, and may exceed the
   /// volume near its border.
   VoxelBox box;
-  SurfaceWorkings workings;
+  SurfaceIntermediates workings;
 };
 
 /// Surfaces of some structures of a label volume. Structures end at the volume's border; the axes of the grid
@@ -161,7 +161,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 /// Surface after its labels changed inside `dirty` only: prepare_patch() applied to the old one, sharing the
 /// rest. Components and strays are not updated. If a patch is not possible, the whole surface is rebuilt as
 /// by prepare_surfaces(). Errors: those of prepare_surfaces.
-Result<PreparedSurface> prepare_surface_again(const PreparedSurface& old, const Bricks<LabelId>& labels,
+Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<LabelId>& labels,
                                               const VoxelBox& dirty);
 
 }  // namespace palpate

@@ -56,7 +56,7 @@ class CarvedSurface {
   const std::shared_ptr<const Surface>& made() const { return made_; }
   /// Largest amount by which a head exceeds the clearance at a position it has just cut, in the interpolated
   /// surface: the axis of a hole lies on a ridge of the distance, which trilinear interpolation flattens.
-  double short_mm() const { return short_mm_; }
+  double clearance_error_mm() const { return short_mm_; }
 
  private:
   std::shared_ptr<const Surface> made_, now_;
@@ -78,7 +78,7 @@ Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
 /// All material removed from a model's surfaces and labels. Instances are immutable values, like
-/// CarvedSurface. Contains the states before and after the last kMostUndone strokes, which share all
+/// CarvedSurface. Contains the states before and after the last kMaxUndoneStrokes strokes, which share all
 /// unchanged data.
 class Carving {
  public:
@@ -97,18 +97,18 @@ class Carving {
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
   /// Labels before any removal.
-  const std::shared_ptr<const Bricks<LabelId>>& made_labels() const { return made_labels_; }
+  const std::shared_ptr<const Bricks<LabelId>>& made_labels() const { return original_labels_; }
   /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness
   /// gradually (YieldSolver). The maximum over all sweeps, so independent of their order. null while nothing
   /// is removed, and for models without deformable tissue.
   const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
   /// Whether taken() is recorded: the tissue was deformable (TissueLaw) when the carving began.
-  bool tells_parts() const { return tells_parts_; }
+  bool records_fractions() const { return records_fractions_; }
 
   /// Number of sweeps of a device's burr that have been applied since the start, including undone ones.
   std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
   /// Model::content_hash after this removal.
-  /// @param uncut  Model::uncut_hash, which is returned if nothing was removed
+  /// @param uncut  Model::hash_before_removal, which is returned if nothing was removed
   std::uint64_t content_hash(std::uint64_t uncut) const;
   /// Next version of a model, with this carving's removal in place of the model's own: a local edit.
   /// @param felt  the model with which the carving began, or a later version of it
@@ -133,9 +133,9 @@ class Carving {
   std::vector<std::shared_ptr<const Surface>> made_;
   std::size_t felt_ = 0;              // number of made_ that are surfaces of the model
   std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
-  std::shared_ptr<const Bricks<LabelId>> made_labels_;
+  std::shared_ptr<const Bricks<LabelId>> original_labels_;
   std::vector<bool> is_cut_;  // by label
-  bool tells_parts_ = false;
+  bool records_fractions_ = false;
   std::vector<std::shared_ptr<const Surface>> kept_;  // surfaces of protected structures
   std::array<std::uint64_t, kMaxDevices> sweeps_{};
   Left left_;

@@ -28,7 +28,7 @@ enum class Matter : std::uint8_t {
 struct ElasticMaterial {
   Matter matter = Matter::kNone;
   double youngs_modulus_kPa = 0;  ///< If soft: in kElasticModulusRange
-  double poissons_ratio = 0.45;   ///< If soft: 0 ... kMostPoissonsRatio
+  double poissons_ratio = 0.45;   ///< If soft: 0 ... kMaxPoissonsRatio
   bool operator==(const ElasticMaterial&) const = default;
 };
 /// Errors: kBadInput, with the remedy, if a property is out of range.
@@ -199,7 +199,7 @@ class ElasticGrid {
   /// distance and the angle to the face's normal of the vector from the expected load at `about`; along the
   /// face's normal, twice that. This reproduces the ratio of stress to displacement directly below a load on
   /// a half space (Boussinesq 1885), and approximates it elsewhere.
-  void continue_beyond(const std::array<bool, 6>& faces, const Point<Patient>& about);
+  void set_boundary_springs(const std::array<bool, 6>& faces, const Point<Patient>& about);
   /// Spring constants by nodal value of the layout, N/mm.
   const ElasticValues& springs() const { return springs_; }
 
@@ -230,7 +230,7 @@ class ElasticGrid {
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, fill_, springs_;
   std::vector<std::uint8_t> held_;  ///< By node_number()
-  std::array<bool, 6> beyond_{};    ///< Faces given to continue_beyond()
+  std::array<bool, 6> beyond_{};    ///< Faces given to set_boundary_springs()
   Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();
 };
 

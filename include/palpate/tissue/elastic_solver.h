@@ -80,7 +80,7 @@ class ElasticSolver {
   /// @param other  return value of set_cells()
   void change(const ElasticGrid& grid, const CellBox& cells, bool other);
   /// Sets the displacements of all held components to 0.
-  void put_at_rest(ElasticField& displacement_mm) const;
+  void zero_held(ElasticField& displacement_mm) const;
 
   /// Solves with `displacement_mm` as initial guess; its held components are prescribed.
   /// @param force_N    forces on all nodes; ignored where components are held

@@ -10,7 +10,7 @@
 namespace palpate {
 
 /// Fill below which a cell counts as empty: its nodes would have almost no stiffness.
-inline constexpr double kLeastFill = 0.02;
+inline constexpr double kMinFill = 0.02;
 
 /// Homogenised material of a cell's samples.
 class ElasticMixture {

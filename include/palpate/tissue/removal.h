@@ -23,7 +23,7 @@ struct Burr {
   /// Ratio of the cutting edges' tangential to normal force (a coefficient of friction).
   double grip = 0.5;
   /// Largest press force, however far the hand is from the proxy: the greatest force of the device.
-  double most_press_N = std::numeric_limits<double>::infinity();
+  double max_press_N = std::numeric_limits<double>::infinity();
   /// Protected structures; the head stays out of those with ProtectedStructure::kept.
   std::span<const ProtectedStructure> spared = {};
   std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
@@ -37,15 +37,15 @@ struct Burr {
 };
 
 /// Maximum number of sweeps that are not carved yet.
-inline constexpr int kMostSweeps = 64;
+inline constexpr int kMaxSweeps = 64;
 
 /// State of a burr between two ticks, including sweeps that are not yet carved from the surfaces. Contains no
 /// pointers.
 struct BurrState {
   /// Reduction of the collision radii: how deep the burr has cut since the surfaces were last rebuilt.
   double inset_mm = 0;
-  double sunk_mm = 0;            ///< Actual depth of the head in the surfaces, at most inset_mm
-  double spare_mJ = 0;           ///< Motor work that has not been spent on material yet
+  double penetration_mm = 0;            ///< Actual depth of the head in the surfaces, at most inset_mm
+  double unspent_work_mJ = 0;           ///< Motor work that has not been spent on material yet
   double pressed_N = 0;          ///< Press force of the hand in the last tick
   double edge_mm_per_s = 0;      ///< Mean speed of the cutting edges in the material in the last tick
   double front_mm2 = 0;          ///< Area of the material ahead, projected along the press direction
@@ -59,7 +59,7 @@ struct BurrState {
   bool full = false;  ///< No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt
   std::uint64_t first = 0;  ///< Number of the first sweep stored here, counted from the start
   int sweeps = 0;
-  std::array<Sweep, kMostSweeps> sweep;
+  std::array<Sweep, kMaxSweeps> sweep;
 
   std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweeps)}; }
 };
@@ -86,15 +86,15 @@ struct BurrState {
 /// it was: the head slides along that structure's prepared surface. Protected structures do not count as
 /// material ahead. Bounded work; does not allocate, lock or throw.
 /// @param hand  pose to whose attitude `burr.axis` belongs
-ProxyResult advance_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
 
 /// Adapts the state to rebuilt surfaces, from which the first `carved` sweeps (counted from the start) have
-/// been removed. Must be called before keep_proxy. If an undo has restored material around the burr, the
+/// been removed. Must be called before transfer_proxy. If an undo has restored material around the burr, the
 /// overlap counts as inset, so that the force does not jump. If the overlap reaches the least radius, as when
-/// a ball's centre is inside the material, keep_proxy drops the proxy and the force fades out.
+/// a ball's centre is inside the material, transfer_proxy drops the proxy and the force fades out.
 /// @param hand  pose to whose attitude `burr.axis` belongs
-void settle_burr(std::span<const FeltSurface> surfaces, const Burr& burr, const ToolPose& hand,
+void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state);
 
 /// Number of complete sweeps since the start; these can be carved from a surface.

@@ -8,7 +8,7 @@
 namespace palpate {
 
 /// Maximum number of strokes that can be undone; earlier ones are permanent.
-inline constexpr std::size_t kMostUndone = 100;
+inline constexpr std::size_t kMaxUndoneStrokes = 100;
 
 /// Undo history of a burr's strokes, in the order in which they were made. A stroke is the material cut from
 /// the motor's start to its stop. The template argument determines what is stored for each.
@@ -22,7 +22,7 @@ class StrokeHistory {
   bool goes_on(std::uint32_t number) const { return open_ && number_ == number; }
   /// Begins a stroke.
   /// @param most  capacity, above 0; the oldest stroke is discarded
-  Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t most = kMostUndone) {
+  Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t most = kMaxUndoneStrokes) {
     open_ = true;
     number_ = number;
     undone_.clear();

@@ -13,11 +13,11 @@ namespace palpate {
 TissueLaw law_of(const ModelChange& change);
 
 /// Constitutive law of soft tissue in each version of a recording's model.
-class LawsByVersion {
+class LawHistory {
  public:
   /// @param first      law of the model with which the recording begins
   /// @param coarsened  its Model::tissue_coarsened
-  explicit LawsByVersion(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
+  explicit LawHistory(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
   /// Applies a change, in the order of versions; changes of other kinds are ignored.
   void hear(const ModelChange& change);
   TissueLaw at(std::uint32_t version) const { return from(version).law; }

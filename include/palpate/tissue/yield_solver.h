@@ -59,8 +59,8 @@ class YieldSolver {
   /// @param model  with deformable tissues (Model::tissue_law) and surfaces for the proxy. Boxes are reused
   ///               while labels and materials stay the same
   /// @param felt   the latest known tick
-  const YieldFrame& solve(const Model& model, const TickRecord& felt);
-  const YieldFrame& frame() const { return frame_; }
+  const ComplianceFrame& solve(const Model& model, const TickRecord& felt);
+  const ComplianceFrame& frame() const { return frame_; }
 
   /// Continues as a solver that has produced `frame` frames and has these boxes, to obtain a frame without
   /// all those before it. The next solve treats the boxes as new; within one or two frames the result equals
@@ -72,21 +72,21 @@ class YieldSolver {
   bool field_of(std::size_t device, YieldField& field) const;
   /// Force that displaces the tissue in a tick, N: the contact force or, for relaxing tissue, the
   /// instantaneous force for its depth, because the dent persists while the force decays.
-  double displacing_N(std::size_t device, const DeviceTick& felt) const;
+  double displacing_force_N(std::size_t device, const DeviceTick& felt) const;
 
  private:
   struct Finite;
   struct Region;
 
-  YieldFrame frame_;
+  ComplianceFrame frame_;
   std::array<std::unique_ptr<Region>, kMaxDevices> regions_;
 };
 
 /// Solves on a virtual clock with the timing of a thread on the real one: from the tick with which a frame
 /// begins, for the ticks from the next frame on.
-class YieldsOnVirtualClock {
+class VirtualClockYieldSolver {
  public:
-  explicit YieldsOnVirtualClock(double rate_hz) : ticks_(ticks_of_yield_frame(rate_hz)) {}
+  explicit VirtualClockYieldSolver(double rate_hz) : ticks_(ticks_of_yield_frame(rate_hz)) {}
   /// Must be called before every tick.
   /// @param before  the previous tick; null if there was none
   /// @returns whether frame() is new
@@ -95,13 +95,13 @@ class YieldsOnVirtualClock {
   /// when tissue becomes deformable again.
   bool rest();
   /// Input of the next tick.
-  const YieldFrame& frame() const { return frame_; }
+  const ComplianceFrame& frame() const { return frame_; }
   std::uint64_t input_tick() const { return input_tick_; }  ///< Tick that frame() was solved from
 
  private:
   const std::uint64_t ticks_;
   YieldSolver solver_;
-  YieldFrame frame_;
+  ComplianceFrame frame_;
   std::uint64_t solved_from_ = 0, input_tick_ = 0;
 };
 

@@ -27,9 +27,9 @@ struct TrackedToolSettings {
 ///
 ///    stream     |        |        |         poses of the tool's markers, on the stream's thread
 ///    to patient X_PatientTracker X_TrackerTool tip, on the same thread
-///    tip        ___/‾‾‾‾‾‾‾‾\______         interpolated on the servo's thread (LedPose)
+///    tip        ___/‾‾‾‾‾‾‾‾\______         interpolated on the servo's thread (InterpolatedPose)
 ///
-/// The pose is stale, and contact is not rendered, from LedPose::kHeld_s after the last valid pose on, if the
+/// The pose is stale, and contact is not rendered, from InterpolatedPose::kHeld_s after the last valid pose on, if the
 /// markers are hidden, the connection is lost or the tip is farther than kMostFromPatient_mm from the
 /// registration's points; trouble() gives the reason.
 ///
@@ -62,6 +62,6 @@ class TrackerDriver final : public DeviceDriver {
 };
 
 /// Factory for `--device tracker`.
-DeviceMaker tracker_maker(const TrackedToolSettings& settings = {});
+DeviceVendor tracker_maker(const TrackedToolSettings& settings = {});
 
 }  // namespace palpate

@@ -35,7 +35,7 @@ Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& pr
 // ---- at a pace
 
 struct PaceSettings {
-  double rate_hz = 1000;  ///< kLowestRate_hz ... kHighestRate_hz
+  double rate_hz = 1000;  ///< kMinRate_hz ... kMaxRate_hz
   double spin_s = 0;      ///< LoopSettings::spin_s, for both loops
   bool realtime = true;   ///< LoopSettings::realtime, for both loops
   int cpu = -1;           ///< LoopSettings::cpu, for both loops

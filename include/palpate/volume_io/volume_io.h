@@ -29,7 +29,7 @@ namespace palpate {
 
 /// Kind of values that a file declares.
 enum class ValueMeaning {
-  kUnsaid,    ///< Not declared.
+  kUnspecified,    ///< Not declared.
   kLabels,    ///< NIfTI's intent LABEL.
   kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors; DICOM images.
 };
@@ -45,7 +45,7 @@ struct VolumeHeader {
   bool has_geometry = true;   ///< False: the file does not specify its position in the patient, and LPS is
                               ///< assumed.
   bool has_segments = false;  ///< The file itself names segments.
-  ValueMeaning meaning = ValueMeaning::kUnsaid;
+  ValueMeaning meaning = ValueMeaning::kUnspecified;
   /// For a NIfTI whose qform and sform differ by a mirror or by more than a voxel: both readings, and which
   /// one is used by default; otherwise empty.
   std::string placement_doubt = {};
@@ -85,9 +85,9 @@ struct LabelFile {
 std::string origin_of_names(const LabelFile& labels);
 
 /// Use of the cache of decompressed voxels (palpate/cache/cache.h) for voxels that take a while to
-/// decompress: kKept stores them and reads them from there, kAnew does not. Header, names and warnings come
+/// decompress: kKept stores them and reads them from there, kOff does not. Header, names and warnings come
 /// from the files in either case.
-enum class Unpacked { kAnew, kKept };
+enum class VoxelCaching { kOff, kKept };
 
 /// Coordinate system of a surface file.
 enum class MeshSpace { kLps, kRas };
@@ -161,7 +161,7 @@ struct Study {
   std::vector<std::string> notes;               ///< Relation of the two, and what is unknown about it.
   /// True if DICOM labels reference images, series or frame of reference of the scan, or if the labels are in
   /// a format that cannot reference a scan.
-  bool is_said = true;
+  bool is_stated = true;
 };
 /// Finds the volume among DICOM images on which a DICOM segmentation was made, by the images, the series and
 /// the frame of reference that it references; identifiers are compared in the reader process. Files of other
@@ -178,7 +178,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
 /// Describes a file or folder that is known to be something else than a volume (DICOM, a surface, an image,
 /// an archive, a folder, ...), and how to get from it to a volume; nullopt for a volume, a text file and
 /// unknown content.
-std::optional<Error> something_else(const std::filesystem::path& file);
+std::optional<Error> describe_non_volume(const std::filesystem::path& file);
 
 /// Classification that read_volume() uses regardless of the values.
 enum class ReadAs { kByContent, kLabels, kScan };
@@ -193,12 +193,12 @@ ReadAs read_as();
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
                                                       const Progress& progress = {}, const Warn& warn = {},
-                                                      Unpacked unpacked = Unpacked::kAnew,
+                                                      VoxelCaching unpacked = VoxelCaching::kOff,
                                                       std::optional<int> volume = {});
 
 /// Reads a 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
-                           const Warn& warn = {}, Unpacked unpacked = Unpacked::kAnew,
+                           const Warn& warn = {}, VoxelCaching unpacked = VoxelCaching::kOff,
                            std::optional<int> volume = {}, const Placing& placing = {});
 
 /// True if a scan's values look like labels: by the meaning that its file declares, otherwise integers in
@@ -226,7 +226,7 @@ enum class Doubtful { kRefused, kWarnedOf };
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
-                              Doubtful doubtful = Doubtful::kRefused, Unpacked unpacked = Unpacked::kAnew,
+                              Doubtful doubtful = Doubtful::kRefused, VoxelCaching unpacked = VoxelCaching::kOff,
                               const GridGeometry* scan_grid = nullptr, const Placing& placing = {},
                               const std::optional<std::filesystem::path>& scan = {});
 

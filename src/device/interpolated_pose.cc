@@ -1,0 +1,56 @@
+#include "palpate/device/interpolated_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kHeld_ns = static_cast<std::int64_t>(InterpolatedPose::kHeld_s * 1e9);
+// interval between updates: 4 ms for a page that redraws 250 times a second, 33 ms at rest
+constexpr std::int64_t kLeastInterval_ns = 4'000'000, kMostInterval_ns = 40'000'000;
+
+}  // namespace
+
+void InterpolatedPose::tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
+                   std::int64_t at_ns) noexcept {
+  PALPATE_CHECK(tip.all_finite() && R_DeviceTool.coeffs().allFinite());
+  messages_.post({{tip, R_DeviceTool}, at_ns, true});
+}
+
+void InterpolatedPose::let_go() noexcept {
+  messages_.post({});
+}
+
+InterpolatedPose::Place InterpolatedPose::place_at(std::int64_t now_ns) const noexcept {
+  if (now_ns >= to_ns_) return to_;
+  const double part = static_cast<double>(now_ns - from_ns_) / static_cast<double>(to_ns_ - from_ns_);
+  return {from_.tip + (to_.tip - from_.tip) * part, from_.R_DeviceTool.slerp(part, to_.R_DeviceTool)};
+}
+
+// Starts a new interpolation at the current position, over the expected time to the next update. A pose that
+// returns after an interruption applies at once: its path is unknown, and interpolating would drag a contact
+// along it.
+void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
+  Message message;
+  if (!messages_.take(message)) return;
+  const bool comes_back = message.held && !(last_.held && message.at_ns - last_.at_ns <= kHeld_ns);
+  from_ = comes_back ? message.place : place_at(now_ns);
+  from_ns_ = now_ns;
+  to_ = message.held ? message.place : from_;
+  const std::int64_t interval_ns =
+      std::clamp(message.at_ns - last_.at_ns, kLeastInterval_ns, kMostInterval_ns);
+  const double way_ns = (to_.tip - from_.tip).norm() / kMostSpeed_mm_s * 1e9;
+  to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(way_ns, 1e18)));
+  last_ = message;
+}
+
+void InterpolatedPose::fill(DeviceSample& sample, std::int64_t now_ns) noexcept {
+  take_message(now_ns);
+  const Place place = place_at(now_ns);
+  sample.tip = place.tip;
+  sample.R_DeviceTool = place.R_DeviceTool;
+  sample.taken_ns = last_.held ? std::min(now_ns, last_.at_ns + kHeld_ns) : 0;
+}
+
+}  // namespace palpate

@@ -1,0 +1,142 @@
+#include "palpate/palpation/logged_loop.h"
+
+#include <exception>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+std::uint8_t changes_between(const Parameters& before, const Parameters& after) {
+  std::uint8_t changed = 0;
+  const auto compare = [&](bool same, SettingBit bit) {
+    if (!same) changed |= bit;
+  };
+  compare(after.method == before.method, kSettingMethod);
+  compare(after.friction == before.friction, kSettingFriction);
+  compare(after.viscosity == before.viscosity, kSettingViscosity);
+  compare(after.passivity == before.passivity, kSettingPassivity);
+  compare(after.paused == before.paused, kSettingPaused);
+  compare(after.max_force_N == before.max_force_N, kSettingMaxForce);
+  compare(after.rotation_target.coeffs() == before.rotation_target.coeffs(), kSettingRotation);
+  return changed;
+}
+
+RecordingEvent arming(RecordingEvent::Kind kind, AskedBy by, std::uint32_t number) {
+  RecordingEvent event;
+  event.kind = kind;
+  event.by = by;
+  event.number = number;
+  return event;
+}
+
+}  // namespace
+
+RecordingEvent settings_event(const Parameters& before, const Parameters& after) {
+  RecordingEvent event;
+  event.kind = after.motor != before.motor ? RecordingEvent::Kind::kMotor : RecordingEvent::Kind::kSettings;
+  event.changed = changes_between(before, after);
+  event.method = static_cast<std::uint8_t>(after.method);
+  event.switches = switches_of(after);
+  event.max_force_N = after.max_force_N;
+  const Eigen::Quaterniond& q = after.rotation_target;
+  event.rotation_wxyz = {q.w(), q.x(), q.y(), q.z()};
+  return event;
+}
+
+void change_logged(ServoLoop& loop, EventLog& told, AskedBy by, const std::function<void(Parameters&)>& edit) {
+  told.tell([&] {
+    RecordingEvent event;
+    const std::uint32_t number = loop.change([&](Parameters& parameters) {
+      const Parameters before = parameters;
+      edit(parameters);
+      event = settings_event(before, parameters);
+    });
+    event.by = by;
+    event.number = number;
+    return event;
+  });
+}
+
+void log_pointer_change(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
+  try {
+    told.tell([&] {
+      RecordingEvent event;
+      const std::uint32_t number =
+          loop.change([&](Parameters& parameters) { event = settings_event(parameters, parameters); });
+      event.changed = kSettingPointer;
+      event.by = by;
+      event.number = number;
+      return event;
+    });
+  } catch (const std::exception&) {
+  }
+}
+
+void set_model_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
+                    const ModelChange& change) {
+  told.tell([&] {
+    RecordingEvent event;
+    event.by = by;
+    event.number = change.version;
+    event.change = change;
+    loop.set_model(std::move(model));
+    return event;
+  });
+}
+
+RecordingEvent sweep_event(const Cut& cut, std::uint32_t version) {
+  RecordingEvent event;
+  event.kind = RecordingEvent::Kind::kSweep;
+  event.number = version;
+  event.sweep = plain(cut);
+  return event;
+}
+
+void set_cut_model_logged(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
+                        std::shared_ptr<const Model> model) {
+  const std::uint32_t version = model->version;
+  for (const Cut& cut : cuts) told.tell([&] { return sweep_event(cut, version); });
+  set_model_logged(loop, told, {}, std::move(model), {version, ModelChange::kCut});
+}
+
+RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tick) {
+  RecordingEvent event;
+  event.kind = RecordingEvent::Kind::kYield;
+  event.number = frame.number;
+  event.input_tick = input_tick;
+  event.frame_hash = frame.hash();
+  return event;
+}
+
+void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame, std::uint64_t input_tick) {
+  told.tell([&] {
+    loop.change([&](Parameters& parameters) { parameters.yields = frame; });
+    return yield_event(frame, input_tick);
+  });
+}
+
+void stop_logged(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
+  bool stopped = false;
+  try {
+    told.tell([&] {
+      const std::uint32_t number = loop.emergency_stop();
+      stopped = true;
+      return arming(RecordingEvent::Kind::kStop, by, number);
+    });
+  } catch (const std::exception&) {
+    if (!stopped) loop.emergency_stop();
+  }
+}
+
+RearmResult rearm_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::uint32_t stop) {
+  RearmResult rearmed = RearmResult::kNotStopped;
+  told.tell([&]() -> std::optional<RecordingEvent> {
+    std::uint32_t number = 0;
+    rearmed = loop.rearm(stop, number);
+    if (rearmed != RearmResult::kDone) return std::nullopt;
+    return arming(RecordingEvent::Kind::kRearm, by, number);
+  });
+  return rearmed;
+}
+
+}  // namespace palpate

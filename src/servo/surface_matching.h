@@ -1,0 +1,23 @@
+#pragma once
+
+#include <array>
+
+#include "palpate/servo/servo.h"
+/// Matches the surfaces of a new model version to those of the one before, so that proxies stay on surfaces
+/// that did not change.
+
+namespace palpate {
+
+/// Correspondence of each surface of a model to a surface of the version before.
+using SurfaceMatches = std::array<SurfaceCorrespondence, kMaxSurfaces>;
+
+/// Matches the model's surfaces to the remembered ones; returns one entry per surface of `model`. A structure
+/// is first compared at its previous index, so that an edit that reorders nothing costs one comparison per
+/// surface.
+std::span<const SurfaceCorrespondence> match_surfaces(const Model& model, const SessionState::Surfaces& remembered,
+                                           SurfaceMatches& before);
+
+/// Replaces the remembered surfaces by those of `model`.
+void remember_surfaces(const Model& model, SessionState::Surfaces& remembered);
+
+}  // namespace palpate

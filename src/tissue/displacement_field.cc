@@ -1,0 +1,88 @@
+#include "palpate/tissue/displacement_field.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "palpate/base/check.h"
+#include "tissue/trilinear_weights.h"
+
+namespace palpate {
+namespace {
+
+// Distance that the field is continued into empty nodes, per displacement: limits the slope to 1/3, so that
+// nothing folds.
+constexpr double kCarriedPerMoved = 3;
+constexpr int kLeastCarried = 4, kMostCarried = 24;
+
+}  // namespace
+
+DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm,
+                       const std::vector<bool>& empty, double fade_cells)
+    : box_(box), fade_cells_(fade_cells), moved_mm_(std::move(moved_mm)) {
+  PALPATE_CHECK(moved_mm_.size() == node(box_, 0, 0, box_.cells[2] + 1) && empty.size() == moved_mm_.size() &&
+                fade_cells_ > 0);
+  continue_into_what_is_empty(empty);
+}
+
+// Layer by layer, empty nodes take the mean of their known neighbours, scaled down with each layer.
+void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& empty) {
+  const auto& cells = box_.cells;
+  float most_mm = 0;
+  for (const Eigen::Vector3f& moved : moved_mm_) most_mm = std::max(most_mm, moved.norm());
+  const int layers = std::clamp(static_cast<int>(std::ceil(kCarriedPerMoved * most_mm / box_.cell_mm)),
+                                kLeastCarried, kMostCarried);
+  struct Node {
+    int i, j, k;
+  };
+  std::vector<bool> known(moved_mm_.size());
+  std::vector<Node> edge;
+  for (int k = 0; k <= cells[2]; ++k)
+    for (int j = 0; j <= cells[1]; ++j)
+      for (int i = 0; i <= cells[0]; ++i) {
+        if (empty[node(box_, i, j, k)]) continue;
+        known[node(box_, i, j, k)] = true;
+        edge.push_back({i, j, k});
+      }
+  std::vector<Eigen::Vector3f> whole_mm = moved_mm_;
+  std::vector<int> neighbours(moved_mm_.size());
+  for (int layer = 0; layer < layers && !edge.empty(); ++layer) {
+    std::vector<Node> next;
+    for (const Node& from : edge)
+      for (int c = 0; c < 27; ++c) {
+        const Node to{from.i + c % 3 - 1, from.j + c / 3 % 3 - 1, from.k + c / 9 - 1};
+        if (to.i < 0 || to.j < 0 || to.k < 0 || to.i > cells[0] || to.j > cells[1] || to.k > cells[2])
+          continue;
+        const std::size_t n = node(box_, to.i, to.j, to.k);
+        if (known[n]) continue;
+        if (neighbours[n]++ == 0) next.push_back(to);
+        whole_mm[n] += whole_mm[node(box_, from.i, from.j, from.k)];
+      }
+    const float share = 1 - static_cast<float>(layer + 1) / static_cast<float>(layers + 1);
+    for (const Node& at : next) {
+      const std::size_t n = node(box_, at.i, at.j, at.k);
+      known[n] = true;
+      whole_mm[n] /= static_cast<float>(neighbours[n]);
+      moved_mm_[n] = share * whole_mm[n];
+    }
+    edge = std::move(next);
+  }
+}
+
+void DisplacementField::add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const {
+  const Eigen::Vector3d in_cells = box_.local_mm(at_rest) / box_.cell_mm;
+  double share = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double beyond = std::max({-in_cells[axis], in_cells[axis] - box_.cells[axis], 0.0}) / fade_cells_;
+    // negated comparison: also rejects non-finite values
+    if (!(beyond < 1)) return;
+    share *= 1 - beyond;
+  }
+  Eigen::Vector3d moved = Eigen::Vector3d::Zero();
+  TrilinearWeights(in_cells, box_.cells).corners([&](int i, int j, int k, double weight) {
+    moved += weight * at(i, j, k).cast<double>();
+  });
+  to_mm += Vector<Patient>(box_.axes * moved) * share;
+}
+
+}  // namespace palpate
