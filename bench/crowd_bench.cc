@@ -96,13 +96,13 @@ std::vector<DeviceState> path_of(int presses, double speed_mm_s, std::mt19937& r
   for (int press = 0; press < presses; ++press) {
     const Vector<World> outward = direction();
     const Vector<World> along = outward.cross(direction()).normalized();
-    const double most_mm = 1 + 2 * unit(random), way_mm = kTick_s * speed_mm_s * (0.5 + 0.5 * unit(random));
-    for (double above_mm = 8; above_mm > -most_mm; above_mm -= way_mm)
+    const double max_mm = 1 + 2 * unit(random), way_mm = kTick_s * speed_mm_s * (0.5 + 0.5 * unit(random));
+    for (double above_mm = 8; above_mm > -max_mm; above_mm -= way_mm)
       add(Point<World>() + outward * (kBall_mm + above_mm));
-    const Point<World> pressed = Point<World>() + outward * (kBall_mm - most_mm);
+    const Point<World> pressed = Point<World>() + outward * (kBall_mm - max_mm);
     for (double slid_mm = 0; slid_mm < 10; slid_mm += way_mm) add(pressed + along * slid_mm);
-    for (double above_mm = -most_mm; above_mm < 8; above_mm += way_mm)
-      add(pressed + along * 10 + outward * (above_mm + most_mm));
+    for (double above_mm = -max_mm; above_mm < 8; above_mm += way_mm)
+      add(pressed + along * 10 + outward * (above_mm + max_mm));
   }
   return path;
 }
@@ -128,7 +128,7 @@ nlohmann::json felt_by(Model model, const Tool& tool, const std::vector<DeviceSt
   model.tools = {tool};
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
-  std::vector<double> least_us(path.size(), 1e9), p50_us, p99_us;
+  std::vector<double> min_us(path.size(), 1e9), p50_us, p99_us;
   std::size_t touched = 0;
   for (int repeat = 0; repeat < repeats; ++repeat) {
     SessionState state;
@@ -141,20 +141,20 @@ nlohmann::json felt_by(Model model, const Tool& tool, const std::vector<DeviceSt
       tick(model, parameters, {&path[n], 1}, kTick_s, state, {&wrench, 1}, record);
       taken_us.push_back(
           std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begun).count());
-      least_us[n] = std::min(least_us[n], taken_us.back());
+      min_us[n] = std::min(min_us[n], taken_us.back());
       touched += (record.device[0].flags & kFlagContact) != 0;
     }
     p50_us.push_back(percentile(taken_us, 0.5));
     p99_us.push_back(percentile(taken_us, 0.99));
   }
   const double p50 = percentile(p50_us, 0.5), p99 = percentile(p99_us, 0.5);
-  const double least_p99 = percentile(least_us, 0.99);
-  const double largest = *std::max_element(least_us.begin(), least_us.end());
+  const double min_p99 = percentile(min_us, 0.99);
+  const double largest = *std::max_element(min_us.begin(), min_us.end());
   const double contact = static_cast<double>(touched) / static_cast<double>(path.size());
   std::printf(
       "%-14s p50 %.2f, p99 %.2f us; least of %d repeats: p99 %.2f, largest %.2f us; %.0f %% in contact\n",
-      tool.name.c_str(), p50, p99, repeats, least_p99, largest, 100 * contact);
-  return {{"tool", tool.name},           {"p50_us", p50},        {"p99_us", p99}, {"least_p99_us", least_p99},
+      tool.name.c_str(), p50, p99, repeats, min_p99, largest, 100 * contact);
+  return {{"tool", tool.name},           {"p50_us", p50},        {"p99_us", p99}, {"min_p99_us", min_p99},
           {"largest_least_us", largest}, {"in_contact", contact}};
 }
 

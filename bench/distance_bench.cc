@@ -30,7 +30,7 @@ std::int64_t now_ns() {
 }
 
 struct Costs {
-  double median_ns = 0, p99_ns = 0, most_ns = 0;
+  double median_ns = 0, p99_ns = 0, max_ns = 0;
 };
 Costs costs_of(std::vector<std::int64_t> ns) {
   std::sort(ns.begin(), ns.end());
@@ -65,14 +65,14 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
   std::printf(
       "%-12s %4.0f structures, %5.1f near: median %7.0f ns, p99 %7.0f, most %7.0f; %5.0f ns a near one; "
       "%.0f pieces and %.2f MB each (%.1f)\n",
-      what, count, near_each, costs.median_ns, costs.p99_ns, costs.most_ns,
+      what, count, near_each, costs.median_ns, costs.p99_ns, costs.max_ns,
       all_ns / std::max<double>(1, static_cast<double>(near)), static_cast<double>(pieces) / count,
       static_cast<double>(bytes) / count / (1 << 20), sum_mm / static_cast<double>(places.size()));
   json[what] = {{"structures", count},
                 {"near", near_each},
                 {"median_ns", costs.median_ns},
                 {"p99_ns", costs.p99_ns},
-                {"most_ns", costs.most_ns},
+                {"max_ns", costs.max_ns},
                 {"ns_a_near_one", all_ns / std::max<double>(1, static_cast<double>(near))},
                 {"bytes_each", static_cast<double>(bytes) / count}};
 }

@@ -251,7 +251,7 @@ int run(int argc, char** argv) {
   Server server;
   HaplySettings settings;
   settings.port = settings.old_http_port = server.port();
-  settings.most_rate_hz = 1e6;
+  settings.max_rate_hz = 1e6;
   HaplyDriver driver(settings);
   TimedDriver timed(driver);
   if (const auto opened = timed.open(false); !opened) {

@@ -263,9 +263,9 @@ Result<nlohmann::json> compare_pace(const std::vector<Knee>& knees, const Palpat
 
 // Ticks in contact, of each the least of some repeats of one path, which are the same to the last bit: what
 // else the machine does is left out. Sorted; us.
-std::vector<double> least_in_contact_us(const Model& model, const PalpationPath& path) {
+std::vector<double> min_in_contact_us(const Model& model, const PalpationPath& path) {
   constexpr int kRepeats = 20;
-  std::vector<double> least_us(path.states.size(), std::numeric_limits<double>::infinity());
+  std::vector<double> min_us(path.states.size(), std::numeric_limits<double>::infinity());
   std::vector<bool> touches(path.states.size());
   for (int repeat = 0; repeat < kRepeats; ++repeat) {
     SessionState state;
@@ -275,13 +275,13 @@ std::vector<double> least_in_contact_us(const Model& model, const PalpationPath&
       const std::int64_t begun_ns = monotonic_ns();
       tick(model, path.parameters, {&path.states[n], 1}, 1 / path.rate_hz, state, {&wrench, 1}, record);
       const std::int64_t ended_ns = monotonic_ns();
-      least_us[n] = std::min(least_us[n], 1e-3 * static_cast<double>(ended_ns - begun_ns));
+      min_us[n] = std::min(min_us[n], 1e-3 * static_cast<double>(ended_ns - begun_ns));
       touches[n] = record.device[0].label != 0;
     }
   }
   std::vector<double> in_contact_us;
-  for (std::size_t n = 0; n < least_us.size(); ++n)
-    if (touches[n]) in_contact_us.push_back(least_us[n]);
+  for (std::size_t n = 0; n < min_us.size(); ++n)
+    if (touches[n]) in_contact_us.push_back(min_us[n]);
   std::sort(in_contact_us.begin(), in_contact_us.end());
   return in_contact_us;
 }
@@ -291,7 +291,7 @@ nlohmann::json compare_least(const std::vector<Knee>& knees, const PalpationPath
   std::printf("\nticks in contact, of each the least of 20 repeats: us\n%-52s %8s %8s %8s %8s\n", "", "mean",
               "p50", "p99", "max");
   for (const Knee& knee : knees) {
-    const std::vector<double> us = least_in_contact_us(knee.model(), path);
+    const std::vector<double> us = min_in_contact_us(knee.model(), path);
     if (us.empty()) continue;
     const auto at = [&](double part) {
       return us[static_cast<std::size_t>(part * static_cast<double>(us.size() - 1))];
@@ -424,7 +424,7 @@ Result<nlohmann::json> endure(const Knee& knee, const PalpationPath& path, const
 
 Result<nlohmann::json> measured(const Options& options) {
   // its own volumes, however large
-  set_reading_limits({.most_memory_bytes = std::uint64_t{1} << 40});
+  set_reading_limits({.max_memory_bytes = std::uint64_t{1} << 40});
   std::string what;
   const auto labels = large_knee(options.labels, what);
   if (!labels) return labels.error();
@@ -466,7 +466,7 @@ Result<nlohmann::json> measured(const Options& options) {
   auto free_running = compare_free_running(knees, *path, options);
   if (!free_running) return free_running.error();
   json["free_running"] = *std::move(free_running);
-  json["least_in_contact"] = compare_least(knees, *path);
+  json["min_in_contact"] = compare_least(knees, *path);
   return json;
 }
 

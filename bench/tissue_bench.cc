@@ -58,7 +58,7 @@ ElasticGrid layer_on_bone(const std::array<int, 3>& cells) {
       },
       1);
   grid.set_boundary_springs({true, true, true, true, false, false},
-                       Point<Patient>(0.5 * cells[0], 0.5 * cells[1], cells[2]));
+                            Point<Patient>(0.5 * cells[0], 0.5 * cells[1], cells[2]));
   return grid;
 }
 
@@ -249,8 +249,7 @@ class CornerTip {
       device.tip = model_.X_WorldPatient * Point<Patient>(in + x, in - x, in + 0.5 * x);
       Wrench wrench;
       tick(model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
-      for (int layer = 0; layer < kMaxLayers; ++layer)
-        places_ += state_.hands[0].proxy.layer(layer).contacts;
+      for (int layer = 0; layer < kMaxLayers; ++layer) places_ += state_.hands[0].proxy.layer(layer).contacts;
     }
   }
   /// In which it leant in the last run.
@@ -292,7 +291,8 @@ nlohmann::json ticks(int rounds) {
   // four shafts that lie, in six places each
   std::vector<ToolSphere> shafts;
   for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
-  const auto slide = [&](const Model& model, const ComplianceFrame* yields, std::span<const ToolSphere> tool) {
+  const auto slide = [&](const Model& model, const ComplianceFrame* yields,
+                         std::span<const ToolSphere> tool) {
     ProxyState state;
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);

@@ -208,7 +208,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
                "No progress and no notes; results, warnings and errors still appear");
   ReadingLimits reading;
   app.add_option_function<std::string>(
-         kMemory, [&](const std::string& text) { reading.most_memory_bytes = memory_bytes(text); },
+         kMemory, [&](const std::string& text) { reading.max_memory_bytes = memory_bytes(text); },
          "Most memory that files may take of this machine, as 800M or 4G; default: half of what is available")
       ->check(CLI::Validator(
           [](const std::string& text) {

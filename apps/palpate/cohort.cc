@@ -354,7 +354,7 @@ void add_cohort(CLI::App& app, Run& run) {
   verb->add_option("--sbatch", options->sbatch,
                    "An option for sbatch, as --sbatch=--partition=long; may be given again");
   verb->add_flag("--recordings", options->recordings, "Keep each case's recording, run.h5");
-  verb->add_option("--case", options->number)->check(whole_between(1, kMostCases))->group("");
+  verb->add_option("--case", options->number)->check(whole_between(1, kMaxCases))->group("");
   verb->add_flag("--inside", options->inside)->group("");
   verb->footer(
       "Examples:\n"

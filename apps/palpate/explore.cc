@@ -218,7 +218,7 @@ std::string tip_error_text(const ViewedNavigation& navigation) {
   char text[80];
   if (navigation.tip)
     std::snprintf(text, sizeof text, " TRE %.1f (95%%: %.1f) FRE %.1f mm%s", navigation.tip->rms_mm,
-                  navigation.tip->most_mm, navigation.fre_mm, navigation.tip->is_far ? " FAR" : "");
+                  navigation.tip->max_mm, navigation.fre_mm, navigation.tip->is_far ? " FAR" : "");
   else
     std::snprintf(text, sizeof text, " TRE not known, FRE %.1f mm", navigation.fre_mm);
   return text;
@@ -228,8 +228,8 @@ std::string tip_error_text(const ViewedNavigation& navigation) {
 // Where all of it does not fit, times give way, then what is less serious: whoever is stopped must read how
 // to go on.
 std::string live_line(const ExploreStatus& status, std::size_t columns) {
-  constexpr std::size_t kMostColumns = 99, kLeastForStructure = 8;
-  columns = std::min(columns, kMostColumns);
+  constexpr std::size_t kMaxColumns = 99, kMinForStructure = 8;
+  columns = std::min(columns, kMaxColumns);
   char time[30], rate[30], late[60], late_part[90], force[60];
   std::snprintf(time, sizeof time, "%5.1f s ", status.time_s);
   std::snprintf(rate, sizeof rate, "%6.0f Hz  ", status.rate_hz);
@@ -237,7 +237,7 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
                 status.lateness_max_us);
   std::snprintf(late_part, sizeof late_part, "late %11s µs  ", late);
   std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
-  const std::size_t for_structure = status.stop ? 1 : kLeastForStructure;
+  const std::size_t for_structure = status.stop ? 1 : kMinForStructure;
   std::string unusual = state_of(status.flags, status.rearmed_in_page) + cure_of(status);
   // shown all the time, and before it whatever stops
   if (status.navigation) unusual += tip_error_text(*status.navigation);
@@ -384,7 +384,7 @@ void print(const ExploreResult& result, bool pointer) {
 void print_tip_error(const ViewedNavigation& navigation) {
   if (navigation.tip)
     std::printf("tracked tip wrong by %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
-                navigation.tip->rms_mm, navigation.tip->most_mm,
+                navigation.tip->rms_mm, navigation.tip->max_mm,
                 navigation.tip->is_far ? "; far outside the points that were touched" : "");
   else
     std::printf("tracked tip wrong by what is not known (TRE)\n");

@@ -20,7 +20,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr std::size_t kMostFile_bytes = 1 << 20;
+constexpr std::size_t kMaxFile_bytes = 1 << 20;
 
 // in a light grip, and after the delay of a usual USB device
 std::unique_ptr<DeviceDriver> simulated() {
@@ -100,7 +100,7 @@ Result<HeldHands> kept_held_hands() {
   const std::filesystem::path file = held_hands_file();
   std::error_code ignored;
   if (!std::filesystem::exists(file, ignored)) return HeldHands{};
-  const auto text = read_file(file, kMostFile_bytes);
+  const auto text = read_file(file, kMaxFile_bytes);
   if (!text) return text.error();
   return parse_held_hands(*text, file.string());
 }

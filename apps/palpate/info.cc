@@ -85,8 +85,8 @@ Result<Info> inspect(const InfoOptions& options, Console& console) {
         read_scan(options.file, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
     return scan ? Result<Info>(of_scan(*scan)) : scan.error();
   }
-  auto volume =
-      read_volume(options.file, names, console.progress(), console.warn(), VoxelCaching::kOff, options.volume);
+  auto volume = read_volume(options.file, names, console.progress(), console.warn(), VoxelCaching::kOff,
+                            options.volume);
   if (!volume) return volume.error();
   if (auto* labels = std::get_if<LabelFile>(&*volume)) return of_labels(std::move(*labels), console);
   return of_scan(std::get<ScanFile>(*volume));
@@ -453,8 +453,7 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
     kind = row.kind;
     out << "  " << std::left << std::setw(48) << row.what << " in " << files(row.files);
     if (row.different > 1)
-      out << ", " << row.different
-          << (row.different == kMostIdentifierValues ? " or more values" : " values");
+      out << ", " << row.different << (row.different == kMaxIdentifierValues ? " or more values" : " values");
     if (!row.example.empty()) out << ": " << row.example;
     out << '\n';
   }

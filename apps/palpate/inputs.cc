@@ -12,8 +12,8 @@ void add_input(const std::filesystem::path& input, std::vector<std::filesystem::
   using std::filesystem::recursive_directory_iterator;
   recursive_directory_iterator entry(input, std::filesystem::directory_options::skip_permission_denied,
                                      failed);
-  constexpr std::size_t kMostFiles = 200'000;
-  for (; !failed && entry != recursive_directory_iterator() && files.size() < kMostFiles;
+  constexpr std::size_t kMaxFiles = 200'000;
+  for (; !failed && entry != recursive_directory_iterator() && files.size() < kMaxFiles;
        entry.increment(failed)) {
     std::error_code ignored;
     if (entry->is_regular_file(ignored)) files.push_back(entry->path());

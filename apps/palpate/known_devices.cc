@@ -63,8 +63,8 @@ class Named {
   std::vector<std::string> all_;
 };
 
-constexpr double kMostHeld_kg = 1;
-constexpr std::size_t kMostResult_bytes = std::size_t{1} << 24;
+constexpr double kMaxHeld_kg = 1;
+constexpr std::size_t kMaxResult_bytes = std::size_t{1} << 24;
 
 // where the tracker is; nothing where nobody said
 Result<TrackerAddress> tracker_of(const DeviceOptions& options) {
@@ -90,7 +90,7 @@ void add_tip_option(CLI::App& verb, StreamOptions& options) {
 }
 
 Result<ToolTip> read_tip(const std::filesystem::path& file) {
-  const auto text = read_file(file, kMostResult_bytes);
+  const auto text = read_file(file, kMaxResult_bytes);
   if (!text) return text.error();
   return parse_tip(*text, file.string());
 }
@@ -127,7 +127,7 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
                    "give --tracker, --transform, --tip and --registration (docs/guide/navigation.md)"};
   auto tip = read_tip(stream.tip);
   if (!tip) return tip.error();
-  const auto text = read_file(options.registration, kMostResult_bytes);
+  const auto text = read_file(options.registration, kMaxResult_bytes);
   if (!text) return text.error();
   auto patient = parse_registration(*text, options.registration.string());
   if (!patient) return patient.error();
@@ -151,13 +151,13 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
 
   ForceDimensionSettings force_dimension;
   force_dimension.library.file = libraries->text("force-dimension");
-  const auto held_kg = masses->number("--held-mass", "force-dimension", kMostHeld_kg);
+  const auto held_kg = masses->number("--held-mass", "force-dimension", kMaxHeld_kg);
   if (!held_kg) return held_kg.error();
   force_dimension.held_mass_kg = *held_kg;
 
   OpenHapticsSettings openhaptics;
   openhaptics.library.file = libraries->text("touch");
-  const auto held_by_touch_kg = masses->number("--held-mass", "touch", kMostHeld_kg);
+  const auto held_by_touch_kg = masses->number("--held-mass", "touch", kMaxHeld_kg);
   if (!held_by_touch_kg) return held_by_touch_kg.error();
   openhaptics.held_mass_kg = *held_by_touch_kg;
   const auto configs = Named::parse("--device-config", options.configs, {"touch"}, true);

@@ -22,7 +22,7 @@ using ToolMarkers = Transform<Tracker, TrackedTool>;
 
 constexpr auto kLook = std::chrono::milliseconds(30);
 // poses that wait for whoever looks: some seconds of a fast tracker
-constexpr std::size_t kMostWaiting = 4096;
+constexpr std::size_t kMaxWaiting = 4096;
 // another pose of a pivot calibration turned the tool by so much
 constexpr double kAnotherPose_rad = 1 * std::numbers::pi / 180;
 constexpr std::size_t kEnoughPoses = 200, kFewestPoses = 6;
@@ -52,7 +52,7 @@ class LivePoses {
  private:
   void take(const MarkersPose& pose) {
     const std::lock_guard lock(mutex_);
-    if (waiting_.size() == kMostWaiting) waiting_.pop_front();
+    if (waiting_.size() == kMaxWaiting) waiting_.pop_front();
     waiting_.push_back(pose);
   }
 

@@ -27,7 +27,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr std::size_t kMostPoints_bytes = std::size_t{1} << 24, kMostPoses_bytes = std::size_t{1} << 28;
+constexpr std::size_t kMaxPoints_bytes = std::size_t{1} << 24, kMaxPoses_bytes = std::size_t{1} << 28;
 
 std::string shown_name(const std::string& name) {
   return fitted(printable_name(name), 16);
@@ -48,7 +48,7 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> poses_of(const PivotVerb& o
     if (!settings) return settings.error();
     return collect_pivot(*settings, console);
   }
-  const auto text = read_file(options.poses, kMostPoses_bytes);
+  const auto text = read_file(options.poses, kMaxPoses_bytes);
   if (!text) return text.error();
   return parse_poses(*text, options.poses, {options.stream.transform, options.quaternion == "wxyz"});
 }
@@ -139,7 +139,7 @@ Result<std::vector<PointPair>> pair_up(const std::vector<NamedPoint>& scan,
 }
 
 Result<std::vector<NamedPoint>> points_of(const std::filesystem::path& file) {
-  const auto text = read_file(file, kMostPoints_bytes);
+  const auto text = read_file(file, kMaxPoints_bytes);
   if (!text) return text.error();
   return parse_points(*text, file.string());
 }
@@ -219,14 +219,14 @@ void print_points(const RegistrationOutcome& outcome, bool targets_given) {
               points.fre_mm);
   if (!outcome.is_fle_known && outcome.fle_scale)
     std::printf("error of a point %.2f mm (FLE, from what is left over; %.2f to %.2f in 95 of 100 cases)\n",
-                points.fle_scale, points.least_fle_scale, points.most_fle_scale);
+                points.fle_scale, points.min_fle_scale, points.max_fle_scale);
   if (!outcome.fle_scale) return;
   std::printf("\nby these points, a target is wrong by (TRE):\n");
   for (const Point<Patient>& place : outcome.targets) {
     const ErrorSpread wrong = error_at(rigid_error(points, *outcome.fle_scale), place);
     std::printf("  at %.1f, %.1f, %.1f%s   %.2f mm (root mean square); below %.2f in 95 of 100 cases\n",
                 place.x(), place.y(), place.z(), targets_given ? "" : " (the points' middle)", wrong.rms_mm,
-                wrong.most_mm);
+                wrong.max_mm);
   }
 }
 

@@ -19,7 +19,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr std::size_t kMostMarkups_bytes = std::size_t{1} << 24;
+constexpr std::size_t kMaxMarkups_bytes = std::size_t{1} << 24;
 
 struct PlanOptions {
   std::filesystem::path markups, plan, recording, output, json;
@@ -37,7 +37,7 @@ std::string planned_name(const std::string& name) {
 int from_markups(const PlanOptions& options, Console& console) {
   const auto claimed = claim_output(options.output, std::array{options.markups});
   if (!claimed) return console.fail(claimed.error());
-  const auto text = read_file(options.markups, kMostMarkups_bytes);
+  const auto text = read_file(options.markups, kMaxMarkups_bytes);
   if (!text) return console.fail(text.error());
   const auto made = plan_from_markups(*text, options.title, options.markups.string());
   if (!made) return console.fail(made.error());
@@ -113,13 +113,13 @@ void print_distances_of_way(const PlannedScene& scene, std::size_t n) {
       entry_mm = std::min(entry_mm, distance.distance_mm(trajectory.entry));
     const auto asked = scene.plan.distances_mm.find(distance.label());
     if (asked == scene.plan.distances_mm.end()) continue;
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     for (int step = 0; step <= steps; ++step)
-      least_mm = std::min(least_mm,
-                          distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
-                                                                      (static_cast<double>(step) / steps)));
+      min_mm =
+          std::min(min_mm, distance.distance_mm(trajectory.entry + (trajectory.target - trajectory.entry) *
+                                                                       (static_cast<double>(step) / steps)));
     std::printf("  from %s %.2f mm at the least; %g mm are asked of the tool's outside\n",
-                planned_name(scene.model->name_of(distance.label())).c_str(), least_mm, asked->second);
+                planned_name(scene.model->name_of(distance.label())).c_str(), min_mm, asked->second);
   }
   if (std::isfinite(entry_mm))
     std::printf("  its entry lies  %.2f mm %s the surface that it enters\n", std::abs(entry_mm),

@@ -338,7 +338,7 @@ Result<std::string> curves_of(const std::filesystem::path& asked, const std::str
 Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::string& learner,
                             const TaskFile& task, const ScoredRun& scored) {
   // a curve of more runs than that is another one by now
-  constexpr std::size_t kMostRuns = 500;
+  constexpr std::size_t kMaxRuns = 500;
   auto opened = opened_to_add(asked);
   if (!opened) return opened.error();
   Records& records = **opened;
@@ -360,7 +360,7 @@ Result<RunHistory> keep_run(const std::filesystem::path& asked, const std::strin
   if (!listed) return history;
   history.runs = static_cast<int>(in_band.size());
   history.in_a_row = runs_in_a_row(in_band);
-  for (std::size_t n = earlier.size() - std::min(earlier.size(), kMostRuns); n < earlier.size(); ++n) {
+  for (std::size_t n = earlier.size() - std::min(earlier.size(), kMaxRuns); n < earlier.size(); ++n) {
     const auto run = records.run(earlier[n]);
     if (!run) break;
     for (std::size_t m = 0; m < std::min(run->metrics.size(), history.best.size()); ++m) {

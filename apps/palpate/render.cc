@@ -18,7 +18,7 @@
 namespace palpate::app {
 namespace {
 
-constexpr int kMostFrames = 720;
+constexpr int kMaxFrames = 720;
 constexpr int kFrame_ms = 50;
 
 const std::map<std::string, ViewFrom> kViews{
@@ -113,8 +113,8 @@ Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
   if (model.scan == nullptr)
     return usage("there is no scan", "--scan", "name one in the scene, or leave the option out");
   const std::size_t voxels = model.scan->geometry().voxel_count();
-  if (voxels > kMostScanVoxels)
-    return usage("a scan is drawn of at most " + std::to_string(kMostScanVoxels) + " voxels, this one has " +
+  if (voxels > kMaxScanVoxels)
+    return usage("a scan is drawn of at most " + std::to_string(kMaxScanVoxels) + " voxels, this one has " +
                      std::to_string(voxels),
                  "--scan", "crop or resample it, or leave the option out");
   ScanLook look{model.scan, scan_window(*model.scan), *options.scan_opacity};
@@ -276,7 +276,7 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
       ->check(number_between(1, 3000))
       ->type_name("MM");
   verb.add_option("--pixels", options.request.pixels, "Width and height of the picture")
-      ->check(whole_between(kLeastSectionPixels, kMostSectionPixels))
+      ->check(whole_between(kMinSectionPixels, kMaxSectionPixels))
       ->capture_default_str();
   verb.add_option("--only", options.only, "Draws this structure alone; may be given again")
       ->type_name("NAME");
@@ -292,7 +292,7 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
                   "So many pictures all the way around the body: an animated PNG where the output ends with "
                   ".png, else a "
                   "folder of frames")
-      ->check(whole_between(2, kMostFrames))
+      ->check(whole_between(2, kMaxFrames))
       ->type_name("N");
 }
 

@@ -370,7 +370,7 @@ std::string display_name(const Segment& segment) {
 }
 
 /// What a direct method can give in a tissue that is thick enough.
-double most_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
+double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
   if (!tissue.felt) return 0;
   if (scene.preparation.method == PreparationMethod::kUnionGaussian)
     return most_force_N(tissue, scene.preparation.sigma_mm, grid);
@@ -395,7 +395,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     const TissueSettings& tissue = scene.tissues[i];
     const std::string structures = tissue.threshold ? "threshold" : std::to_string(ids[i].size());
-    const double most_N = most_N_of(scene, tissue, grid);
+    const double max_N = max_N_of(scene, tissue, grid);
     std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.felt ? "yes" : "no",
                 tissue.stiffness_N_per_mm);
     if (elastic && tissue.elastic)
@@ -403,7 +403,7 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
     else if (elastic)
       std::printf("rigid        ");
     if (factor != 1) std::printf("%-9.3g  ", tissue.felt ? factor * tissue.stiffness_N_per_mm : 0.0);
-    std::printf("%-9.3g  %-8.3g  %-10s  %s\n", most_N, tissue.friction_coefficient, structures.c_str(),
+    std::printf("%-9.3g  %-8.3g  %-10s  %s\n", max_N, tissue.friction_coefficient, structures.c_str(),
                 join(tissue.rests_on).c_str());
   }
   if (scene.force.method == ForceMethod::kProxy)

@@ -127,7 +127,7 @@ void add_section_options(CLI::App& verb, SectionOptions& options) {
                   "Width and height of the section in mm; default: the volume's longest side")
       ->check(number_between(1, 1000));
   verb.add_option("--pixels", options.pixels, "Width and height of the picture, of each of three")
-      ->check(whole_between(kLeastSectionPixels, kMostSectionPixels))
+      ->check(whole_between(kMinSectionPixels, kMaxSectionPixels))
       ->capture_default_str();
   verb.add_flag("--keep-identifiers", options.keep_identifiers,
                 "Attach a Secondary Capture to the study of the scan; without, it has no patient");

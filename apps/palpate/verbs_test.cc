@@ -104,7 +104,7 @@ TEST(Verbs, LeaveTheProcessAsTheyFoundIt) {
   EXPECT_EQ(done.code, 0) << done.err;
   EXPECT_THAT(done.out, HasSubstr(folder.string()));
 
-  EXPECT_EQ(reading_limits().most_memory_bytes, ReadingLimits{}.most_memory_bytes);
+  EXPECT_EQ(reading_limits().max_memory_bytes, ReadingLimits{}.max_memory_bytes);
   EXPECT_FALSE(reading_limits().follow_links);
   EXPECT_FALSE(placing().mesh.space.has_value());
   EXPECT_FALSE(placing().mesh.unit_mm.has_value());

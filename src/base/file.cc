@@ -40,9 +40,9 @@ std::filesystem::path folder_of(const std::filesystem::path& file) {
 
 // target of a chain of symbolic links, whether or not it exists; other paths are returned unchanged
 std::filesystem::path end_of_links(std::filesystem::path file) {
-  constexpr int kMostLinks = 40;  // the kernel's limit
+  constexpr int kMaxLinks = 40;  // the kernel's limit
   std::error_code failed;
-  for (int links = 0; links < kMostLinks; ++links) {
+  for (int links = 0; links < kMaxLinks; ++links) {
     if (!std::filesystem::is_symlink(std::filesystem::symlink_status(file, failed))) break;
     const auto next = std::filesystem::read_symlink(file, failed);
     if (failed) break;

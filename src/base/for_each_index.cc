@@ -15,13 +15,13 @@ namespace {
 
 // Maximum number of indices that a worker takes at once. Neighbouring indices often share most of their
 // input, but large chunks would leave the other workers idle at the end.
-constexpr int kMostNeighbours = 8;
+constexpr int kMaxNeighbours = 8;
 
 /// State shared by the workers: the next index, and whether to stop.
 class IndexQueue {
  public:
   IndexQueue(int count, int workers, const std::function<bool(int, int)>& work)
-      : count_(count), neighbours_(std::clamp(count / (4 * workers), 1, kMostNeighbours)), work_(work) {}
+      : count_(count), neighbours_(std::clamp(count / (4 * workers), 1, kMaxNeighbours)), work_(work) {}
 
   void work_off(int worker) noexcept {
     try {

@@ -21,7 +21,7 @@ ReadingLimits& the_limits() {
   return limits;
 }
 
-constexpr std::size_t kMostProcBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxProcBytes = std::size_t{1} << 20;
 
 std::optional<std::uint64_t> number_in(std::string_view text) {
   std::uint64_t number = 0;
@@ -32,13 +32,13 @@ std::optional<std::uint64_t> number_in(std::string_view text) {
 }
 
 std::optional<std::uint64_t> number_of_file(const std::filesystem::path& file) {
-  const auto text = read_file(file, kMostProcBytes);
+  const auto text = read_file(file, kMaxProcBytes);
   return text ? number_in(*text) : std::nullopt;
 }
 
 // value of a line "name:   123 kB"; bytes
 std::optional<std::uint64_t> line_bytes(const std::filesystem::path& file, std::string_view name) {
-  const auto text = read_file(file, kMostProcBytes);
+  const auto text = read_file(file, kMaxProcBytes);
   if (!text) return std::nullopt;
   const auto at = text->find(name);
   if (at == std::string::npos) return std::nullopt;
@@ -54,7 +54,7 @@ std::uint64_t cgroup_memory_left() {
     const auto limit = number_of_file(folder / most), now = number_of_file(folder / used);
     if (limit && now) left = std::min(left, *limit - std::min(*limit, *now));
   };
-  const auto groups = read_file("/proc/self/cgroup", kMostProcBytes);
+  const auto groups = read_file("/proc/self/cgroup", kMaxProcBytes);
   std::string_view rest = groups ? std::string_view(*groups) : std::string_view();
   while (!rest.empty()) {
     // "0::/path", or "4:memory:/path"
@@ -78,14 +78,14 @@ std::uint64_t taken() {
   return line_bytes("/proc/self/status", "VmRSS:").value_or(0);
 }
 
-std::uint64_t most_memory() {
+std::uint64_t max_memory() {
   static const std::uint64_t by_default = [] {
     const std::uint64_t machine = line_bytes("/proc/meminfo", "MemAvailable:")
                                       .value_or(static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
                                                 static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)));
     return taken() + std::min(machine, cgroup_memory_left()) / 2;
   }();
-  const std::uint64_t chosen = the_limits().most_memory_bytes;
+  const std::uint64_t chosen = the_limits().max_memory_bytes;
   return chosen > 0 ? chosen : by_default;
 }
 
@@ -100,7 +100,7 @@ const ReadingLimits& reading_limits() {
 }
 
 Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
-  const std::uint64_t most = most_memory(), now = taken();
+  const std::uint64_t most = max_memory(), now = taken();
   if (more_bytes <= most - std::min(most, now)) return {};
   // Margin so that the suggested limit suffices: resident memory differs by some MiB between runs of one
   // program.

@@ -31,7 +31,7 @@ TEST_F(ReadingTest, AmountsAreReadAsTheyAreWritten) {
 }
 
 TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
-  set_reading_limits({.most_memory_bytes = 4 * kGiB});
+  set_reading_limits({.max_memory_bytes = 4 * kGiB});
   EXPECT_TRUE(allow_memory(kGiB, "a").ok());
   EXPECT_FALSE(allow_memory(4 * kGiB, "a").ok()) << "the process has some itself";
   const Error error = allow_memory(8 * kGiB, "scan.nrrd").error();
@@ -40,7 +40,7 @@ TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
   // the remedy that it names works
   const auto at = error.remedy.find("--memory ") + 9;
   set_reading_limits(
-      {.most_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});
+      {.max_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});
   EXPECT_TRUE(allow_memory(8 * kGiB, "scan.nrrd").ok());
   EXPECT_TRUE(allow_memory(8 * kGiB + (8 << 20), "scan.nrrd").ok())
       << "also where a run has taken more itself";

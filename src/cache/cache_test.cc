@@ -40,8 +40,8 @@ class CacheTest : public ::testing::Test {
   CacheTest() { use(1 << 20); }
   ~CacheTest() override { set_cache({}); }
 
-  void use(std::uint64_t most_bytes) {
-    set_cache({kept_, most_bytes, [this](const std::string& text) { warnings_.push_back(text); }});
+  void use(std::uint64_t max_bytes) {
+    set_cache({kept_, max_bytes, [this](const std::string& text) { warnings_.push_back(text); }});
   }
   fs::path file_of(const cache::Digest& key) const { return kept_ / cache::name_of_entry(key); }
   // sets the time of last use
@@ -110,7 +110,7 @@ TEST_F(CacheTest, WhatWasUsedLongestAgoGoesFirst) {
   EXPECT_TRUE(cache::find(key_of(2)));
   EXPECT_TRUE(cache::find(key_of(3)));
   EXPECT_LE(cache_contents().bytes, 3500u);
-  EXPECT_EQ(cache_contents().most_bytes, 3500u);
+  EXPECT_EQ(cache_contents().max_bytes, 3500u);
 }
 
 TEST_F(CacheTest, WhatIsLargerThanTheWholeIsNotKeptAndDrivesNothingOut) {
@@ -127,7 +127,7 @@ TEST_F(CacheTest, TakesAPartOfTheDiskAtMost) {
   cache::keep(key_of(1), bytes_of("one"));
   const auto disk = fs::space(kept_);
   const double part = kMaxCacheDiskFraction * static_cast<double>(disk.capacity);
-  EXPECT_LE(static_cast<double>(cache_contents().most_bytes), part);
+  EXPECT_LE(static_cast<double>(cache_contents().max_bytes), part);
 }
 
 TEST_F(CacheTest, IsEmptied) {
@@ -287,9 +287,9 @@ TEST_F(CacheEnvironment, SaysWhereTheFolderIs) {
 }
 
 TEST_F(CacheEnvironment, SaysHowLargeItMayBe) {
-  EXPECT_EQ(cache_settings_of_environment()->most_bytes, kDefaultCacheBytes);
+  EXPECT_EQ(cache_settings_of_environment()->max_bytes, kDefaultCacheBytes);
   ::setenv("PALPATE_CACHE_LIMIT", "800M", 1);
-  EXPECT_EQ(cache_settings_of_environment()->most_bytes, std::uint64_t{800} << 20);
+  EXPECT_EQ(cache_settings_of_environment()->max_bytes, std::uint64_t{800} << 20);
   ::setenv("PALPATE_CACHE_LIMIT", "much", 1);
   const auto refused = cache_settings_of_environment();
   ASSERT_FALSE(refused.ok());

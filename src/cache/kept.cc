@@ -95,13 +95,13 @@ std::uint64_t bytes_of_files(const std::vector<KeptFile>& files) {
 }
 
 // maximum size: the user's limit, and a fraction of the space that the disk would have free without the cache
-std::uint64_t most_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
+std::uint64_t max_bytes_of(const CacheSettings& settings, std::uint64_t taken) {
   struct statvfs disk {};
-  if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.most_bytes;
+  if (::statvfs(settings.folder.c_str(), &disk) != 0) return settings.max_bytes;
   const double free = static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
   const double part = kMaxCacheDiskFraction * (free + static_cast<double>(taken));
-  return part < static_cast<double>(settings.most_bytes) ? static_cast<std::uint64_t>(part)
-                                                         : settings.most_bytes;
+  return part < static_cast<double>(settings.max_bytes) ? static_cast<std::uint64_t>(part)
+                                                        : settings.max_bytes;
 }
 
 void warn_once(const std::string& why) {
@@ -187,8 +187,8 @@ Result<CacheSettings> cache_settings_of_environment() {
   if (!named)
     if (const fs::path home = cache_home(); !home.empty()) settings.folder = home / "palpate";
   if (const auto limit = environment_text("PALPATE_CACHE_LIMIT"); limit && !limit->empty()) {
-    settings.most_bytes = memory_bytes(*limit);
-    if (settings.most_bytes == 0)
+    settings.max_bytes = memory_bytes(*limit);
+    if (settings.max_bytes == 0)
       return Error{ErrorKind::kUsage, "'" + *limit + "' is no amount of memory", "PALPATE_CACHE_LIMIT",
                    "give one such as 800M or 8G, or leave it unset"};
   }
@@ -211,7 +211,7 @@ CacheContents cache_contents() {
   const auto files = kept_files(cache_settings().folder);
   contents.entries = files.size();
   contents.bytes = bytes_of_files(files);
-  contents.most_bytes = most_bytes_of(cache_settings(), contents.bytes);
+  contents.max_bytes = max_bytes_of(cache_settings(), contents.bytes);
   return contents;
 }
 
@@ -275,7 +275,7 @@ void keep(const Digest& key, std::span<const std::byte> payload) {
   // free the space required
   const auto files = kept_files(settings.folder);
   std::uint64_t taken = bytes_of_files(files);
-  const std::uint64_t most = most_bytes_of(settings, taken), wanted = sizeof(EntryHead) + payload.size();
+  const std::uint64_t most = max_bytes_of(settings, taken), wanted = sizeof(EntryHead) + payload.size();
   if (wanted > most) return;
   for (const KeptFile& kept : files) {
     if (taken + wanted <= most) break;

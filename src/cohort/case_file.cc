@@ -23,8 +23,8 @@ std::string hex_of(const cache::Digest& digest) {
 }  // namespace
 
 Result<std::vector<CohortCase>> load_cohort_table(const fs::path& file) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 26;
-  const auto text = read_file(file, kMostBytes);
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 26;
+  const auto text = read_file(file, kMaxBytes);
   if (!text) return text.error();
   auto cases = parse_cohort_table(*text, file.string(), file.parent_path(),
                                   [](const std::string& name) { return find_entry(name).ok(); });
@@ -68,8 +68,8 @@ fs::path case_folder(const fs::path& cohort, int number) {
 }
 
 std::optional<CaseResult> find_case(const fs::path& cohort, int number, const std::string& key) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 26;
-  const auto text = read_file(case_folder(cohort, number) / "result.json", kMostBytes);
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 26;
+  const auto text = read_file(case_folder(cohort, number) / "result.json", kMaxBytes);
   if (!text) return std::nullopt;
   auto result = parse_case_json(*text);
   if (!result || result->key != key) return std::nullopt;

@@ -112,9 +112,9 @@ void add_beside(const std::string& role, const fs::path& labels, const fs::path&
 
 /// What a scene names that is not understood: an error of it may quote that.
 void add_named_in_broken(const fs::path& scene, Files& all) {
-  constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 20;
   if (in_small_letters(scene.extension().string()) != ".toml") return;
-  const auto text = read_file(scene, kMostBytes);
+  const auto text = read_file(scene, kMaxBytes);
   if (!text) return;
   for (std::size_t at = 0; at < text->size();) {
     const std::size_t end = std::min(text->find('\n', at), text->size());

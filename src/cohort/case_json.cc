@@ -39,7 +39,7 @@ std::string case_json(const CaseResult& result) {
 }
 
 std::optional<CaseResult> parse_case_json(std::string_view text) try {
-  constexpr std::size_t kMostStructures = 65'536, kMostNotes = 10'000;
+  constexpr std::size_t kMaxStructures = 65'536, kMaxNotes = 10'000;
   const std::optional<Json> parsed = Json::parse(text);
   if (!parsed) return std::nullopt;
   const Json& json = *parsed;
@@ -72,7 +72,7 @@ std::optional<CaseResult> parse_case_json(std::string_view text) try {
     one.peak_force_N = maybe(s.at("peak_force_N"));
     result.structures.push_back(std::move(one));
   }
-  if (result.structures.size() > kMostStructures || result.notes.size() > kMostNotes) return std::nullopt;
+  if (result.structures.size() > kMaxStructures || result.notes.size() > kMaxNotes) return std::nullopt;
   return result;
 } catch (const JsonError&) {
   return std::nullopt;

@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
-constexpr std::size_t kMostVoxelsDrawn = std::size_t{1} << 28;
+constexpr std::size_t kMaxVoxelsDrawn = std::size_t{1} << 28;
 constexpr int kPicture_px = 320;
 constexpr double kHeld_s = 0.1;
 
@@ -156,7 +156,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     if (auto checked = check_structures(model, result, progress); !checked) return checked;
     times.check_s = clock.lap();
 
-    if (model.labels->geometry().voxel_count() <= kMostVoxelsDrawn) {
+    if (model.labels->geometry().voxel_count() <= kMaxVoxelsDrawn) {
       const auto png = volume_thumbnail(model, kPicture_px, progress);
       if (!png) return png.error();
       if (auto written =

@@ -183,8 +183,8 @@ Result<std::vector<CohortCase>> parse_cohort_table(
     if (one.name.empty()) one.name = std::to_string(cases.size() + 1);
     if (!names.insert(one.name).second)
       return at_line(source, number, "there are two cases \"" + one.name + "\"");
-    if (cases.size() == kMostCases)
-      return at_line(source, number, "there are more than " + std::to_string(kMostCases) + " cases");
+    if (cases.size() == kMaxCases)
+      return at_line(source, number, "there are more than " + std::to_string(kMaxCases) + " cases");
     cases.push_back(std::move(one));
   }
   if (cases.empty())

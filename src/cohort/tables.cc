@@ -170,9 +170,8 @@ std::string cohort_page(const CohortResults& cohort, const fs::path& folder, con
     row.values = cells_of_case(shown);
     for (const std::string& name : structures)
       for (const double value : cells_of_structure(shown, name)) row.values.push_back(value);
-    constexpr std::size_t kMostPicture = std::size_t{1} << 22;
-    if (const auto png =
-            read_file(case_folder(folder, static_cast<int>(n) + 1) / "picture.png", kMostPicture);
+    constexpr std::size_t kMaxPicture = std::size_t{1} << 22;
+    if (const auto png = read_file(case_folder(folder, static_cast<int>(n) + 1) / "picture.png", kMaxPicture);
         png && result)
       row.picture_png.assign(png->begin(), png->end());
     page.rows.push_back(std::move(row));

@@ -8,12 +8,12 @@ namespace {
 
 constexpr std::int64_t kHeld_ns = static_cast<std::int64_t>(InterpolatedPose::kHeld_s * 1e9);
 // interval between updates: 4 ms for a page that redraws 250 times a second, 33 ms at rest
-constexpr std::int64_t kLeastInterval_ns = 4'000'000, kMostInterval_ns = 40'000'000;
+constexpr std::int64_t kMinInterval_ns = 4'000'000, kMaxInterval_ns = 40'000'000;
 
 }  // namespace
 
 void InterpolatedPose::tell(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
-                   std::int64_t at_ns) noexcept {
+                            std::int64_t at_ns) noexcept {
   PALPATE_CHECK(tip.all_finite() && R_DeviceTool.coeffs().allFinite());
   messages_.post({{tip, R_DeviceTool}, at_ns, true});
 }
@@ -38,9 +38,8 @@ void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
   from_ = comes_back ? message.place : place_at(now_ns);
   from_ns_ = now_ns;
   to_ = message.held ? message.place : from_;
-  const std::int64_t interval_ns =
-      std::clamp(message.at_ns - last_.at_ns, kLeastInterval_ns, kMostInterval_ns);
-  const double way_ns = (to_.tip - from_.tip).norm() / kMostSpeed_mm_s * 1e9;
+  const std::int64_t interval_ns = std::clamp(message.at_ns - last_.at_ns, kMinInterval_ns, kMaxInterval_ns);
+  const double way_ns = (to_.tip - from_.tip).norm() / kMaxSpeed_mm_s * 1e9;
   to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(way_ns, 1e18)));
   last_ = message;
 }

@@ -166,7 +166,7 @@ TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
   for (std::size_t n = 1; n < seen.size(); ++n) {
     const double dt_s = static_cast<double>(seen[n].at_ns - seen[n - 1].at_ns) * 1e-9;
     const double step_mm = (seen[n].tip - seen[n - 1].tip).norm();
-    EXPECT_LE(step_mm, InterpolatedPose::kMostSpeed_mm_s * (dt_s + 1e-3)) << n;
+    EXPECT_LE(step_mm, InterpolatedPose::kMaxSpeed_mm_s * (dt_s + 1e-3)) << n;
   }
   EXPECT_EQ(seen.back().tip.x(), 300);
 }

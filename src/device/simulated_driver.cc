@@ -52,7 +52,7 @@ void SimulatedDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
     // advance the simulation to the current time under the last command
     const std::int64_t now_ns = now_();
     lead_hand(now_ns);
-    const double passed_s = std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, kMostAdvance_s);
+    const double passed_s = std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, kMaxAdvance_s);
     if (passed_s > 0) device_.advance(halted_ ? DeviceCommand{} : commands[0], passed_s);
     last_ns_ = now_ns;
 

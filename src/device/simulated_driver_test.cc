@@ -148,8 +148,8 @@ TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
   for (std::size_t n = 1; n < servo.samples().size(); ++n) {
     const double dt_s =
         static_cast<double>(servo.samples()[n].taken_ns - servo.samples()[n - 1].taken_ns) * 1e-9;
-    felt_s += std::min(dt_s, SimulatedDriver::kMostAdvance_s);
-    stalled_s += std::max(0.0, dt_s - SimulatedDriver::kMostAdvance_s);
+    felt_s += std::min(dt_s, SimulatedDriver::kMaxAdvance_s);
+    stalled_s += std::max(0.0, dt_s - SimulatedDriver::kMaxAdvance_s);
   }
   EXPECT_GT(stalled_s, 0.025);
   const double speed_mm_s = driver.device().true_velocity_mm_s().y();

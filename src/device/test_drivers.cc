@@ -40,7 +40,7 @@ DeviceSample RealTimePlant::advance(const DeviceCommand& acting) {
   const std::int64_t now_ns = monotonic_ns();
   // limits the catch-up after a long stall, which would otherwise delay every later update further
   const double passed_s =
-      std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, SimulatedDriver::kMostAdvance_s);
+      std::min(static_cast<double>(now_ns - last_ns_) * 1e-9, SimulatedDriver::kMaxAdvance_s);
   if (passed_s > 0) device_.advance(acting, passed_s);
   last_ns_ = now_ns;
   DeviceSample sample = device_.read();

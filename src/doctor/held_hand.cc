@@ -30,7 +30,7 @@ constexpr double kSlow_s = 0.008;
 constexpr double kSteps = 4, kLeast_mm = 0.03;
 // it does not die away
 constexpr double kStays = 0.7;
-constexpr double kMostWay_mm = 15, kMostSpeed_mm_s = 500, kMostAge_s = 0.01, kMostRest_mm = 3;
+constexpr double kMaxWay_mm = 15, kMaxSpeed_mm_s = 500, kMaxAge_s = 0.01, kMaxRest_mm = 3;
 constexpr double kFuture_s = 0.001;
 // speed is that of so long: a step of the encoder within one tick is none
 constexpr std::int64_t kSpeedOver_ns = 8'000'000, kPlaceEach_ns = 250'000;
@@ -41,7 +41,7 @@ constexpr auto kLook = std::chrono::milliseconds(1);
 constexpr std::int64_t kSettles_ns = 100'000'000;
 // and one that ends takes no longer
 constexpr std::int64_t kEnds_ns = 5'000'000'000;
-constexpr double kMostSpring_N_per_mm = 5;
+constexpr double kMaxSpring_N_per_mm = 5;
 
 /// Even ticks of the thread that waits.
 class EvenClock final : public ServoClock {
@@ -257,7 +257,7 @@ void HeldHandTrial::update(std::span<const DeviceSample> samples,
 HeldHandTrial::Ended HeldHandTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
                                              std::int64_t before_ns) const {
   const double age_s = 1e-9 * static_cast<double>(now_ns - sample.taken_ns);
-  if (age_s > kMostAge_s) return Ended::kOld;
+  if (age_s > kMaxAge_s) return Ended::kOld;
   if (age_s < -kFuture_s) return Ended::kTimes;
   if (!begun_.load())
     return 1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s ? Ended::kNotReady : Ended::kNot;
@@ -274,7 +274,7 @@ bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_m
   }
   const bool fast = kept_ > 0 && taken_ns - places_[oldest_].taken_ns >= kSpeedOver_ns &&
                     (tip_mm - places_[oldest_].tip_mm).norm() >
-                        kMostSpeed_mm_s * 1e-9 * static_cast<double>(taken_ns - places_[oldest_].taken_ns);
+                        kMaxSpeed_mm_s * 1e-9 * static_cast<double>(taken_ns - places_[oldest_].taken_ns);
   const std::size_t newest = (oldest_ + kept_ + places_.size() - 1) % places_.size();
   if (kept_ == 0 || taken_ns - places_[newest].taken_ns >= kPlaceEach_ns) {
     places_[(oldest_ + kept_) % places_.size()] = {taken_ns, tip_mm};
@@ -286,17 +286,17 @@ bool HeldHandTrial::too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_m
 Eigen::Vector3d HeldHandTrial::force(const DeviceSample& sample, double time_s) {
   const Eigen::Vector3d& tip_mm = sample.tip.eigen();
   const double steps =
-      std::log(settings_.most_N_per_mm / settings_.first_N_per_mm) / std::log(settings_.growth);
+      std::log(settings_.max_N_per_mm / settings_.first_N_per_mm) / std::log(settings_.growth);
   part_done_.store(
       std::min(1.0, time_s / (kRest_s + kPushed_s + kSettle_s + std::max(1.0, steps) * kSpring_s)));
   if (time_s < kRest_s) {
     rest_mm_ += (tip_mm - rest_mm_) / static_cast<double>(++rested_);
     first_rest_mm_ = rest_mm_;
-    if ((tip_mm - rest_mm_).norm() > kMostRest_mm) end(Ended::kMoved);
+    if ((tip_mm - rest_mm_).norm() > kMaxRest_mm) end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
   // where it rested first, too: a spring's rest goes with the hand
-  if ((tip_mm - rest_mm_).norm() > kMostWay_mm || (tip_mm - first_rest_mm_).norm() > kMostWay_mm) {
+  if ((tip_mm - rest_mm_).norm() > kMaxWay_mm || (tip_mm - first_rest_mm_).norm() > kMaxWay_mm) {
     end(Ended::kMoved);
     return Eigen::Vector3d::Zero();
   }
@@ -355,8 +355,8 @@ void HeldHandTrial::judge() {
     return end(Ended::kDone);
   }
   held_N_per_mm_ = stiffness_N_per_mm_;
-  if (stiffness_N_per_mm_ >= settings_.most_N_per_mm) return end(Ended::kDone);
-  stiffness_N_per_mm_ = std::min(settings_.most_N_per_mm, stiffness_N_per_mm_ * settings_.growth);
+  if (stiffness_N_per_mm_ >= settings_.max_N_per_mm) return end(Ended::kDone);
+  stiffness_N_per_mm_ = std::min(settings_.max_N_per_mm, stiffness_N_per_mm_ * settings_.growth);
   early_mm2_ = late_mm2_ = late_most_mm_ = 0;
   early_ = late_ = 0;
 }
@@ -449,8 +449,8 @@ Result<HeldHandFigures> try_held_hand(DeviceDriver& driver, const HeldHandSettin
                                       const Progress& progress) {
   PALPATE_CHECK(settings.most_force_N > 0 && settings.most_force_N <= 1 && settings.rate_hz >= 250 &&
                 settings.rate_hz <= 10000 && settings.first_N_per_mm > 0 && settings.growth > 1 &&
-                settings.most_N_per_mm >= settings.first_N_per_mm &&
-                settings.most_N_per_mm <= kMostSpring_N_per_mm);
+                settings.max_N_per_mm >= settings.first_N_per_mm &&
+                settings.max_N_per_mm <= kMaxSpring_N_per_mm);
   if (auto opened = driver.open(false); !opened) return opened.error();
   const DeviceInfo info = driver.devices()[0];
   const double rate_hz =

@@ -226,7 +226,7 @@ TEST(HeldHand, IsTriedOnTheRealClock) {
   settings.realtime = false;
   settings.growth = 2;
   settings.first_N_per_mm = 0.2;
-  settings.most_N_per_mm = 0.4;
+  settings.max_N_per_mm = 0.4;
   const auto figures = try_held_hand(driver, settings);
   // a machine with much else to do may be late, or tell the plant of its force late, and says so
   if (!figures) {

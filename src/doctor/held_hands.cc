@@ -12,8 +12,8 @@ namespace palpate {
 namespace {
 
 // what a trial can find: its springs, its delays, and loops of 250 Hz and more
-constexpr double kLeastHeld_N_per_mm = 1e-3, kMostHeld_N_per_mm = 5, kMostDelaySaid_s = 0.02;
-constexpr double kLeastRate_hz = 250, kMostRate_hz = 20'000;
+constexpr double kMinHeld_N_per_mm = 1e-3, kMaxHeld_N_per_mm = 5, kMaxDelaySaid_s = 0.02;
+constexpr double kMinRate_hz = 250, kMaxRate_hz = 20'000;
 // a session's rate is met but for this part
 constexpr double kRatePlay = 0.9;
 
@@ -34,11 +34,11 @@ std::optional<double> number_of(std::string_view word, double least, double most
 
 std::optional<HeldHandFigures> figures_of(std::string_view line) {
   HeldHandFigures figures;
-  const auto rate_hz = number_of(word_of(line), kRatePlay * kLeastRate_hz, kMostRate_hz),
-             delay_s = number_of(word_of(line), 0, kMostDelaySaid_s),
-             held = number_of(word_of(line), kLeastHeld_N_per_mm, kMostHeld_N_per_mm);
+  const auto rate_hz = number_of(word_of(line), kRatePlay * kMinRate_hz, kMaxRate_hz),
+             delay_s = number_of(word_of(line), 0, kMaxDelaySaid_s),
+             held = number_of(word_of(line), kMinHeld_N_per_mm, kMaxHeld_N_per_mm);
   const std::string_view swings_word = word_of(line);
-  const auto swings = number_of(swings_word, kLeastHeld_N_per_mm, kMostHeld_N_per_mm);
+  const auto swings = number_of(swings_word, kMinHeld_N_per_mm, kMaxHeld_N_per_mm);
   if (!rate_hz || !delay_s || !held || (!swings && swings_word != "-") || line.empty()) return std::nullopt;
   // a name that needs it was not written so
   if (swings.value_or(*held) < *held || printable_name(line) != line) return std::nullopt;

@@ -10,9 +10,9 @@ namespace {
 
 constexpr const char* kComputer = "this computer";
 // the supervisor's, which is the highest that is asked for
-constexpr int kMostPriority = 95;
+constexpr int kMaxPriority = 95;
 // a timer that is later than this often is felt as roughness
-constexpr double kLeastOnTime = 0.99;
+constexpr double kMinOnTime = 0.99;
 
 // the first line of a small file of the kernel's; empty where there is none
 std::string line_of(const std::filesystem::path& file) {
@@ -42,7 +42,7 @@ std::string rights_cure(const std::string& user) {
 
 DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user) {
   DoctorLine line{kComputer, "priority over other programs", Finding::kFine, grant.scheduler, ""};
-  if (grant.fifo && grant.priority >= kMostPriority) {
+  if (grant.fifo && grant.priority >= kMaxPriority) {
     line.found = "granted (" + grant.scheduler + ")";
     return line;
   }
@@ -113,7 +113,7 @@ DoctorLine timer_line(const TimerFigures& timer, bool realtime) {
                 "came were late by %.0f microseconds in the middle, %.0f or more in 1 of 100, %.0f at most",
                 100 * timer.on_time, timer.rate_hz, timer.seconds, timer.p50_us, timer.p99_us, timer.max_us);
   DoctorLine line{kComputer, "punctuality", Finding::kFine, text, ""};
-  if (timer.on_time >= kLeastOnTime) return line;
+  if (timer.on_time >= kMinOnTime) return line;
   line.finding = Finding::kMissing;
   line.cure = realtime
                   ? "close other programs, and look whether the computer is a virtual machine: use one of "

@@ -95,13 +95,13 @@ TEST(DhdFaultsAlone, OneThatDoesNotHearForcesIsSwitchedOff) {
   rig.device.deaf = true;
   EXPECT_TRUE(soon([&] { return rig.device.force_N == 0 && !rig.device.forces_on; }));
   // it is opened anew again and again, and never pushes
-  std::atomic<double> most_N{0};
+  std::atomic<double> max_N{0};
   const int opened = rig.device.opened;
   EXPECT_TRUE(soon([&] {
-    most_N = std::max(most_N.load(), rig.device.force_N.load());
+    max_N = std::max(max_N.load(), rig.device.force_N.load());
     return rig.device.opened > opened + 1;
   }));
-  EXPECT_EQ(most_N, 0);
+  EXPECT_EQ(max_N, 0);
   rig.device.deaf = false;
   EXPECT_TRUE(rig.presses());
   rig.end();

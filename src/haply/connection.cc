@@ -30,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 constexpr auto kConnectPatience = std::chrono::seconds(2);
 constexpr auto kSendPatience = std::chrono::milliseconds(10);
 // more than the state of as many devices as there may be
-constexpr std::size_t kMostMessage_bytes = 64 << 10, kMostAnswer_bytes = 8 << 10;
+constexpr std::size_t kMaxMessage_bytes = 64 << 10, kMaxAnswer_bytes = 8 << 10;
 
 Clock::time_point at(std::int64_t ns) {
   return Clock::time_point(std::chrono::nanoseconds(ns));
@@ -135,7 +135,7 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
   }
   beast::flat_buffer buffer;
   beast::http::response_parser<beast::http::string_body> answer;
-  answer.body_limit(kMostAnswer_bytes);
+  answer.body_limit(kMaxAnswer_bytes);
   beast::http::read(socket, buffer, answer, error);
   return !error && answer.get().result() == beast::http::status::ok ? answer.get().body() : "";
 } catch (const TimedSocket::NothingYet&) {
@@ -174,7 +174,7 @@ class Connection::Stream {
   bool open(const HaplySettings& settings, std::uint16_t port) try {
     if (!stream_.next_layer().connect(settings.host, port, Clock::now() + kConnectPatience)) return false;
     boost::system::error_code error;
-    stream_.read_message_max(kMostMessage_bytes);
+    stream_.read_message_max(kMaxMessage_bytes);
     stream_.handshake(settings.host + ":" + std::to_string(port), "/", error);
     return !error;
   } catch (const TimedSocket::NothingYet&) {

@@ -35,11 +35,11 @@ constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chr
 constexpr auto kLostPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kLastZero_ns = 20'000'000;
 // answers that say nothing, one after the other, until another connection is looked for
-constexpr int kMostBroken = 20;
+constexpr int kMaxBroken = 20;
 // events that are listened to before anything else is looked at
-constexpr int kMostEvents = 100;
+constexpr int kMaxEvents = 100;
 // states nobody asked for that are read before a request, and how long that may take
-constexpr int kMostDrained = 256;
+constexpr int kMaxDrained = 256;
 constexpr std::int64_t kDraining_ns = 500'000;
 // half an edge of the largest cube in the ball of 100 mm that can be reached
 constexpr double kHalfReach_mm = 57.7;
@@ -260,7 +260,7 @@ class HaplyDriver::Core {
     adopt(std::move(*found));
     const auto round_trip_s = measure();
     if (!round_trip_s) return error_for(trouble_.load(), "haply");
-    describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.most_rate_hz));
+    describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.max_rate_hz));
     try {
       finder_ = std::thread([this] { look_for_service(); });
     } catch (const std::system_error& error) {
@@ -300,7 +300,7 @@ class HaplyDriver::Core {
   bool exchange() {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
-          std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.most_rate_hz) - monotonic_ns())));
+          std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
       if (!drain()) return lose(Trouble::kLost);
       if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Trouble::kLost);
     } else if (!zero_asked_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
@@ -327,7 +327,7 @@ class HaplyDriver::Core {
     const std::int64_t begun_ns = monotonic_ns();
     for (int count = 0;; ++count) {
       const std::int64_t looked_ns = monotonic_ns();
-      if (count == kMostDrained || looked_ns > begun_ns + kDraining_ns) {
+      if (count == kMaxDrained || looked_ns > begun_ns + kDraining_ns) {
         pace_.doubt(looked_ns);
         return true;
       }
@@ -359,7 +359,7 @@ class HaplyDriver::Core {
     const auto state = haply::parse_state(text_);
     if (!state) {
       for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
-      if (++broken_ >= kMostBroken) return lose(Trouble::kBroken);
+      if (++broken_ >= kMaxBroken) return lose(Trouble::kBroken);
       note(Trouble::kBroken);
       return true;
     }
@@ -507,7 +507,7 @@ class HaplyDriver::Core {
       events_ = *std::move(events);
     }
     std::string text;
-    for (int n = 0; n < kMostEvents; ++n) {
+    for (int n = 0; n < kMaxEvents; ++n) {
       const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
       if (received == Connection::Received::kLost) events_.reset();
       if (received != Connection::Received::kMessage) return;

@@ -51,7 +51,7 @@ TEST(HaplyDriver, SaysWhatItIs) {
   EXPECT_EQ(info.peak_force_N, 3);
   EXPECT_FALSE(info.stiffness_N_per_mm) << "the maker states none";
   ASSERT_TRUE(info.rate_hz);
-  EXPECT_LE(*info.rate_hz, HaplySettings{}.most_rate_hz);
+  EXPECT_LE(*info.rate_hz, HaplySettings{}.max_rate_hz);
   EXPECT_GT(*info.rate_hz, 0);
   EXPECT_EQ(info.degrees_of_freedom_in, 6);
   ASSERT_TRUE(info.workspace);

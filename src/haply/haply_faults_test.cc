@@ -131,11 +131,11 @@ class Ages final : public ServoFunction {
     if (sample.fault || sample.taken_ns == last_ns_) return;
     last_ns_ = sample.taken_ns;
     const double said_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
-    most_ms = std::max(most_ms.load(), said_ms - sample.tip.z());
+    max_ms = std::max(max_ms.load(), said_ms - sample.tip.z());
     ++fresh;
   }
   std::atomic<int> updates{0}, fresh{0};
-  std::atomic<double> most_ms{0};
+  std::atomic<double> max_ms{0};
 
  private:
   std::int64_t last_ns_ = 0;
@@ -164,7 +164,7 @@ class HaplyPace : public ::testing::Test {
   }
 
   void expect_no_state_is_older_than_said() {
-    EXPECT_LT(ages_.most_ms, kTransport_ms + service_.most_late_ms());
+    EXPECT_LT(ages_.max_ms, kTransport_ms + service_.max_late_ms());
   }
 
   FakeInverseService service_;

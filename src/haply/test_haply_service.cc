@@ -247,8 +247,8 @@ class FakeInverseService::Session {
     hoard_.clear();
     const bool fine = socket_.write_raw(frames);
     if (at_once)
-      service_.most_late_ms_ =
-          std::max(service_.most_late_ms_.load(), 1e-6 * static_cast<double>(monotonic_ns() - made_ns));
+      service_.max_late_ms_ =
+          std::max(service_.max_late_ms_.load(), 1e-6 * static_cast<double>(monotonic_ns() - made_ns));
     return fine;
   }
 

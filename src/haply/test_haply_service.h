@@ -62,7 +62,7 @@ class FakeInverseService {
   std::uint64_t messages() const { return messages_; }
   std::string last_message() const;
   /// The longest that a state which it did not hoard took into the socket, on a machine that has much to do.
-  double most_late_ms() const { return most_late_ms_; }
+  double max_late_ms() const { return max_late_ms_; }
   int connections() const { return connections_; }
 
   static constexpr std::int64_t kIdle_ns = 20'000'000;
@@ -92,7 +92,7 @@ class FakeInverseService {
   DeliveryLog delivered_;
   std::atomic<int> violations_{0}, connections_{0};
   std::atomic<std::uint64_t> messages_{0};
-  std::atomic<double> force_N_{0}, most_late_ms_{0};
+  std::atomic<double> force_N_{0}, max_late_ms_{0};
 };
 
 }  // namespace palpate::testing

@@ -44,7 +44,7 @@ TEST(ActingForce, IsTheMeanOfWhatActedHoweverTheTicksCome) {
 // The delay changes from tick to tick with late ticks and detected oscillations; the impulse must be
 // conserved.
 TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
-  for (const double least_s : {0.0, 1e-3, 4e-3})
+  for (const double min_s : {0.0, 1e-3, 4e-3})
     for (const double tick_s : {1e-4, 1e-3, 4e-3}) {
       std::mt19937 random(7);
       std::uniform_real_distribution<double> longer(0, 6e-3), part(0.5, 1.5);
@@ -52,10 +52,10 @@ TEST(ActingForce, OfASteadyForceNothingIsLostWhenTheDelayChanges) {
       double time_s = 0;
       for (int n = 0; n < 1000; ++n) {
         const double dt_s = n % 50 == 49 ? 8 * tick_s : tick_s * part(random);
-        const double delay_s = least_s + (n % 3 == 0 ? longer(random) : 0);
+        const double delay_s = min_s + (n % 3 == 0 ? longer(random) : 0);
         const Vector<World> acted = follow_delay(Vector<World>(0, 0, 2), dt_s, delay_s, line);
         // after the delay has passed
-        if (time_s > least_s + 10e-3) {
+        if (time_s > min_s + 10e-3) {
           ASSERT_NEAR(acted.z(), 2, 1e-9) << n << ": " << delay_s << " s, tick of " << dt_s;
         }
         time_s += dt_s;

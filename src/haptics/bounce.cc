@@ -14,7 +14,7 @@ double limit_rebound_N(const BounceInput& input, BounceState& state) {
     state.fell_mm_s = -input.speed_mm_s;
     return kNone;
   }
-  if (state.fell_mm_s < kBounceFeel.least_steps_per_s * input.step_mm) return kNone;
+  if (state.fell_mm_s < kBounceFeel.min_steps_per_s * input.step_mm) return kNone;
   if (state.time_s >= kBounceFeel.longest_s) return kNone;
 
   // the force was constant during the tick
@@ -33,7 +33,7 @@ double limit_rebound_N(const BounceInput& input, BounceState& state) {
   const double lightness_mm_s_per_N_s = state.back_N_s2_mm / state.squares_N2_s4;
   const double out_mm_s =
       (state.push_N_s + std::max(0.0, input.pending_N_s)) * lightness_mm_s_per_N_s - state.fell_mm_s;
-  const double left_mm_s = kBounceFeel.most_out * state.fell_mm_s - out_mm_s;
+  const double left_mm_s = kBounceFeel.max_out * state.fell_mm_s - out_mm_s;
   return std::max(0.0, left_mm_s) / (lightness_mm_s_per_N_s * input.dt_s);
 }
 

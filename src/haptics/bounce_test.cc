@@ -39,12 +39,12 @@ struct Falling {
       const double asked_N = stiffness_N_per_mm * std::max(0.0, wall_mm - read_mm);
       const double acting_N = sent_N;  // of the previous tick
       if (asked_N > 0 && n > 10) {
-        const double most_N =
-            limit_rebound_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01,
-                                    step_mm, acting_N * kBounceTick_s, kBounceTick_s},
-                                   state);
-        sent_N = acts ? std::min(asked_N, most_N) : asked_N;
-        limited += most_N < asked_N;
+        const double max_N =
+            limit_rebound_N({before_N, read_mm - read_before_mm, (read_mm - seen_mm[10]) / 0.01, step_mm,
+                             acting_N * kBounceTick_s, kBounceTick_s},
+                            state);
+        sent_N = acts ? std::min(asked_N, max_N) : asked_N;
+        limited += max_N < asked_N;
       } else {
         state = {};
         sent_N = 0;
@@ -111,9 +111,9 @@ TEST(Bounce, ItIsOverAfterAWhile) {
   int last = 0;
   for (int n = 0; n < 100; ++n) {
     const BounceInput input{2, n < 5 ? -0.05 : 0, -fell_mm_s, step_mm, 2e-3, kBounceTick_s};
-    const double most_N = limit_rebound_N(input, state);
-    EXPECT_GE(most_N, 0);
-    if (most_N < kNone) last = n;
+    const double max_N = limit_rebound_N(input, state);
+    EXPECT_GE(max_N, 0);
+    if (max_N < kNone) last = n;
   }
   EXPECT_GT(last, 5);
   EXPECT_LE(last * kBounceTick_s, kBounceFeel.longest_s + kBounceTick_s);
@@ -125,8 +125,7 @@ TEST(Bounce, WhatMovesAsItWouldWithoutForceShowsNoWeight) {
     EXPECT_EQ(limit_rebound_N({3, -0.1, -100, 0.03, 3e-3, kBounceTick_s}, state), kNone) << n;
   BounceState pushed;
   for (int n = 0; n < 30; ++n)
-    EXPECT_EQ(limit_rebound_N({3, -0.2, -100, 0.03, 3e-3, kBounceTick_s}, pushed), kNone)
-        << "by a hand";
+    EXPECT_EQ(limit_rebound_N({3, -0.2, -100, 0.03, 3e-3, kBounceTick_s}, pushed), kNone) << "by a hand";
 }
 
 }  // namespace

@@ -37,9 +37,9 @@ class RowSearch {
     if (first > last) return;
     const int middle = (first + last) / 2;
     const double distance_mm = look(middle);
-    const double least_mm = distance_mm - rise_mm_ * (last - middle);
-    if (least_mm > std::min(enough_mm_, nearest_.distance_mm)) {
-      if (last > first) left_out_mm_ = std::min(left_out_mm_, least_mm);
+    const double min_mm = distance_mm - rise_mm_ * (last - middle);
+    if (min_mm > std::min(enough_mm_, nearest_.distance_mm)) {
+      if (last > first) left_out_mm_ = std::min(left_out_mm_, min_mm);
       return;
     }
     search(first, middle - 1);
@@ -73,7 +73,7 @@ int row_steps(const ToolSphere& sphere) {
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm =
-      std::max(kProxyFeel.least_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.row_dip_mm));
+      std::max(kProxyFeel.min_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxyFeel.row_dip_mm));
   return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
 }
 
@@ -103,11 +103,11 @@ double middle_of_touching(const Surface& surface, const Point<Patient>& centre, 
     ++looks;
     return distance_of_step(surface, centre, shape, steps, at);
   };
-  const double least_mm = distance_mm(step);
+  const double min_mm = distance_mm(step);
   double all = 1, sum = step;
   for (const int way : {-1, 1}) {
     for (int at = step + way; at >= 0 && at <= steps; at += way) {
-      const double weight = 1 - std::abs(distance_mm(at) - least_mm) / beside_mm;
+      const double weight = 1 - std::abs(distance_mm(at) - min_mm) / beside_mm;
       if (weight <= 0) break;
       all += weight;
       sum += weight * at;

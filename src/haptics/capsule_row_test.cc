@@ -60,20 +60,20 @@ TEST(CapsuleRow, TheNearestIsThatOfAllItsSpheres) {
     const double enough_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
     const int begin = static_cast<int>(unit(random) * steps);
 
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     const auto at_step = [&](int step) {
       const double part = static_cast<double>(step) / steps;
       return surface.distance_mm(centre + along_mm * part) - shape.widens_mm * part;
     };
-    for (int step = 0; step <= steps; ++step) least_mm = std::min(least_mm, at_step(step));
+    for (int step = 0; step <= steps; ++step) min_mm = std::min(min_mm, at_step(step));
     const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, enough_mm, looks);
     all += steps + 1;
     if (nearest.distance_mm <= enough_mm) {
-      ASSERT_EQ(nearest.distance_mm, least_mm);
-      ASSERT_EQ(at_step(nearest.step), least_mm);
+      ASSERT_EQ(nearest.distance_mm, min_mm);
+      ASSERT_EQ(at_step(nearest.step), min_mm);
     } else {
-      ASSERT_GT(least_mm, enough_mm);
-      ASSERT_LE(nearest.distance_mm, least_mm + 1e-12);
+      ASSERT_GT(min_mm, enough_mm);
+      ASSERT_LE(nearest.distance_mm, min_mm + 1e-12);
       ++bounds;
     }
   }

@@ -20,7 +20,7 @@ Model three_tissues() {
 TEST(Colours, TheScenesTissueCountsBeforeTheFilesSegmentAndThatBeforeTheTissue) {
   Model model = three_tissues();
   apply_tissue_colours(model.segments, model.tissue_of_label,
-                          std::vector<std::optional<Rgb>>{kOfScene, {}, {}});
+                       std::vector<std::optional<Rgb>>{kOfScene, {}, {}});
   EXPECT_EQ(colour_of(model, 2), kOfScene);
   EXPECT_EQ(colour_of(model, 3), kOfOther);
   EXPECT_EQ(colour_of(model, 4), kOfTissue) << "a label without a segment";

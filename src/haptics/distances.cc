@@ -60,15 +60,15 @@ class NearestOfTool {
 
   // bisects the interval with the smallest lower bound until it cannot contain a nearer point
   void look_between(const ToolSphere& sphere, double whole_mm) {
-    while (count_ < kMostAlong) {
-      const auto least_mm = [&](std::size_t n) {
+    while (count_ < kMaxAlong) {
+      const auto min_mm = [&](std::size_t n) {
         const Place &from = place_[n], &to = place_[n + 1];
         return 0.5 * (from.distance_mm + to.distance_mm - (to.part - from.part) * whole_mm);
       };
       std::size_t next = 0;
       for (std::size_t n = 1; n + 1 < count_; ++n)
-        if (least_mm(n) < least_mm(next)) next = n;
-      if (!(least_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
+        if (min_mm(n) < min_mm(next)) next = n;
+      if (!(min_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
       const double half = 0.5 * (place_[next + 1].part - place_[next].part);
       look_at(sphere, place_[next].part + half, half * whole_mm);
     }
@@ -99,7 +99,7 @@ class NearestOfTool {
   const SurfaceTree& tree_;
   const Point<Patient> tip_;
   const double within_mm_;
-  std::array<Place, kMostAlong> place_{};
+  std::array<Place, kMaxAlong> place_{};
   std::size_t count_ = 0;
   ToolDistance nearest_;
   bool found_ = false;
@@ -148,10 +148,10 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
   return box;
 }
 
-std::array<NearStructure, kMostNearReported> nearest_structures(const Distances& distances,
-                                                            std::span<const ToolSphere> spheres,
-                                                            const Point<Patient>& tip) {
-  std::array<NearStructure, kMostNearReported> told;
+std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
+                                                               std::span<const ToolSphere> spheres,
+                                                               const Point<Patient>& tip) {
+  std::array<NearStructure, kMaxNearReported> told;
   const ToolBox tool = box_of_tool(spheres, tip);
   const std::vector<TrackedStructure>& structures = distances.structures();
   std::size_t count = 0;
@@ -162,8 +162,8 @@ std::array<NearStructure, kMostNearReported> nearest_structures(const Distances&
     const double ring_mm = part * distances.reach_mm();
     for (std::size_t s = 0; s < structures.size(); ++s) {
       if (!structures[s].told) continue;
-      const double least_mm = distances.at_least_mm(s, tool);
-      if (!(least_mm > looked_mm && least_mm <= std::min(ring_mm, within_mm))) continue;
+      const double min_mm = distances.at_least_mm(s, tool);
+      if (!(min_mm > looked_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
       const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
       if (!near || !(near->distance_mm <= within_mm)) continue;
       const NearStructure here{structures[s].label, near->distance_mm};

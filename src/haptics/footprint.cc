@@ -19,15 +19,15 @@ double is_deeper(double a_mm, double b_mm, double radius_mm) {
 }  // namespace
 
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along) {
-  PALPATE_CHECK(!places.empty() && places.size() <= kMostPressPlaces);
-  std::array<double, kMostPressPlaces> counts;
+  PALPATE_CHECK(!places.empty() && places.size() <= kMaxPressPlaces);
+  std::array<double, kMaxPressPlaces> counts;
   counts.fill(1);
   const auto radius_mm = [&](std::size_t a, std::size_t b) {
     return std::min(places[a].radius_mm, places[b].radius_mm);
   };
   // squared lateral distances of all pairs; up to 276 square roots and divisions dominate the cost of this
   // function, so they are evaluated only where they affect the result
-  std::array<double, kMostPressPlaces*(kMostPressPlaces - 1) / 2> aside_mm2;
+  std::array<double, kMaxPressPlaces*(kMaxPressPlaces - 1) / 2> aside_mm2;
   std::size_t pair = 0;
   for (std::size_t a = 0; a < places.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
@@ -42,7 +42,7 @@ Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>
     }
 
   // sums of sqrt(R) d^n, n = 0.5, 1.5, 2.5
-  std::array<double, kMostPressPlaces> force;
+  std::array<double, kMaxPressPlaces> force;
   double steep = 0, all = 0, work = 0;
   Footprint foot;
   for (std::size_t n = 0; n < places.size(); ++n) {
@@ -82,13 +82,13 @@ std::size_t press_places(std::span<const ContactSurface> all, std::span<const in
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                          std::span<PressPlace> places) {
   const std::size_t most =
-      std::min(places.size(), kMostPressPlaces) / std::max<std::size_t>(1, spheres.size());
+      std::min(places.size(), kMaxPressPlaces) / std::max<std::size_t>(1, spheres.size());
   std::size_t count = 0;
   for (const ToolSphere& sphere : spheres) {
     const double length_mm = sphere.along_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
-    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.least_radius_mm});
+    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldFeel.min_radius_mm});
     const int steps =
         length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
     for (int n = 0; n <= steps; ++n) {
@@ -101,7 +101,7 @@ std::size_t press_places(std::span<const ContactSurface> all, std::span<const in
         place.depth_mm = std::max(place.depth_mm, depth_mm);
       }
       // a thinner part presses like a sphere of the minimum radius at the same depth
-      place.radius_mm = std::max(place.radius_mm, kYieldFeel.least_radius_mm);
+      place.radius_mm = std::max(place.radius_mm, kYieldFeel.min_radius_mm);
       if (place.depth_mm > 0) places[count++] = place;
     }
   }

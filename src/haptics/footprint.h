@@ -15,7 +15,7 @@ struct PressPlace {
   double radius_mm = 0;       ///< Radius; above 0
   double depth_mm = 0;        ///< Penetration of the undeformed surface; above 0
 };
-inline constexpr std::size_t kMostPressPlaces = 24;
+inline constexpr std::size_t kMaxPressPlaces = 24;
 
 /// Sphere equivalent to several press places under the contact law of a tick (yield.h).
 struct Footprint {
@@ -35,7 +35,7 @@ struct Footprint {
 /// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
 /// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
 /// throw.
-/// @param places  1 ... kMostPressPlaces
+/// @param places  1 ... kMaxPressPlaces
 /// @param along   direction in which the tissue pushes the tool back; unit
 Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along);
 

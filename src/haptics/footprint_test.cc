@@ -39,7 +39,7 @@ TEST(Footprint, FarFromEachOtherTheyAddUp) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> radius(0.5, 4), depth(1e-3, 5);
   for (int trial = 0; trial < 200; ++trial) {
-    std::vector<PressPlace> places(1 + random() % kMostPressPlaces);
+    std::vector<PressPlace> places(1 + random() % kMaxPressPlaces);
     double force = 0, energy = 0, slope = 0;
     for (std::size_t n = 0; n < places.size(); ++n) {
       places[n] = {Vector<Patient>(100.0 * static_cast<double>(n), 0, 0), radius(random), depth(random)};
@@ -87,7 +87,7 @@ TEST(Footprint, OnAHalfSpaceTheForceIsNearWhatItIs) {
                                                                {2, 5, 1, 3.939},
                                                                {1, 40, 1, 12.921}}) {
     const ToolSphere shaft{{}, radius_mm, {length_mm, 0, 0}};
-    std::vector<PressPlace> places(kMostPressPlaces);
+    std::vector<PressPlace> places(kMaxPressPlaces);
     const std::size_t count = press_places({&plane, 1}, {&leant_on, 1}, {&shaft, 1},
                                            Point<Patient>(-20, 0, radius_mm - deep_mm), places);
     const double is_N = pressed_N(footprint_of(std::span(places).first(count), kUp));
@@ -130,7 +130,7 @@ TEST(Footprint, AShaftPressesWithWhatLiesOnTheSurface) {
   const int leant_on = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {
     const ToolSphere shaft{{}, 2, Vector<Patient>(along)};
-    std::vector<PressPlace> places(kMostPressPlaces);
+    std::vector<PressPlace> places(kMaxPressPlaces);
     const std::size_t count =
         press_places({&plane, 1}, {&leant_on, 1}, {&shaft, 1}, Point<Patient>(0, 0, 2 - deep_mm), places);
     return footprint_of(std::span(places).first(count), kUp);

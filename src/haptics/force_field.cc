@@ -24,8 +24,8 @@ Result<GaussianSphere> gaussian_of(const Model& model, LabelVoxels voxels) {
 
 Result<SmoothSphere> smooth_of(const Model& model, LabelVoxels voxels) {
   // an unsmoothed field still has spheres of the minimum radius
-  constexpr double kLeastSigma_mm = 1e-6;
-  return SmoothSphere::make(std::move(voxels), std::max(model.sigma_mm, kLeastSigma_mm));
+  constexpr double kMinSigma_mm = 1e-6;
+  return SmoothSphere::make(std::move(voxels), std::max(model.sigma_mm, kMinSigma_mm));
 }
 
 // felt labels by level
@@ -76,7 +76,7 @@ Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
   auto sphere = make_levelled<SmoothSphere>(
       model, [&](LabelVoxels voxels) { return smooth_of(model, std::move(voxels)); });
   if (!sphere) return sphere.error();
-  const double ramp = ramp_mm(sphere->parts().front().sphere.least_sigma_mm(), model.labels->geometry());
+  const double ramp = ramp_mm(sphere->parts().front().sphere.min_sigma_mm(), model.labels->geometry());
   return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
 }
 

@@ -9,7 +9,7 @@ namespace {
 // mm; rounding error of a point on a plane
 constexpr double kOnPlane_mm = 1e-9;
 // determinant of unit normals below which two are parallel or three are coplanar
-constexpr double kLeastDeterminant = 1e-12;
+constexpr double kMinDeterminant = 1e-12;
 
 // tries sets of half-spaces as active ones, in coordinates relative to x
 class ActiveSet {
@@ -42,7 +42,7 @@ class ActiveSet {
   std::optional<ClosestPoint> at_edge(int i, int j) const {
     const double c = normal_[i].dot(normal_[j]);
     const double determinant = 1 - c * c;
-    if (determinant < kLeastDeterminant) return std::nullopt;
+    if (determinant < kMinDeterminant) return std::nullopt;
     return accept({i, j},
                   {(needed_mm_[i] - c * needed_mm_[j]) / determinant,
                    (needed_mm_[j] - c * needed_mm_[i]) / determinant},
@@ -53,7 +53,7 @@ class ActiveSet {
     Eigen::Matrix3d normals;
     normals << normal_[i], normal_[j], normal_[k];
     const double volume = normals.determinant();
-    if (volume * volume < kLeastDeterminant) return std::nullopt;
+    if (volume * volume < kMinDeterminant) return std::nullopt;
     // KKT system: normals^T d = needed, d = normals * pull
     const Eigen::Vector3d needed(needed_mm_[i], needed_mm_[j], needed_mm_[k]);
     const Eigen::Matrix3d inverse = normals.inverse();
@@ -61,8 +61,8 @@ class ActiveSet {
     return accept({i, j, k}, {pull[0], pull[1], pull[2]}, 3);
   }
 
-  std::optional<ClosestPoint> accept(const std::array<int, 3>& active, const std::array<double, 3>& multiplier_mm,
-                                     int count) const {
+  std::optional<ClosestPoint> accept(const std::array<int, 3>& active,
+                                     const std::array<double, 3>& multiplier_mm, int count) const {
     Eigen::Vector3d way = Eigen::Vector3d::Zero();
     for (int n = 0; n < count; ++n) {
       if (!(multiplier_mm[n] > 0)) return std::nullopt;
@@ -76,8 +76,8 @@ class ActiveSet {
 
   Point<Patient> x_;
   std::size_t count_;
-  std::array<Eigen::Vector3d, kMostHalfSpaces> normal_;
-  std::array<double, kMostHalfSpaces> needed_mm_;
+  std::array<Eigen::Vector3d, kMaxHalfSpaces> normal_;
+  std::array<double, kMaxHalfSpaces> needed_mm_;
   double scale_mm_ = 0;
 };
 
@@ -92,7 +92,7 @@ std::optional<ClosestPoint> closest_to_one(const Point<Patient>& x, const HalfSp
 }  // namespace
 
 std::optional<ClosestPoint> closest_point(const Point<Patient>& x, std::span<const HalfSpace> half_spaces) {
-  PALPATE_CHECK(half_spaces.size() <= kMostHalfSpaces);
+  PALPATE_CHECK(half_spaces.size() <= kMaxHalfSpaces);
   if (half_spaces.size() == 1) return closest_to_one(x, half_spaces[0]);
   return ActiveSet(x, half_spaces).solve();
 }

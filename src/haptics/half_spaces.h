@@ -17,7 +17,7 @@ struct HalfSpace {
   double clearance(const Point<Patient>& q) const { return normal.eigen().dot(q.eigen()) - offset; }
 };
 /// Up to three active constraints (a corner), each shared by every sphere of a tool.
-inline constexpr std::size_t kMostHalfSpaces = 12;
+inline constexpr std::size_t kMaxHalfSpaces = 12;
 
 /// Projection of a point onto an intersection of half-spaces, with its active set and multipliers: point = x
 /// + sum of multiplier_mm[i] * normal of half-space active[i], every multiplier_mm[i] > 0.
@@ -32,7 +32,7 @@ struct ClosestPoint {
 /// are positive and the point is in every other half-space (the Karush-Kuhn-Tucker conditions of a quadratic
 /// programme; in three dimensions at most three constraints are active). Cyclic projection would be inexact
 /// in an acute wedge.
-/// @param half_spaces  at most kMostHalfSpaces
+/// @param half_spaces  at most kMaxHalfSpaces
 /// @return empty if the intersection is empty
 std::optional<ClosestPoint> closest_point(const Point<Patient>& x, std::span<const HalfSpace> half_spaces);
 

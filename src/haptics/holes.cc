@@ -49,8 +49,9 @@ void Holes::keep(std::span<const SurfaceCorrespondence> before) {
   // in order of creation
   for (std::size_t n = 0; n < old.count_; ++n) {
     Hole hole = old.hole_[(old.oldest_ + n) % old.count_];
-    const auto now = std::find_if(before.begin(), before.end(),
-                                  [&](const SurfaceCorrespondence& one) { return one.index == hole.structure; });
+    const auto now = std::find_if(before.begin(), before.end(), [&](const SurfaceCorrespondence& one) {
+      return one.index == hole.structure;
+    });
     if (now == before.end()) continue;
     hole.structure = static_cast<int>(now - before.begin());
     make(hole);

@@ -28,8 +28,8 @@ bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Poin
 
 }  // namespace
 
-void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                          int layer, const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
+void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                     const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
   count_ = 0;
   left_out_mm_ = std::numeric_limits<double>::infinity();
   AxisBox tool(at, spheres[0]);
@@ -68,8 +68,8 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       const Near near{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
-      const double least_mm = sphere.radius_mm - kProxyFeel.outside_mm;
-      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= least_mm) continue;
+      const double min_mm = sphere.radius_mm - kProxyFeel.outside_mm;
+      if (near.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
       if (near.clearance(at, -kProxyFeel.outside_mm, near.steps / 2, looks).mm < -kProxyFeel.outside_mm)
         return false;
     }
@@ -83,8 +83,7 @@ double PairSet::steepest() const {
   return steepest;
 }
 
-PairSet::Known PairSet::look(const Near& near, const Point<Patient>& proxy, double enough_mm,
-                                       int begin) {
+PairSet::Known PairSet::look(const Near& near, const Point<Patient>& proxy, double enough_mm, int begin) {
   const Near::Clearance clearance = near.clearance(proxy, enough_mm, begin, looks_);
   return {proxy + near.shape.offset_mm, clearance.mm,
           near.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
@@ -124,12 +123,12 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
 
 // insertion sort by clearance, so that the nearest pairs are kept
 void PairSet::insert(const Near& near, double clearance_mm, const Known& known) {
-  if (count_ == kMostNear)
-    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMostNear - 1]));
+  if (count_ == kMaxNear)
+    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxNear - 1]));
   std::size_t place = count_;
   while (place > 0 && clearances_mm_[place - 1] > clearance_mm) --place;
-  if (place == kMostNear) return;
-  count_ = std::min(count_ + 1, kMostNear);
+  if (place == kMaxNear) return;
+  count_ = std::min(count_ + 1, kMaxNear);
   for (std::size_t n = count_ - 1; n > place; --n) {
     near_.make(n, near_[n - 1]);
     known_.make(n, known_[n - 1]);
@@ -145,7 +144,7 @@ bool Walls::add(const Near& near, int step, const Point<Patient>& at, double cle
   if (normal == Vector<Patient>()) return false;
   const HalfSpace wall{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
   const std::size_t place = full() ? place_of_weaker(wall) : count_++;
-  if (place == kMostHalfSpaces) return false;
+  if (place == kMaxHalfSpaces) return false;
   put(place, near, step, wall);
   return true;
 }
@@ -156,19 +155,19 @@ void Walls::put(std::size_t place, const Near& near, int step, const HalfSpace& 
   step_.make(place, step);
 }
 
-// index of a parallel half-space that is less restrictive, or kMostHalfSpaces
+// index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
 std::size_t Walls::place_of_weaker(const HalfSpace& wall) const {
   std::size_t n = 0;
-  while (n < kMostHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&
-                                  half_spaces_[n].offset < wall.offset))
+  while (n < kMaxHalfSpaces && !(half_spaces_[n].normal.dot(wall.normal) > kProxyFeel.parallel &&
+                                 half_spaces_[n].offset < wall.offset))
     ++n;
   return n;
 }
 
-bool project_out(PairSet& near, int most_steps, double step_mm, Point<Patient>& proxy) {
+bool project_out(PairSet& near, int max_steps, double step_mm, Point<Patient>& proxy) {
   Walls walls;
   Point<Patient> outside = proxy;
-  for (int n = 0; n <= most_steps; ++n) {
+  for (int n = 0; n <= max_steps; ++n) {
     walls.clear();
     double deepest_mm = 0;
     for (std::size_t i = 0; i < near.count(); ++i) {

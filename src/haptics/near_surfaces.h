@@ -15,7 +15,7 @@ namespace palpate {
 
 /// Capacity in pairs of a tool part and a surface. If more pairs are near, the nearest are kept and the path
 /// is limited to the distance within which they are complete.
-inline constexpr std::size_t kMostNear = 32;
+inline constexpr std::size_t kMaxNear = 32;
 
 /// Whether a layer's proxy can touch surface `s`: it is in that layer, has geometry, and is neither punctured
 /// nor covered by a surface that is not punctured.
@@ -64,19 +64,19 @@ class PairSet {
   /// An empty set.
   PairSet() = default;
   PairSet(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
+          const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
     gather(surfaces, spheres, layer, punctured, at, reach_mm);
   }
 
   /// Replaces the set by the pairs that a layer's proxy can touch on a path of length `reach_mm` from `at`.
-  /// If there are more than kMostNear, reach_mm() is shorter.
+  /// If there are more than kMaxNear, reach_mm() is shorter.
   /// @param spheres  tool parts in the proxy's attitude
   void gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
   /// Empties the set.
   void clear() { count_ = 0; }
-  /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMostNear.
+  /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxNear.
   const Near& recall(const Near& near) { return near_.make(count_++, near); }
 
   std::size_t count() const { return count_; }
@@ -117,9 +117,9 @@ class PairSet {
 
   void insert(const Near& near, double clearance_mm, const Known& known);
 
-  UninitialisedArray<Near, kMostNear> near_;
-  UninitialisedArray<double, kMostNear> clearances_mm_;
-  UninitialisedArray<Known, kMostNear> known_;
+  UninitialisedArray<Near, kMaxNear> near_;
+  UninitialisedArray<double, kMaxNear> clearances_mm_;
+  UninitialisedArray<Known, kMaxNear> known_;
   std::size_t count_ = 0;
   int looks_ = 0;
   // clearance of the nearest pair that did not fit
@@ -136,7 +136,7 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
 /// Half-space constraints, each with the sphere-surface pair that it comes from.
 class Walls {
  public:
-  bool full() const { return count_ == kMostHalfSpaces; }
+  bool full() const { return count_ == kMaxHalfSpaces; }
   void clear() { count_ = 0; }
   /// Adds the tangent plane of the pair's surface at a position of the tip with a known clearance. A full set
   /// replaces a weaker parallel plane. Returns false if the surface has no normal there, or there is no room.
@@ -154,9 +154,9 @@ class Walls {
   std::size_t place_of_weaker(const HalfSpace& wall) const;
   void put(std::size_t place, const Near& near, int step, const HalfSpace& wall);
 
-  UninitialisedArray<HalfSpace, kMostHalfSpaces> half_spaces_;
-  UninitialisedArray<const Near*, kMostHalfSpaces> near_;
-  UninitialisedArray<int, kMostHalfSpaces> step_;
+  UninitialisedArray<HalfSpace, kMaxHalfSpaces> half_spaces_;
+  UninitialisedArray<const Near*, kMaxHalfSpaces> near_;
+  UninitialisedArray<int, kMaxHalfSpaces> step_;
   std::size_t count_ = 0;
 };
 
@@ -164,7 +164,7 @@ class Walls {
 /// solves.
 /// @param step_mm  maximum length of each step, because nearly opposite planes have a distant intersection
 /// @param proxy    updated only on success
-/// @return false if no position outside was found within most_steps
-bool project_out(PairSet& near, int most_steps, double step_mm, Point<Patient>& proxy);
+/// @return false if no position outside was found within max_steps
+bool project_out(PairSet& near, int max_steps, double step_mm, Point<Patient>& proxy);
 
 }  // namespace palpate

@@ -21,7 +21,7 @@ constexpr unsigned kNearSeed = 61;
 
 // a ball on a randomly rotated grid
 ContactSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt19937& random,
-                    double reach_mm = 3) {
+                       double reach_mm = 3) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1, random_direction(random).eigen()).toRotationMatrix();
   GridGeometry grid = cube_grid(radius_mm + reach_mm + 1, {0.7, 0.7, 1.0}, turn);
   grid.origin += Vector<Patient>(centre);
@@ -36,15 +36,15 @@ Eigen::Vector3d place_within(double half_mm, std::mt19937& random) {
 }
 
 // clearance of a sphere, or of a capsule as the minimum of its row
-double least_of_row(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at) {
+double min_of_row(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at) {
   const int steps = std::max(1, row_steps(sphere));
-  double least_mm = std::numeric_limits<double>::infinity();
+  double min_mm = std::numeric_limits<double>::infinity();
   for (int step = 0; step <= steps; ++step) {
     const Vector<Patient> offset_mm =
         sphere.offset_mm + sphere.along_mm * (static_cast<double>(step) / steps);
-    least_mm = std::min(least_mm, surface.distance_mm(at + offset_mm) - sphere.radius_mm);
+    min_mm = std::min(min_mm, surface.distance_mm(at + offset_mm) - sphere.radius_mm);
   }
-  return least_mm;
+  return min_mm;
 }
 
 TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
@@ -70,7 +70,7 @@ TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
     const Point<Patient> at(place_within(25, random));
     const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
     looked_at += static_cast<int>(near.count());
-    cut_short += near.count() == kMostNear;
+    cut_short += near.count() == kMaxNear;
     for (int m = 0; m < 10; ++m) {
       const Point<Patient> there =
           at + random_direction(random) * (near.reach_mm() * std::cbrt(unit(random)));
@@ -80,7 +80,7 @@ TEST(PairSet, WhatIsLeftOutIsNotMetOnTheWay) {
           for (std::size_t i = 0; i < near.count() && !listed; ++i)
             listed = near[i].index == static_cast<int>(s) && near[i].sphere == static_cast<int>(k);
           if (listed) continue;
-          ASSERT_GT(least_of_row(*surfaces[s].surface, spheres[k], there), -1e-9);
+          ASSERT_GT(min_of_row(*surfaces[s].surface, spheres[k], there), -1e-9);
         }
       }
     }
@@ -123,7 +123,7 @@ TEST(PairSet, AClearanceIsThatOfAskingAll) {
   int exact = 0, bounds = 0;
   for (int scene = 0; scene < 20; ++scene) {
     const std::vector<ContactSurface> surfaces{ball_at(place_within(4, random), 3, random),
-                                            ball_at(place_within(4, random), 2, random)};
+                                               ball_at(place_within(4, random), 2, random)};
     const std::vector<ToolSphere> tool{
         {Vector<Patient>(place_within(3, random)), 1, Vector<Patient>(place_within(8, random))},
         {{}, 0.3, Vector<Patient>(place_within(8, random))},
@@ -141,16 +141,16 @@ TEST(PairSet, AClearanceIsThatOfAskingAll) {
       const double enough_mm = n % 5 == 0 ? std::numeric_limits<double>::infinity() : 2 * unit(random);
       for (std::size_t i = 0; i < near.count(); ++i) {
         const ToolSphere& sphere = turned.spheres()[static_cast<std::size_t>(near[i].sphere)];
-        const double least_mm = least_of_row(*near[i].surface, sphere, at);
+        const double min_mm = min_of_row(*near[i].surface, sphere, at);
         const double told_mm = near.clearance(i, at, enough_mm);
         if (told_mm <= enough_mm) {
-          ASSERT_NEAR(told_mm, least_mm, 1e-9);
+          ASSERT_NEAR(told_mm, min_mm, 1e-9);
           const Point<Patient> centre = at + near[i].offset_mm(near.step(i));
-          ASSERT_NEAR(near[i].surface->distance_mm(centre) - sphere.radius_mm, least_mm, 1e-9);
+          ASSERT_NEAR(near[i].surface->distance_mm(centre) - sphere.radius_mm, min_mm, 1e-9);
           ++exact;
         } else {
-          ASSERT_LE(told_mm, least_mm + 1e-9);
-          ASSERT_GT(least_mm, enough_mm - 1e-9);
+          ASSERT_LE(told_mm, min_mm + 1e-9);
+          ASSERT_GT(min_mm, enough_mm - 1e-9);
           ++bounds;
         }
       }
@@ -181,7 +181,7 @@ TEST(PairSet, FreeIsWhatAskingAllSays) {
     for (std::size_t s = 0; s < surfaces.size(); ++s)
       for (const ToolSphere& sphere : spheres)
         expected = expected && (s == 12 || but[s] ||
-                                least_of_row(*surfaces[s].surface, sphere, at) >= -kProxyFeel.outside_mm);
+                                min_of_row(*surfaces[s].surface, sphere, at) >= -kProxyFeel.outside_mm);
     ASSERT_EQ(is_free(surfaces, spheres, 0, {}, but, at), expected);
     free += expected;
   }
@@ -203,15 +203,15 @@ class LedTool {
   double seconds_at(const ToolPose& hand) const {
     constexpr int kRepeats = 300;
     const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
-    double least_s = 1;
+    double min_s = 1;
     for (int n = 0; n < kRepeats; ++n) {
       ProxyState state = state_;
       const auto begun = std::chrono::steady_clock::now();
       advance_proxy(surfaces_, tool.spheres(), hand, state);
-      least_s =
-          std::min(least_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+      min_s =
+          std::min(min_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     }
-    return least_s;
+    return min_s;
   }
 
   inline static const std::vector<ToolSphere> kTool{
@@ -225,14 +225,14 @@ class LedTool {
 
 std::vector<ContactSurface> few_surfaces(std::mt19937& random) {
   std::vector<ContactSurface> few{ball_at({0, 0, -6}, 6, random, 4), ball_at({9, 0, -5}, 5, random, 4),
-                               ball_at({0, 9, -4}, 4, random, 4)};
+                                  ball_at({0, 9, -4}, 4, random, 4)};
   few[2].puncture_N = 1.5;
   few[0].static_friction = few[0].dynamic_friction = 0.2;
   return few;
 }
 
 std::vector<ContactSurface> with_far_ones(std::vector<ContactSurface> surfaces, std::size_t all,
-                                       std::mt19937& random) {
+                                          std::mt19937& random) {
   while (surfaces.size() < all) {
     const Eigen::Vector3d away = random_direction(random).eigen() * 60;
     surfaces.push_back(ball_at(away, 2, random, 1.5));

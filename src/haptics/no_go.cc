@@ -104,24 +104,23 @@ class Pushes {
   std::span<const Push> all() const { return {push_.data(), count_}; }
 
  private:
-  std::array<Push, kMostNoGoMet> push_;
+  std::array<Push, kMaxNoGoMet> push_;
   std::size_t count_ = 0;
 };
 
 /// Energy of all active springs in series with the spring to the tip.
 class Envelope {
  public:
-  Envelope(std::span<const Push> pushes, double most_N_per_mm)
-      : pushes_(pushes), most_N_per_mm_(most_N_per_mm) {
+  Envelope(std::span<const Push> pushes, double max_N_per_mm) : pushes_(pushes), max_N_per_mm_(max_N_per_mm) {
     // spring that, in series with the spring to the tip, has the region's own stiffness
     for (std::size_t n = 0; n < pushes_.size(); ++n) {
       const double felt = pushes_[n].stiffness_N_per_mm;
-      spring_[n] = felt * most_N_per_mm_ / (most_N_per_mm_ - felt);
+      spring_[n] = felt * max_N_per_mm_ / (max_N_per_mm_ - felt);
     }
   }
 
   double energy_mJ(const Eigen::Vector3d& u) const {
-    double energy_mJ = 0.5 * most_N_per_mm_ * u.squaredNorm();
+    double energy_mJ = 0.5 * max_N_per_mm_ * u.squaredNorm();
     for (std::size_t n = 0; n < pushes_.size(); ++n) {
       const double deep_mm = depth_mm(n, u);
       energy_mJ += 0.5 * spring_[n] * deep_mm * deep_mm;
@@ -135,8 +134,8 @@ class Envelope {
     constexpr double kEnough_mm = 1e-9, kEnoughOfSlope = 1e-4;
     Eigen::Vector3d u = Eigen::Vector3d::Zero();
     for (int step = 0; step < kSteps; ++step) {
-      Eigen::Vector3d slope = most_N_per_mm_ * u;
-      Eigen::Matrix3d bend = most_N_per_mm_ * Eigen::Matrix3d::Identity();
+      Eigen::Vector3d slope = max_N_per_mm_ * u;
+      Eigen::Matrix3d bend = max_N_per_mm_ * Eigen::Matrix3d::Identity();
       for (std::size_t n = 0; n < pushes_.size(); ++n) {
         const double deep_mm = depth_mm(n, u);
         if (!(deep_mm > 0)) continue;
@@ -162,8 +161,8 @@ class Envelope {
   }
 
   std::span<const Push> pushes_;
-  double most_N_per_mm_;
-  std::array<double, kMostNoGoMet> spring_;
+  double max_N_per_mm_;
+  std::array<double, kMaxNoGoMet> spring_;
 };
 
 // regions without series spring: forces add up
@@ -176,8 +175,8 @@ void add_up(std::span<const Push> pushes, NoGoForce& all) {
   }
 }
 
-void take_together(std::span<const Push> pushes, double most_N_per_mm, NoGoForce& all) {
-  const Envelope envelope(pushes, most_N_per_mm);
+void take_together(std::span<const Push> pushes, double max_N_per_mm, NoGoForce& all) {
+  const Envelope envelope(pushes, max_N_per_mm);
   const Eigen::Vector3d u = envelope.find_least();
   for (std::size_t n = 0; n < pushes.size(); ++n) {
     const Vector<Patient> force_N = pushes[n].outward * envelope.force_N(n, u);
@@ -193,15 +192,15 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
   const auto wrong = [](std::string what, std::string remedy) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
-  if (regions.size() > kMostNoGo)
+  if (regions.size() > kMaxNoGo)
     return wrong(std::to_string(regions.size()) + " no-go regions",
-                 "a model has at most " + std::to_string(kMostNoGo) + ": leave the others out");
+                 "a model has at most " + std::to_string(kMaxNoGo) + ": leave the others out");
   for (const NoGoRegion& region : regions) {
     const std::string name = "no-go region \"" + region.name + "\": ";
     const auto is_in = [](double value, const auto& range) {
       return value >= range.min && value <= range.max;
     };
-    if (!(region.keep_away_mm >= 0 && region.keep_away_mm <= kMostKeepAway_mm))
+    if (!(region.keep_away_mm >= 0 && region.keep_away_mm <= kMaxKeepAway_mm))
       return wrong(name + "to keep away by " + std::to_string(region.keep_away_mm) + " mm",
                    "give 0 to 20 mm");
     if (!is_in(region.stiffness_N_per_mm, kNoGoStiffness_N_per_mm))
@@ -224,7 +223,7 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm) {
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
-  constexpr double kMostOfIt = 0.9;
+  constexpr double kMaxOfIt = 0.9;
   NoGoForce all;
   // NaN: the limit is unknown, and nothing is limited
   const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
@@ -234,7 +233,7 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
     const NoGoRegion& region = regions[r];
     const MetRegion near = nearest_to(region, distances, spheres, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
-    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMostOfIt * max_stiffness_N_per_mm)
+    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMaxOfIt * max_stiffness_N_per_mm)
                                     : region.stiffness_N_per_mm;
     pushes.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
                 region.keep_away_mm - near->distance_mm, stiffness});

@@ -131,13 +131,13 @@ TEST(NoGo, PushesTheWholeTool) {
   EXPECT_NEAR(pushed(ball, {0, 0, 2}, 2, {}, {{{}, 0.5, {10, 0, 0}}}).depth_mm, 2 + 0.5 - 2, 1e-12);
   // tapered: compared with dense sampling
   const ToolSphere cone{{0, 0, 2}, 0.4, {8, 1, -0.5}, 0.9};
-  double least_mm = 1e3;
+  double min_mm = 1e3;
   for (int n = 0; n <= 100000; ++n) {
     const double part = n / 1e5;
     const Vector<Patient> at = cone.offset_mm + cone.along_mm * part;
-    least_mm = std::min(least_mm, (at - Vector<Patient>(4, 0, 0)).norm() - cone.radius_at_mm(part) - 1);
+    min_mm = std::min(min_mm, (at - Vector<Patient>(4, 0, 0)).norm() - cone.radius_at_mm(part) - 1);
   }
-  EXPECT_NEAR(pushed(ball, {}, 2, {}, {cone}).depth_mm, 1 - least_mm, 1e-6);
+  EXPECT_NEAR(pushed(ball, {}, 2, {}, {cone}).depth_mm, 1 - min_mm, 1e-6);
 }
 
 TEST(NoGo, RefusesWhatIsNoRegion) {
@@ -157,7 +157,7 @@ TEST(NoGo, RefusesWhatIsNoRegion) {
   is_refused({"p", NoGoPlane{{}, {0, 0, 2}}, 1, 1}, "plane");
   is_refused({"b", NoGoSphere{{nan, 0, 0}, 2}, 1, 1}, "sphere");
   is_refused({"b", NoGoSphere{{}, 0}, 1, 1}, "sphere");
-  const std::vector<NoGoRegion> many(kMostNoGo + 1, good);
+  const std::vector<NoGoRegion> many(kMaxNoGo + 1, good);
   EXPECT_FALSE(check_no_go(many).ok());
 }
 

@@ -37,9 +37,9 @@ double softened(const PassivityInput& input, double step_mm, const PassivityStat
 
 // Limit of the damping. A delayed damper makes a light tip oscillate, and the zero-order hold adds half a
 // tick of mean delay.
-double most_damping_N_s_per_m(const PassivityInput& input) {
-  return std::min(kPassivityFeel.most_damping_N_s_per_m,
-                  kPassivityFeel.most_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
+double max_damping_N_s_per_m(const PassivityInput& input) {
+  return std::min(kPassivityFeel.max_damping_N_s_per_m,
+                  kPassivityFeel.max_damping_times_delay_kg / (input.delay_s + 0.5 * input.dt_s));
 }
 
 // Factor for the force with a damper that removes the energy not covered in this tick, within the damping
@@ -52,8 +52,8 @@ double damped(const PassivityInput& input, double force_N, double step_mm, const
   const double missing_mJ = force_N * (way_mm + kPassivityFeel.reserve_steps * step_mm) +
                             std::max(0.0, input.pending_N_s) * state.speed_mm_s - state.energy_mJ;
   if (missing_mJ <= 0) return 1;
-  damping_N_s_per_m = std::min(most_damping_N_s_per_m(input),
-                               missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
+  damping_N_s_per_m =
+      std::min(max_damping_N_s_per_m(input), missing_mJ / (way_mm * state.speed_mm_s) * kMillimetresPerMetre);
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }
 
@@ -65,7 +65,7 @@ double less_on_the_way_out(double force_N, double stiffness_N_per_mm, double ste
   if (!state.gives_way) return 1;
   const double missing =
       std::max(0.0, 1 - state.energy_mJ / (force_N * kPassivityFeel.reserve_steps * step_mm));
-  return 1 - std::min({missing, kPassivityFeel.most_hysteresis, stiffness_N_per_mm * step_mm / force_N});
+  return 1 - std::min({missing, kPassivityFeel.max_hysteresis, stiffness_N_per_mm * step_mm / force_N});
 }
 
 }  // namespace
@@ -88,10 +88,9 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
   follow_speed(along_mm, step_mm, input.dt_s, state);
   follow_direction(along_mm, step_mm, state);
   const Vector<World> out = input.force_N / force_N;
-  const double most_N =
-      limit_rebound_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out), step_mm,
-                              input.pending_N_s, input.dt_s},
-                             state.bounce);
+  const double max_N = limit_rebound_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out),
+                                        step_mm, input.pending_N_s, input.dt_s},
+                                       state.bounce);
   if (!act) return {};
 
   const double soft = softened(input, step_mm, state);
@@ -100,7 +99,7 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
   kept.factor = soft_N / force_N *
                 std::min(damped(input, soft_N, step_mm, state, kept.damping_N_s_per_m),
                          less_on_the_way_out(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
-  kept.factor = std::min(kept.factor, most_N / force_N);
+  kept.factor = std::min(kept.factor, max_N / force_N);
   return kept;
 }
 

@@ -79,7 +79,7 @@ TEST(Passivity, OnlyPushesThatFollowTheTipAreDampedAndNoneIsTurnedRound) {
     const PassivityOutput out = led.go(way_mm, force_N);
     EXPECT_GE(out.factor, 0);
     EXPECT_LE(out.factor, 1);
-    EXPECT_LE(out.damping_N_s_per_m, kPassivityFeel.most_damping_N_s_per_m);
+    EXPECT_LE(out.damping_N_s_per_m, kPassivityFeel.max_damping_N_s_per_m);
     EXPECT_TRUE(out.damping_N_s_per_m == 0 || out.factor < 1);
     acted += out.factor < 1;
     const bool against = way_mm.dot(force_N) < -2 * kStep_mm * force_N.norm();
@@ -171,10 +171,10 @@ TEST(Passivity, AWallOfMoreThanAStepIsSofterWhileEnergyIsOwed) {
     PassivityState state;
     state.energy_mJ = energy_mJ;
     const double asked_N = stiffness_N_per_mm * depth_mm, force_N = std::min(asked_N, kLimit_N);
-    return force_N *
-           control_passivity({{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
-                        true, state)
-               .factor;
+    return force_N * control_passivity(
+                         {{force_N, 0, 0}, asked_N, {}, {}, kUnknown_mJ, stiffness_N_per_mm, kStep_mm, kDt_s},
+                         true, state)
+                         .factor;
   };
   EXPECT_NEAR(sent_N(0, kStiff_N_per_mm, kStep_mm), kStep_N, 1e-12) << "nothing is owed";
   EXPECT_NEAR(sent_N(-0.25 * kStep_N * kStep_mm, kStiff_N_per_mm, kStep_mm), 0.75 * kStep_N, 1e-12);
@@ -208,10 +208,11 @@ TEST(Passivity, DampsTheLessTheLaterItsForceActs) {
       PassivityInput input{push, push.norm(), push, {0.1, 0, 0}, kUnknown_mJ, 0.5, kStep_mm, dt_s};
       input.delay_s = delay_s;
       double damping_N_s_per_m = 0;
-      for (int n = 0; n < 10; ++n) damping_N_s_per_m = control_passivity(input, true, state).damping_N_s_per_m;
+      for (int n = 0; n < 10; ++n)
+        damping_N_s_per_m = control_passivity(input, true, state).damping_N_s_per_m;
       EXPECT_NEAR(damping_N_s_per_m,
-                  std::min(kPassivityFeel.most_damping_N_s_per_m,
-                           kPassivityFeel.most_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),
+                  std::min(kPassivityFeel.max_damping_N_s_per_m,
+                           kPassivityFeel.max_damping_times_delay_kg / (delay_s + 0.5 * dt_s)),
                   1e-12);
     }
 }

@@ -8,17 +8,17 @@
 
 #include "haptics/capsule_row.h"
 #include "haptics/footprint.h"
-#include "haptics/proxy_spheres.h"
 #include "haptics/near_surfaces.h"
-#include "haptics/uninitialised_array.h"
+#include "haptics/proxy_spheres.h"
 #include "haptics/tool_turn.h"
+#include "haptics/uninitialised_array.h"
 #include "palpate/haptics/proxy_path.h"
 
 namespace palpate {
 namespace {
 
 // upper bound of the distance by which a proxy inside surfaces, e.g. after a tool change, is pushed out
-constexpr double kMostPush_mm = kProxyFeel.most_corrections * kProxyFeel.stride_mm();
+constexpr double kMaxPush_mm = kProxyFeel.max_corrections * kProxyFeel.stride_mm();
 
 int layers_of(std::span<const ContactSurface> surfaces) {
   int most = 0;
@@ -32,11 +32,11 @@ int layers_of(std::span<const ContactSurface> surfaces) {
 /// layer's upper bound; the difference would otherwise be missing from every layer within.
 class LayerStiffness {
  public:
-  explicit LayerStiffness(double most_N_per_mm) : most_N_per_mm_(most_N_per_mm) {}
+  explicit LayerStiffness(double max_N_per_mm) : max_N_per_mm_(max_N_per_mm) {}
 
   /// Contribution of a layer's `surface` for `structure`; N/mm.
   double part(const ContactSurface& surface, const ContactSurface& structure) const {
-    const double own = std::min(structure.stiffness_N_per_mm, most_N_per_mm_);
+    const double own = std::min(structure.stiffness_N_per_mm, max_N_per_mm_);
     const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
     // tolerance for rounding
     const bool less = given_N_per_mm_ && *given_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
@@ -50,7 +50,7 @@ class LayerStiffness {
   void forget() { given_N_per_mm_.reset(); }
 
  private:
-  double most_N_per_mm_;
+  double max_N_per_mm_;
   std::optional<double> given_N_per_mm_ = 0;
 };
 
@@ -86,7 +86,7 @@ struct ProxyAdvance {
   /// hand_mm plus the displacement accumulated while the proxy was catching up at zero force.
   double behind_mm = 0;
   /// Upper limit of the spring vector's change in this tick: hand_mm plus the permitted slip.
-  double most_change_mm = std::numeric_limits<double>::infinity();
+  double max_change_mm = std::numeric_limits<double>::infinity();
 };
 
 /// Rate-limited spring stiffness. The stiffness depends on position and contacts and may change only as fast
@@ -103,11 +103,11 @@ double slow_stiffness(double wanted, std::optional<double> before, const Vector<
   // the spring was inactive and may already be long
   const double beyond_mm = length_mm - walked.behind_mm;
   if (*before == 0) return beyond_mm > 0 ? std::min(wanted, slip_N / beyond_mm) : wanted;
-  if (!std::isfinite(walked.most_change_mm)) return wanted;
+  if (!std::isfinite(walked.max_change_mm)) return wanted;
   // stiffnesses whose force lies in a ball around the last force
   const double along = walked.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
   const double across = walked.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
-  const double change = walked.most_change_mm / length_mm;
+  const double change = walked.max_change_mm / length_mm;
   const double most = change * change - across;
   if (!(most > 0)) return *before;
   return std::clamp(wanted, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
@@ -123,22 +123,23 @@ struct UpdateWorkspace {
 
   PairSet near;
   Walls walls;
-  std::bitset<kMostNear> friction_known;
-  UninitialisedArray<Friction, kMostNear> friction;
-  UninitialisedArray<TouchedAt, kMostContacts> touched_at;
+  std::bitset<kMaxNear> friction_known;
+  UninitialisedArray<Friction, kMaxNear> friction;
+  UninitialisedArray<TouchedAt, kMaxContacts> touched_at;
 };
 
 /// Update of one layer's proxy position in one tick: substeps towards the tip along the surfaces.
 class Walk {
  public:
   /// @param spheres    tool parts in the proxy's attitude
-  /// @param most_mm    maximum path length
+  /// @param max_mm    maximum path length
   /// @param leash      displacement limit
   /// @param stretched  spring vector of the last tick, tip to proxy, mm
   /// @param way        receives every vertex of the path; may be null
-  Walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer, double most_mm,
-       const DisplacementLimit& leash, const Vector<Patient>& stretched, const Point<Patient>& tip, ProxyLayer& state,
-       const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room)
+  Walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+       double max_mm, const DisplacementLimit& leash, const Vector<Patient>& stretched,
+       const Point<Patient>& tip, ProxyLayer& state, const ProxyOptions& options, ProxyPath* way,
+       UpdateWorkspace& room)
       : surfaces_(surfaces),
         leash_(leash),
         leash_mm_(leash.length_mm),
@@ -150,7 +151,7 @@ class Walk {
         spheres_(spheres),
         layer_(layer),
         near_(room.near),
-        to_go_mm_(most_mm),
+        to_go_mm_(max_mm),
         tip_(tip),
         state_(state),
         proxy_(state.position),
@@ -210,19 +211,19 @@ class Walk {
 
   // moves in substeps; true if the work limit was reached before the goal
   bool go_on(ProxyAdvance& result) {
-    most_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.most_looks_of_capsules : kProxyFeel.most_looks);
+    max_looks_ = near_.looks() + (has_capsules_ ? kProxyFeel.max_looks_of_capsules : kProxyFeel.max_looks);
     int stride = 0;
     bool moves = true;
     state_.part = 1;
     for (int felt = 0;; ++felt) {
-      while (moves && stride < kProxyFeel.most_strides && near_.looks() < most_looks_ &&
+      while (moves && stride < kProxyFeel.max_strides && near_.looks() < max_looks_ &&
              left_mm_ > kProxyFeel.still_mm) {
         moves = step(result);
         stride += moves;
         if (moves && left_mm_ <= kProxyFeel.still_mm) look_around();
       }
       if (moves || result.wedged || slips() || !is_held_by_nothing()) break;
-      moves = felt < kProxyFeel.most_feelings && feel_for_a_way();
+      moves = felt < kProxyFeel.max_feelings && feel_for_a_way();
       if (!moves) break;
       if (left_mm_ <= kProxyFeel.still_mm) look_around();
     }
@@ -265,9 +266,9 @@ class Walk {
 
   // caches the active contacts for the next tick, provided that all pairs were gathered at this position
   void remember_rest() {
-    const bool stayed = proxy_ == state_.position && near_.count() < kMostNear && !has_capsules_;
-    if (!stayed || walls_.count() == 0 || walls_.count() > RestingContacts::kMostWalls) return;
-    std::array<RestingContacts::Wall, RestingContacts::kMostWalls> touched;
+    const bool stayed = proxy_ == state_.position && near_.count() < kMaxNear && !has_capsules_;
+    if (!stayed || walls_.count() == 0 || walls_.count() > RestingContacts::kMaxWalls) return;
+    std::array<RestingContacts::Wall, RestingContacts::kMaxWalls> touched;
     for (std::size_t n = 0; n < walls_.count(); ++n) {
       const std::size_t place = near_.place_of(walls_.near(n));
       touched[n] = {walls_.half_space(n).normal, walls_.half_space(n).offset, walls_.near(n).index,
@@ -291,9 +292,9 @@ class Walk {
 
   // pushes the proxy out of surfaces that it starts in
   bool leave() {
-    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMostPush_mm);
+    near_.gather(surfaces_, spheres_, layer_, state_.punctured, proxy_, kMaxPush_mm);
     steepest_ = near_.steepest();
-    if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), proxy_)) return false;
+    if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), proxy_)) return false;
     to_go_mm_ += left_mm_;
     look_around();
     return true;
@@ -309,7 +310,7 @@ class Walk {
     // a failed attempt must not release friction: each attempt starts with the friction state before the
     // first
     const bool sticking = state_.sticking, anchored = anchored_;
-    for (int attempt = 0; attempt < kProxyFeel.most_tries; ++attempt) {
+    for (int attempt = 0; attempt < kProxyFeel.max_tries; ++attempt) {
       state_.sticking = sticking;
       anchored_ = anchored;
       const auto nearest = closest_point(tip_, walls_.half_spaces());
@@ -338,10 +339,10 @@ class Walk {
   // End of the next substep: the goal, or the point at the maximum substep length towards it. Half of that
   // where the direction reversed, which occurs on concave surfaces whose radius of curvature is less than the
   // depth.
-  Point<Patient> towards(const Point<Patient>& goal, double most_mm) {
+  Point<Patient> towards(const Point<Patient>& goal, double max_mm) {
     const Vector<Patient> way = goal - proxy_;
     const double length_mm = way.norm();
-    double part = std::min(1.0, std::min(most_mm, left_mm_) / length_mm);
+    double part = std::min(1.0, std::min(max_mm, left_mm_) / length_mm);
     if (walls_.count() > 0 && way.dot(last_way_) < 0) part *= 0.5;
     const double free_part = leash_.free_part(proxy_, way);
     leashed_ = free_part < part;
@@ -354,12 +355,12 @@ class Walk {
   // substep.
   bool go_to(const Point<Patient>& asked) {
     Point<Patient> end = asked, there = end;
-    if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+    if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), there)) return false;
     // the projection may have moved the point beyond the displacement limit
     if (leash_.holds(there)) {
       end = proxy_ + (end - proxy_) * leash_.free_part(proxy_, there - proxy_);
       there = end;
-      if (!project_out(near_, kProxyFeel.most_corrections, stride_mm(), there)) return false;
+      if (!project_out(near_, kProxyFeel.max_corrections, stride_mm(), there)) return false;
       leashed_ = true;
     }
     // after a projection in several steps the end points no longer bound the penetration in between
@@ -384,7 +385,7 @@ class Walk {
     const auto nearest = closest_point(tip_, walls_.half_spaces());
     if (!nearest) return false;
     Vector<Patient> stride = towards(with_friction(*nearest), stride_mm()) - proxy_;
-    for (int halving = 0; halving < kProxyFeel.most_halvings; ++halving) {
+    for (int halving = 0; halving < kProxyFeel.max_halvings; ++halving) {
       stride = stride * 0.5;
       const Point<Patient> end = proxy_ + stride;
       if (!is_below(end)) return go_to(end);
@@ -413,7 +414,7 @@ class Walk {
                                     (std::cos(aside) * ahead +
                                      std::sin(aside) * (std::cos(around) * right + std::sin(around) * up)));
           const Point<Patient> end = proxy_ + way;
-          if (near_.looks() >= most_looks_) return false;
+          if (near_.looks() >= max_looks_) return false;
           if (leash_.holds(end) || is_below(end) || (tip_ - end).norm() >= (tip_ - proxy_).norm()) continue;
           if (go_to(end)) return true;
         }
@@ -425,14 +426,14 @@ class Walk {
   // elsewhere is not pulled back.
   void lean_on_what_is_nearest() {
     std::size_t nearest = 0;
-    double least_mm = std::numeric_limits<double>::infinity(), deepest_mm = 0;
+    double min_mm = std::numeric_limits<double>::infinity(), deepest_mm = 0;
     for (std::size_t n = 0; n < near_.count(); ++n) {
       deepest_mm = std::max(deepest_mm, -near_.clearance(n, tip_));
       const double clearance_mm = near_.clearance(n, proxy_);
-      if (clearance_mm < least_mm) nearest = n;
-      least_mm = std::min(least_mm, clearance_mm);
+      if (clearance_mm < min_mm) nearest = n;
+      min_mm = std::min(min_mm, clearance_mm);
     }
-    if (least_mm > kProxyFeel.skin_mm || deepest_mm <= 0) return;
+    if (min_mm > kProxyFeel.skin_mm || deepest_mm <= 0) return;
     const Vector<Patient> away = proxy_ - tip_;
     const double multiplier_mm = std::min(away.norm(), deepest_mm);
     state_.contacts = 0;
@@ -575,7 +576,7 @@ class Walk {
     state_.contacts = 0;
     for (int n = 0; n < nearest.count; ++n) {
       const HalfSpace& held = walls_.half_space(static_cast<std::size_t>(nearest.active[n]));
-      std::array<double, kMostHalfSpaces> weight{};
+      std::array<double, kMaxHalfSpaces> weight{};
       double all = 0;
       for (std::size_t w = 0; w < walls_.count(); ++w) {
         const HalfSpace& wall = walls_.half_space(w);
@@ -592,10 +593,11 @@ class Walk {
   }
 
   void add_contact(std::size_t near, int step, const Vector<Patient>& normal, double multiplier_mm) {
-    if (state_.contacts == static_cast<int>(kMostContacts)) return;
+    if (state_.contacts == static_cast<int>(kMaxContacts)) return;
     leant_ = true;
     const auto n = static_cast<std::size_t>(state_.contacts++);
-    state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal, multiplier_mm};
+    state_.contact[n] = {near_[near].index, near_[near].sphere, near_[near].part(step), normal,
+                         multiplier_mm};
     touched_at_.make(n, near, step);
   }
 
@@ -631,7 +633,7 @@ class Walk {
   std::span<const ToolSphere> spheres_;
   const int layer_;
   PairSet& near_;
-  int most_looks_ = 0;
+  int max_looks_ = 0;
   double to_go_mm_;      // path length beyond the current part
   double left_mm_ = 0;   // path length left in the current part
   double steepest_ = 1;  // maximum slope of the gathered distance fields
@@ -642,9 +644,9 @@ class Walk {
   Vector<Patient> last_way_;
   bool anchored_;
   Walls& walls_;
-  std::bitset<kMostNear>& friction_known_;
-  UninitialisedArray<Friction, kMostNear>& friction_;
-  UninitialisedArray<UpdateWorkspace::TouchedAt, kMostContacts>& touched_at_;
+  std::bitset<kMaxNear>& friction_known_;
+  UninitialisedArray<Friction, kMaxNear>& friction_;
+  UninitialisedArray<UpdateWorkspace::TouchedAt, kMaxContacts>& touched_at_;
   ProxyPath* way_;
 };
 
@@ -719,7 +721,7 @@ class PenetrationPath {
   /// Writes ProxyResult::felt.
   void tell(ProxyResult& result) const {
     const Vector<Patient> along = force_N_.normalized();
-    UninitialisedArray<PathSegment, kMostOwners> part;
+    UninitialisedArray<PathSegment, kMaxOwners> part;
     std::size_t parts = 0;
     double stiffness = 0, all_N = 0;
     for (std::size_t m = 0; m < layers_; ++m) {
@@ -750,25 +752,25 @@ class PenetrationPath {
     double stiffness = 0;
     std::size_t first_owner = 0;
   };
-  static constexpr std::size_t kMostOwners = 24;
+  static constexpr std::size_t kMaxOwners = 24;
 
   static void keep_most(std::span<PathSegment> parts, double all_N, ProxyResult& result) {
-    std::array<double, kMostOwners> shares;
+    std::array<double, kMaxOwners> shares;
     for (std::size_t n = 0; n < parts.size(); ++n) shares[n] = parts[n].share /= all_N;
-    double least = kTouchFeel.least_share;
-    if (parts.size() > kMostPathSegments) {
-      std::nth_element(shares.begin(), shares.begin() + kMostPathSegments - 1,
+    double least = kTouchFeel.min_share;
+    if (parts.size() > kMaxPathSegments) {
+      std::nth_element(shares.begin(), shares.begin() + kMaxPathSegments - 1,
                        shares.begin() + static_cast<std::ptrdiff_t>(parts.size()), std::greater<>());
-      least = std::max(least, shares[kMostPathSegments - 1]);
+      least = std::max(least, shares[kMaxPathSegments - 1]);
     }
     for (const PathSegment& one : parts)
-      if (one.share >= least && result.felt_parts < static_cast<int>(kMostPathSegments))
+      if (one.share >= least && result.felt_parts < static_cast<int>(kMaxPathSegments))
         result.felt[static_cast<std::size_t>(result.felt_parts++)] = one;
   }
   std::size_t first() const { return layer_[layers_ - 1].first_owner; }
 
   UninitialisedArray<Layer, kMaxLayers> layer_;
-  UninitialisedArray<OwnerShare, kMostOwners> owner_;
+  UninitialisedArray<OwnerShare, kMaxOwners> owner_;
   std::size_t layers_ = 0, owners_ = 0;
   Vector<Patient> force_N_;
 };
@@ -807,8 +809,8 @@ class Springs {
   /// @param slip_N   as in slow_stiffness()
   /// @param yield    state of the deformable structures, used by the outermost layer only
   /// @return the layer's force
-  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const ProxyAdvance& walked, double slip_N,
-                 ComplianceState& yield, RelaxationState& relaxation) {
+  ProxyForce add(ProxyLayer& state, std::span<const ToolSphere> spheres, const ProxyAdvance& walked,
+                 double slip_N, ComplianceState& yield, RelaxationState& relaxation) {
     // otherwise the spring does not measure the operator's force, and nothing may be punctured by it
     const bool arrived = !walked.lagging && !walked.wedged;
     const auto contacts = std::span(state.contact).first(static_cast<std::size_t>(state.contacts));
@@ -926,13 +928,13 @@ class Springs {
     const double per_pull = 1 / pressed.multiplier_mm, depth_mm = stretched_mm.norm();
     const Footprint one{depth_mm, pressed.radius_mm * per_pull, 0, 1, pressed.arm_mm * per_pull};
     if ((spheres.size() == 1 && spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0)) return one;
-    std::array<int, kMostContacts> leant_on;
+    std::array<int, kMaxContacts> leant_on;
     std::size_t count = 0;
     for (const ProxyContact& contact : contacts) {
       const auto known = std::span(leant_on).first(count);
       if (std::ranges::find(known, contact.surface) == known.end()) leant_on[count++] = contact.surface;
     }
-    std::array<PressPlace, kMostPressPlaces> places;
+    std::array<PressPlace, kMaxPressPlaces> places;
     std::size_t found = press_places(surfaces_, std::span(leant_on).first(count), spheres, tip_, places);
     double deepest_mm = 0;
     for (const PressPlace& place : std::span(places).first(found))
@@ -952,7 +954,7 @@ class Springs {
     const double per_pull = 1 / pressed.multiplier_mm, radius_mm = foot.radius_mm, depth_mm = foot.depth_mm;
     const Point<Patient> at = position + foot.arm_mm;
     ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
-                                       pressed.modulus * per_pull, options_.dt_s, yield);
+                                         pressed.modulus * per_pull, options_.dt_s, yield);
     tissue.beyond_mm_per_N += foot.closeness_per_mm / tissue.modulus_N_per_mm2;
     Yielded yielded;
     if (!(depth_mm > 0)) return yielded;
@@ -997,14 +999,14 @@ class Springs {
     yielded.secant_N_per_mm *= left;
     yielded.own_secant_N_per_mm *= left;
     yielded.felt.tangential_force_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
-                           tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
+                                      tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
   }
 
   std::span<const ContactSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
   LayerStiffness around_, own_around_;
-  UninitialisedArray<OwnerShares, kMostContacts> owners_;
+  UninitialisedArray<OwnerShares, kMaxContacts> owners_;
   PenetrationPath way_in_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, pulls_N_ = 0;
@@ -1028,8 +1030,8 @@ void open(std::span<const ContactSurface> surfaces, int structure, ProxyState& s
 
 // visits every contact, in any layer, whose largest owner is the structure
 template <class Visit>
-void each_leaning(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
-                  const ToolPose& hand, const ProxyState& state, const Visit& visit) {
+void each_leaning(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+                  int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
   for (int n = 0; n < layers_of(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
     const TurnedTool held(spheres, hand.attitude, layer.attitude);
@@ -1080,7 +1082,7 @@ void use_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSph
 // creates permanent holes where a structure with stays_open was punctured
 void leave_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
                  const ToolPose& hand, const ProxyState& state, Holes& holes) {
-  std::bitset<kMostToolSpheres> done;
+  std::bitset<kMaxToolSpheres> done;
   each_leaning(surfaces, spheres, structure, hand, state,
                [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
                  // a part in contact in several layers leaves one hole, in the outermost
@@ -1113,11 +1115,11 @@ double arc_of_turn_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterni
 /// @param state         after the tool's rotation, which has already pushed the proxy
 /// @param tip_moved     displacement of the tip in this tick, mm
 /// @param turned_mm     arc length of that rotation
-/// @param most_slip_mm  permitted slip
+/// @param max_slip_mm  permitted slip
 DisplacementLimit leash_of(const ProxyLayer& state, const Vector<Patient>& tip_moved, double turned_mm,
-               double most_slip_mm) {
+                           double max_slip_mm) {
   if (state.contacts == 0 || is_let_go(state)) return {};
-  return {state.position + tip_moved, tip_moved.norm() + turned_mm + most_slip_mm};
+  return {state.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }
 
 // force change of a layer that is not slip: explained by the tool's displacement, or exempt from the limit
@@ -1125,14 +1127,14 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kAll;
   if (*before_N_per_mm == 0) return now.yields ? kAll : now.tangent_N_per_mm * walked.behind_mm;
-  if (!std::isfinite(walked.most_change_mm)) return kAll;
+  if (!std::isfinite(walked.max_change_mm)) return kAll;
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * walked.hand_mm;
 }
 
 // rotates and moves one layer's proxy
 ProxyAdvance walk(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-            const ToolPose& hand, const Vector<Patient>& tip_moved, double most_slip_mm, ProxyLayer& state,
-            const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room) {
+                  const ToolPose& hand, const Vector<Patient>& tip_moved, double max_slip_mm,
+                  ProxyLayer& state, const ProxyOptions& options, ProxyPath* way, UpdateWorkspace& room) {
   const Point<Patient>& tip = hand.tip;
   ProxyAdvance result;
   if (!state.coupled) {
@@ -1151,14 +1153,14 @@ ProxyAdvance walk(std::span<const ContactSurface> surfaces, std::span<const Tool
 
   // from free space the proxy covers any distance of the tip; in contact the path per tick is limited
   const double to_tip_mm = (tip - state.position).norm() + kProxyFeel.slack_mm;
-  const double most_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.most_way_mm);
+  const double max_mm = state.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxyFeel.max_way_mm);
   const double turned_mm = arc_of_turn_mm(spheres, attitude_before, state.attitude);
-  const DisplacementLimit leash = leash_of(state, tip_moved, turned_mm, most_slip_mm);
+  const DisplacementLimit leash = leash_of(state, tip_moved, turned_mm, max_slip_mm);
   result.hand_mm = tip_moved.norm() + turned_mm;
   result.behind_mm = state.behind_mm + result.hand_mm;
-  result.most_change_mm = leash.length_mm;
-  const bool in_walls = !Walk(surfaces, held.spheres(), layer, most_mm, leash, result.stretched_mm, tip,
-                              state, options, way, room)
+  result.max_change_mm = leash.length_mm;
+  const bool in_walls = !Walk(surfaces, held.spheres(), layer, max_mm, leash, result.stretched_mm, tip, state,
+                              options, way, room)
                              .go(result);
   // a proxy inside surfaces, or stuck without a constraint, is reset to the tip where the tip is free
   const bool far = !result.lagging && !turn.lagging && (tip - state.position).norm() > kProxyFeel.lost_mm;
@@ -1191,14 +1193,14 @@ bool is_clear_way(std::span<const ContactSurface> surfaces, std::span<const Tool
   PairSet near(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
   if (near.reach_mm() < reach_mm) return false;
   const auto clearance_mm = [&](const Point<Patient>& at) {
-    double least_mm = std::numeric_limits<double>::infinity();
-    for (std::size_t n = 0; n < near.count(); ++n) least_mm = std::min(least_mm, near.clearance(n, at));
-    return least_mm;
+    double min_mm = std::numeric_limits<double>::infinity();
+    for (std::size_t n = 0; n < near.count(); ++n) min_mm = std::min(min_mm, near.clearance(n, at));
+    return min_mm;
   };
   double leaves_mm = clearance_mm(hand.tip);
   if (leaves_mm < kProxyFeel.back_clearance_mm) return false;
   double gone_mm = 0;
-  for (int place = 0; place < kProxyFeel.most_back_places; ++place) {
+  for (int place = 0; place < kProxyFeel.max_back_places; ++place) {
     if (!(leaves_mm + kProxyFeel.dip_mm > 0)) return false;
     gone_mm += (leaves_mm + kProxyFeel.dip_mm) / near.steepest();
     if (gone_mm >= way_mm) return true;
@@ -1214,7 +1216,8 @@ bool is_clear_way(std::span<const ContactSurface> surfaces, std::span<const Tool
 // hold it from elsewhere, e.g. a pocket into which the proxy was pressed.
 bool has_come_back(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
-  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.back_pitch_mm) return false;
+  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxyFeel.back_pitch_mm)
+    return false;
   state.last_search_tip = hand.tip;
   // early-out: the tip usually lies below the surface in contact
   const ProxyContact& leant_on = state.contact[0];
@@ -1228,16 +1231,17 @@ bool has_come_back(std::span<const ContactSurface> surfaces, std::span<const Too
 // Resets a layer whose covering layer has released the tool: the proxy takes the operator's pose without
 // collision checks. The force of its spring in the last tick becomes a residual force, minus the part
 // explained by the tip's displacement since: a tool lifted off within one tick leaves none.
-void uncover(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, const ToolPose& hand,
-             const Point<Patient>& tip_before, ProxyLayer& layer, ProxyRelease& release) {
+void uncover(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+             const ToolPose& hand, const Point<Patient>& tip_before, ProxyLayer& layer,
+             ProxyRelease& release) {
   const Vector<Patient> stretched_mm = (layer.position - tip_before) * layer.part;
   const double left_mm = stretched_mm.norm() - (hand.tip - tip_before).norm();
   if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
     const Vector<Patient> left_N = stretched_mm * (stiffness * left_mm / stretched_mm.norm());
     const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
     release.force_N += left_N;
-    release.torque_Nmm +=
-        torque_of(contacts, ProxySpheres(spheres, hand.attitude, layer.attitude).spheres(), left_N, stiffness);
+    release.torque_Nmm += torque_of(contacts, ProxySpheres(spheres, hand.attitude, layer.attitude).spheres(),
+                                    left_N, stiffness);
     release.stored_mJ += 0.5 * stiffness * left_mm * left_mm;
   }
   const Vector<Patient> way = hand.tip - layer.position;
@@ -1277,8 +1281,9 @@ void keep_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSp
   state.spring_N_per_mm.reset();
   state.contacts = 0;
   for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
-    const auto now = std::find_if(before.begin(), before.end(),
-                                  [&](const SurfaceCorrespondence& one) { return one.index == contact.surface; });
+    const auto now = std::find_if(before.begin(), before.end(), [&](const SurfaceCorrespondence& one) {
+      return one.index == contact.surface;
+    });
     if (now == before.end()) continue;
     ProxyContact& kept = state.contact[static_cast<std::size_t>(state.contacts++)];
     kept = contact;
@@ -1293,12 +1298,12 @@ bool give_birth(std::span<const ContactSurface> surfaces, std::span<const ToolSp
                 const ToolPose& hand, const SurfaceSet& punctured, ProxyLayer& state) {
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   constexpr double kFar_mm = 1000;
-  constexpr int kMostSteps = 64, kMostGatherings = 4;
+  constexpr int kMaxSteps = 64, kMaxGatherings = 4;
   Point<Patient> born = hand.tip;
   const auto is_out = [&] { return is_free(surfaces, spheres, layer, punctured, {}, born); };
-  for (int look = 0; look < kMostGatherings && !is_out(); ++look) {
+  for (int look = 0; look < kMaxGatherings && !is_out(); ++look) {
     PairSet near(surfaces, spheres, layer, punctured, born, kFar_mm);
-    if (!project_out(near, kMostSteps, kFar_mm, born)) return false;
+    if (!project_out(near, kMaxSteps, kFar_mm, born)) return false;
   }
   if (!is_out()) return false;
   state = {};
@@ -1336,8 +1341,8 @@ OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index, 
 }
 
 std::span<const RestingContacts::Wall> RestingContacts::find(const Point<Patient>& position,
-                                                         const SurfaceSet& punctured,
-                                                         std::span<const ToolSphere> spheres) const {
+                                                             const SurfaceSet& punctured,
+                                                             std::span<const ToolSphere> spheres) const {
   bool same = walls_ > 0 && position == position_ && spheres.size() == spheres_ && punctured == punctured_;
   for (std::size_t k = 0; same && k < spheres.size(); ++k)
     same = spheres[k].offset_mm == sphere_[k].offset_mm && spheres[k].radius_mm == sphere_[k].radius_mm &&
@@ -1346,8 +1351,8 @@ std::span<const RestingContacts::Wall> RestingContacts::find(const Point<Patient
 }
 
 void RestingContacts::remember(const Point<Patient>& position, const SurfaceSet& punctured,
-                             std::span<const ToolSphere> spheres, std::span<const Wall> walls) {
-  PALPATE_CHECK(walls.size() <= kMostWalls && spheres.size() <= kMostToolSpheres);
+                               std::span<const ToolSphere> spheres, std::span<const Wall> walls) {
+  PALPATE_CHECK(walls.size() <= kMaxWalls && spheres.size() <= kMaxToolSpheres);
   std::copy(walls.begin(), walls.end(), wall_.begin());
   walls_ = walls.size();
   spheres_ = spheres.size();
@@ -1359,7 +1364,7 @@ void RestingContacts::remember(const Point<Patient>& position, const SurfaceSet&
 TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
                        const Eigen::Quaterniond& to)
     : count_(spheres.size()) {
-  PALPATE_CHECK(count_ <= kMostToolSpheres);
+  PALPATE_CHECK(count_ <= kMaxToolSpheres);
   std::copy(spheres.begin(), spheres.end(), spheres_.begin());
   if (from.coeffs() == to.coeffs()) return;
   const Eigen::Matrix3d turn = (to * from.conjugate()).toRotationMatrix();
@@ -1369,21 +1374,21 @@ TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quatern
   }
 }
 
-double ProxyRelease::fade(double most_N) {
+double ProxyRelease::fade(double max_N) {
   const double before_N = force_N.norm();
-  limit(std::max(0.0, before_N - most_N));
-  return std::min(before_N, most_N);
+  limit(std::max(0.0, before_N - max_N));
+  return std::min(before_N, max_N);
 }
 
-void ProxyRelease::limit(double most_N) {
+void ProxyRelease::limit(double max_N) {
   const double before_N = force_N.norm();
-  if (!(before_N > most_N)) return;
+  if (!(before_N > max_N)) return;
   // exactly zero at the end
-  if (!(most_N > 0)) {
+  if (!(max_N > 0)) {
     *this = {};
     return;
   }
-  const double part = most_N / before_N;
+  const double part = max_N / before_N;
   force_N = force_N * part;
   torque_Nmm = torque_Nmm * part;
   // quadratic in the force, as for a spring of constant stiffness
@@ -1393,12 +1398,12 @@ void ProxyRelease::limit(double most_N) {
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
                           ProxyPath* way) {
-  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMostToolSpheres);
+  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMaxToolSpheres);
   ProxyResult result;
   Springs springs(surfaces, hand.tip, options);
   UpdateWorkspace room;
   // force change that slip may still cause in this layer and those within, and the stiffness that it acts on
-  double slip_N = options.most_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
+  double slip_N = options.max_slip_N_per_s * options.dt_s, growth_N_per_mm = state.stiffness_N_per_mm;
   slip_N -= state.release.fade(slip_N);
   const Point<Patient> tip_before = state.tip;
   const Vector<Patient> tip_moved = hand.tip - state.tip;
@@ -1416,10 +1421,10 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
       continue;
     }
     const std::optional<double> before_N_per_mm = layer.spring_N_per_mm;
-    const double most_slip_mm =
+    const double max_slip_mm =
         growth_N_per_mm > 0 ? slip_N / growth_N_per_mm : std::numeric_limits<double>::infinity();
-    const ProxyAdvance walked = walk(surfaces, spheres, n, hand, tip_moved, most_slip_mm, layer, options,
-                               n == 0 ? way : nullptr, room);
+    const ProxyAdvance walked = walk(surfaces, spheres, n, hand, tip_moved, max_slip_mm, layer, options,
+                                     n == 0 ? way : nullptr, room);
     result.wedged = result.wedged || walked.wedged;
     result.lagging = result.lagging || walked.lagging;
     if (!state.coupled) {
@@ -1483,7 +1488,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 }
 
 void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state) {
+                    const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
@@ -1492,7 +1497,7 @@ void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const To
 }
 
 bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                         const ToolPose& hand, ProxyState& state) {
+                      const ToolPose& hand, ProxyState& state) {
   ProxyState born;
   for (int n = 0; n < layers_of(surfaces); ++n)
     if (!give_birth(surfaces, spheres, n, hand, {}, born.layer(n)) && n == 0) return false;
@@ -1502,8 +1507,9 @@ bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const 
   return true;
 }
 
-void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state) {
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
+                                  std::span<const ToolSphere> spheres, const ToolPose& hand,
+                                  std::span<const SurfaceCorrespondence> before, ProxyState& state) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   SurfaceSet through;
   for (std::size_t s = 0; s < before.size(); ++s)

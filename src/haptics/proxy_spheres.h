@@ -12,7 +12,7 @@ class ProxySpheres {
  public:
   /// @param spheres  tool parts in the operator's attitude; must outlive this object
   ProxySpheres(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& hand,
-              const Eigen::Quaterniond& proxy)
+               const Eigen::Quaterniond& proxy)
       : as_in_hand_(spheres) {
     if (proxy.coeffs() != hand.coeffs()) turned_.emplace(spheres, hand, proxy);
   }

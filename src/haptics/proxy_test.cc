@@ -89,7 +89,7 @@ TEST(Proxy, PressesBackWithTheStiffnessFromAnyRadius) {
       ASSERT_EQ(run.state.contacts, 1);
       EXPECT_EQ(run.state.contact[0].surface, 0);
     }
-    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
   }
 }
 
@@ -126,7 +126,7 @@ TEST(Proxy, NeverPassesAThinPlateHoweverFastTheTip) {
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << n;
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << n;
   }
 }
 
@@ -150,7 +150,7 @@ TEST(Proxy, LetsGoOfAToolThatHasComeBackToWhereItWasFree) {
   // the spring force at which the tip cleared the plate fades
   double force_N = run.result.release.force_N.norm();
   EXPECT_GT(force_N, 1.5);
-  const double slip_N = kProxyFeel.most_slip_N_per_s * run.dt_s;
+  const double slip_N = kProxyFeel.max_slip_N_per_s * run.dt_s;
   for (; force_N > 0; force_N = run.result.force_N.norm()) {
     EXPECT_EQ(run.result.force_N, run.result.release.force_N);
     run.at({-2, 0, 0});
@@ -208,7 +208,7 @@ TEST(Proxy, HoldsInACornerAndInAnAcuteWedge) {
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
     // one contact suffices where the notch is narrower than the voxels
     EXPECT_GE(run.state.contacts, 1);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
     // it stays at rest
     const Point<Patient> before = run.state.position;
     for (int n = 0; n < 100; ++n) run.at({0.2, 0, -2});
@@ -246,9 +246,9 @@ TEST(Proxy, FourSpheresInACornerLeanOnAllThreeWalls) {
   Vector<Patient> multiplier_mm;
   for (int n = 0; n < run.state.contacts; ++n)
     multiplier_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
-               run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
+                     run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
   EXPECT_LT((multiplier_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
-  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
 TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
@@ -265,7 +265,7 @@ TEST(Proxy, AToolWiderThanTheGapStaysAndSaysSo) {
   // centres of tool and balls are 5.5 mm apart
   EXPECT_NEAR(run.state.position.z(), std::sqrt(5.5 * 5.5 - 4.75 * 4.75), 0.08);
   EXPECT_GT(run.result.force_N.z(), 0);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
 TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
@@ -289,7 +289,7 @@ TEST(Proxy, AToolThatTurnsIntoAGapThatIsTooNarrowIsFoundAgainWhenItsTipIsFree) {
   run.at({0, 0, 1});
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 1));
-  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
 TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWall) {
@@ -305,7 +305,7 @@ TEST(Proxy, SpheresThatATurnPutsALittleBelowAreTakenBackWithoutMeetingAnotherWal
     run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
     ASSERT_FALSE(run.result.wedged) << n;
-    ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << n;
+    ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << n;
   }
 }
 
@@ -348,10 +348,10 @@ double force_through_N(ProxyRun& run, const Point<Patient>& from, const Point<Pa
   run.lead(run.state.position, from, 0.05);
   EXPECT_TRUE(run.state.punctured.none());
   const int steps = 200;
-  double most_N = 0;
+  double max_N = 0;
   for (int n = 1; n <= steps; ++n)
-    most_N = std::max(most_N, run.at(from + (to - from) * (static_cast<double>(n) / steps)).force_N.norm());
-  return most_N;
+    max_N = std::max(max_N, run.at(from + (to - from) * (static_cast<double>(n) / steps)).force_N.norm());
+  return max_N;
 }
 
 TEST(Proxy, AHoleThatStaysOpenLetsTheToolInAgainFromEitherSideAndNowhereElse) {
@@ -477,7 +477,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
         all += result.felt[static_cast<std::size_t>(n)].share;
         all_mm += result.felt[static_cast<std::size_t>(n)].depth_mm;
       }
-      EXPECT_NEAR(all, 1, kTouchFeel.least_share) << x;
+      EXPECT_NEAR(all, 1, kTouchFeel.min_share) << x;
       EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
       EXPECT_GT(result.felt_parts, 0) << x;
       before_N = result.force_N.norm();
@@ -486,7 +486,7 @@ TEST(Proxy, AcrossTheSeamOfAnOuterSurfaceOneFeelGoesOverIntoTheOther) {
     ASSERT_EQ(run.result.felt_parts, 1);
     EXPECT_EQ(run.result.felt[0].structure, 1);
     EXPECT_NEAR(-run.result.force_N.x(), 0.04, 0.002);
-    EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+    EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
   }
 }
 
@@ -577,7 +577,7 @@ TEST(ProxyLayers, GiveTheStiffnessSummedUpAlongTheWayIn) {
                     depth_mm > -0.01 && depth_mm < 0.01 ? 2 : 1e-9)
             << depth_mm;
       }
-      EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+      EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
       run.lead({0.1, 0.2, radius_mm - c.thick_mm - 5}, {0.1, 0.2, radius_mm + 1}, 0.05);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
     }
@@ -793,20 +793,20 @@ void expect_even(ProxyRun& run, const std::function<Point<Patient>(double)>& tip
   for (int n = 0; n < 50; ++n) run.at(tip_at(0));
   Vector<Patient> before = run.result.force_N;
   Point<Patient> proxy = run.state.position;
-  double most_mm = 0, most_N = 0, way_mm = 0;
+  double max_mm = 0, max_N = 0, way_mm = 0;
   const int ticks = 1500;
   for (int n = 1; n <= ticks; ++n) {
     run.at(tip_at(step * n));
-    most_N = std::max(most_N, (run.result.force_N - before).norm());
-    most_mm = std::max(most_mm, (run.state.position - proxy).norm());
+    max_N = std::max(max_N, (run.result.force_N - before).norm());
+    max_mm = std::max(max_mm, (run.state.position - proxy).norm());
     way_mm += (run.state.position - proxy).norm();
     before = run.result.force_N;
     proxy = run.state.position;
   }
   const double mean_mm = way_mm / ticks;
   EXPECT_GT(mean_mm, 1e-3) << "it slides";
-  EXPECT_LT(most_mm, 4 * mean_mm + 1e-3) << "and does not leap";
-  EXPECT_LT(most_N, 0.01 * 2) << "N, at 2 N/mm";
+  EXPECT_LT(max_mm, 4 * mean_mm + 1e-3) << "and does not leap";
+  EXPECT_LT(max_N, 0.01 * 2) << "N, at 2 N/mm";
 }
 
 // A tip moved off the edge of a block: the nearest point jumps from its top to its side.
@@ -858,9 +858,9 @@ TEST(Proxy, SlipsOffAnEdgeNoFasterThanItsSpringMayLetGo) {
         const Slip slip = slip_off_an_edge(dt_s, stiffness, radius_mm, 20);
         EXPECT_LT(slip.largest_N, 20 * dt_s);
         EXPECT_LT(slip.left_N, 0.01);
-        EXPECT_LT(slip.deepest_mm, kProxyFeel.most_dip_mm);
+        EXPECT_LT(slip.deepest_mm, kProxyFeel.max_dip_mm);
         // the displacement alone would take as long as the operator needs for it
-        EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.most_slip_N_per_s, 0.012);
+        EXPECT_NEAR(slip.half_s, 0.45 / kProxyFeel.max_slip_N_per_s, 0.012);
       }
 }
 
@@ -937,8 +937,7 @@ TEST(ProxyLayers, WhatSlipsWithinMaySlipAsFastAsAll) {
     EXPECT_LT((run.result.force_N - before_N).norm(), 0.02);
     ++ticks;
   }
-  EXPECT_NEAR(ticks * 1e-3, left_N / kProxyFeel.most_slip_N_per_s,
-              0.1 * left_N / kProxyFeel.most_slip_N_per_s);
+  EXPECT_NEAR(ticks * 1e-3, left_N / kProxyFeel.max_slip_N_per_s, 0.1 * left_N / kProxyFeel.max_slip_N_per_s);
   EXPECT_NEAR(run.result.force_N.z(), 0.5 * 5, 0.01);
 }
 
@@ -975,14 +974,14 @@ TEST(Proxy, FrictionConeIsAsSet) {
   run.lead({0, 0, 1}, {0, 0, -depth_mm}, 0.05);
   EXPECT_TRUE(run.state.sticking);
   // pulled sideways: sticks up to the static cone, then slides on the kinetic cone
-  double most_ratio = 0;
+  double max_ratio = 0;
   double x = 0;
   while (run.state.sticking && x < 2) {
     run.at({x += 0.001, 0, -depth_mm});
     if (run.state.sticking)
-      most_ratio = std::max(most_ratio, std::abs(run.result.force_N.x()) / run.result.force_N.z());
+      max_ratio = std::max(max_ratio, std::abs(run.result.force_N.x()) / run.result.force_N.z());
   }
-  EXPECT_NEAR(most_ratio, mu_static, 0.02 * mu_static);
+  EXPECT_NEAR(max_ratio, mu_static, 0.02 * mu_static);
   for (int n = 0; n < 1000; ++n) {
     run.at({x += 0.003, 0, -depth_mm});
     EXPECT_NEAR(-run.result.force_N.x() / run.result.force_N.z(), mu_dynamic, 0.02 * mu_dynamic);
@@ -1024,13 +1023,13 @@ TEST(Proxy, FrictionConeIsAsSetOnEveryPlane) {
     run.at(tip(0, 1));
     run.lead(tip(0, 1), tip(0, -depth_mm), 0.05);
     ASSERT_TRUE(run.state.sticking);
-    double way_mm = 0, most_ratio = 0;
+    double way_mm = 0, max_ratio = 0;
     const double stride_mm = mu_static * depth_mm / 1000;
     while (run.state.sticking && way_mm < 5) {
-      most_ratio = std::max(most_ratio, ratio());
+      max_ratio = std::max(max_ratio, ratio());
       run.at(tip(way_mm += stride_mm, -depth_mm));
     }
-    EXPECT_NEAR(most_ratio, mu_static, 0.02 * mu_static);
+    EXPECT_NEAR(max_ratio, mu_static, 0.02 * mu_static);
     for (int slid = 0; slid < 300; ++slid) {
       run.at(tip(way_mm += 0.003, -depth_mm));
       ASSERT_NEAR(ratio(), mu_dynamic, 0.02 * mu_dynamic);
@@ -1164,7 +1163,7 @@ TEST(Proxy, ACapsuleThatLiesOnAPlaneLeansOnItsMiddleAndATiltedOneOnItsEnd) {
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
   EXPECT_EQ(run.state.contact[0].part, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
 }
 
 // between two balls of one surface, one beside each of its ends: a single contact would let it slide off
@@ -1178,7 +1177,7 @@ TEST(Proxy, ACapsuleAcrossTwoBallsLiesBetweenThem) {
   run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
   run.at({0, 0.3, 6});
   run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
-  EXPECT_LT(run.deepest_mm, kProxyFeel.most_dip_mm + kProxyFeel.row_dip_mm);
+  EXPECT_LT(run.deepest_mm, kProxyFeel.max_dip_mm + kProxyFeel.row_dip_mm);
   // its axis is 3 mm from both centres
   const double up_mm = std::sqrt(9.0 - 1.0);
   EXPECT_NEAR(run.state.position.y(), 0, 0.03);
@@ -1225,7 +1224,7 @@ TEST(Proxy, MoreSurfacesThanOneTickLooksAtHoldTheToolToo) {
     run.at(Point<Patient>() + side * 8);
     run.lead(run.state.position, Point<Patient>() - side * 2, 0.4);
     for (int settle = 0; settle < 30; ++settle) run.at(Point<Patient>() - side * 2);
-    ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm);
+    ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm);
     EXPECT_GT(run.result.force_N.norm(), 1);
   }
 }
@@ -1387,7 +1386,7 @@ TEST(Proxy, RandomWalksOverRandomSurfacesStayOutside) {
       tip += velocity_mm;
       run.at(tip);
       ASSERT_TRUE(run.result.force_N.all_finite());
-      ASSERT_LT(run.deepest_mm, kProxyFeel.most_dip_mm) << "scene " << scene << ", tick " << n;
+      ASSERT_LT(run.deepest_mm, kProxyFeel.max_dip_mm) << "scene " << scene << ", tick " << n;
     }
   }
 }

@@ -9,7 +9,7 @@ namespace palpate {
 namespace {
 
 // dents with a smaller elastic force are dropped
-constexpr double kLeastRemembered_N = 1e-6;
+constexpr double kMinRemembered_N = 1e-6;
 
 }  // namespace
 
@@ -120,7 +120,7 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
     if (contact != nullptr) state.at = contact->at;
     return std::max(0.0, elastic_N - lost_part * elastic_N - near * lost_N);
   }
-  if (state.elastic_N < kLeastRemembered_N) state = {};
+  if (state.elastic_N < kMinRemembered_N) state = {};
   return 0;
 }
 

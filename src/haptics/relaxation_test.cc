@@ -225,24 +225,24 @@ TEST(AdvanceRelaxation, OtherPartsComeInWithoutAStep) {
 /// A sphere moved in and out at one point of tissue.
 struct PressedSphere {
   ContactLaw tissue{0, {}, kModulus_N_per_mm2};
-  double radius_mm = 3, most_N_per_mm = std::numeric_limits<double>::infinity();
+  double radius_mm = 3, max_N_per_mm = std::numeric_limits<double>::infinity();
   Relaxing relaxing;
   double depth_mm = -1, force_N = 0, elastic_N = 0;
 
   // stored energy by the law's complementary energy (docs/decisions/0040-relaxation.md)
   double stored_mJ() const {
     double stored = force_N * std::max(0.0, depth_mm) -
-                    complementary_mJ(tissue, relaxing.state.elastic_N, radius_mm, most_N_per_mm);
+                    complementary_mJ(tissue, relaxing.state.elastic_N, radius_mm, max_N_per_mm);
     for (std::size_t n = 0; n < relaxing.times.count; ++n)
       stored += relaxing.state.parts.of_time[n] *
-                complementary_mJ(tissue, relaxing.state.lagging_N[n], radius_mm, most_N_per_mm);
+                complementary_mJ(tissue, relaxing.state.lagging_N[n], radius_mm, max_N_per_mm);
     return stored;
   }
   // moves to a depth; returns the work done
   double to(double next_mm, double dt_s) {
     const double before_N = force_N, before_mm = depth_mm;
     depth_mm = next_mm;
-    elastic_N = yield_force(tissue, depth_mm, radius_mm, most_N_per_mm).force_N;
+    elastic_N = yield_force(tissue, depth_mm, radius_mm, max_N_per_mm).force_N;
     force_N = relaxing.at(elastic_N, dt_s);
     return 0.5 * (before_N + force_N) * (depth_mm - before_mm);
   }
@@ -278,20 +278,20 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
-  double least_left = 1;
+  double min_left = 1;
   for (int path = 0; path < 200; ++path) {
     const double part = 0.9 * unit(random), first = unit(random);
     const Relaxation relaxation{{{{0.01 + part * first, std::pow(10, 2 * unit(random) - 1.5)},
                                   {0.01 + part * (1 - first), std::pow(10, 2 * unit(random) - 1)}}}};
     PressedSphere sphere{.relaxing = Relaxing(relaxation)};
     sphere.tissue.beyond_mm_per_N = (2 * unit(random) - 0.5) / (6 * kModulus_N_per_mm2);
-    if (path % 2 == 0) sphere.most_N_per_mm = 0.1 + unit(random);
+    if (path % 2 == 0) sphere.max_N_per_mm = 0.1 + unit(random);
     if (path % 4 < 2) {
       sphere.tissue.finite_N = 0.05 + 0.3 * unit(random);
       sphere.tissue.stiffening_mm_per_N2 =
           (0.06 * unit(random) - 0.03) / (kModulus_N_per_mm2 * sphere.tissue.finite_N);
     }
-    double work_mJ = 0, lost_mJ = 0, most_mJ = 0, goal_mm = 0, speed_mm_s = 0;
+    double work_mJ = 0, lost_mJ = 0, max_mJ = 0, goal_mm = 0, speed_mm_s = 0;
     for (int n = 0; n < 3000; ++n) {
       constexpr double kShort_s = 2e-4;
       if (unit(random) < 0.01) {
@@ -303,24 +303,24 @@ TEST(AdvanceRelaxation, GivesOutNoEnergyOnRandomPaths) {
       const double before_mJ = sphere.stored_mJ();
       const double in_mJ = sphere.to(sphere.depth_mm + way_mm, kShort_s);
       work_mJ += in_mJ;
-      most_mJ = std::max(most_mJ, work_mJ);
+      max_mJ = std::max(max_mJ, work_mJ);
       lost_mJ = std::min(lost_mJ, in_mJ - (sphere.stored_mJ() - before_mJ));
       ASSERT_GE(sphere.force_N, 0);
       ASSERT_LE(sphere.force_N, sphere.elastic_N);
       ASSERT_GE(sphere.stored_mJ(), -1e-9) << path;
       // the work of a tick is that of a linear force between its ends
-      ASSERT_GE(work_mJ - sphere.stored_mJ(), -1e-5 * std::max(1.0, most_mJ)) << path << ", tick " << n;
+      ASSERT_GE(work_mJ - sphere.stored_mJ(), -1e-5 * std::max(1.0, max_mJ)) << path << ", tick " << n;
     }
-    ASSERT_GE(lost_mJ, -1e-5 * std::max(1.0, most_mJ)) << path;
-    if (most_mJ > 0) least_left = std::min(least_left, (work_mJ - sphere.stored_mJ()) / most_mJ);
+    ASSERT_GE(lost_mJ, -1e-5 * std::max(1.0, max_mJ)) << path;
+    if (max_mJ > 0) min_left = std::min(min_left, (work_mJ - sphere.stored_mJ()) / max_mJ);
   }
-  EXPECT_GE(least_left, 0);
+  EXPECT_GE(min_left, 0);
 }
 
 TEST(AdvanceRelaxation, IsNoStifferThanTheLawAtOnce) {
   // bounded by the stiffness limit times the displacement, plus the relaxation and recovery of a tick
   constexpr double kMost_N_per_mm = 0.05, kDown_mm = 0.005, kShort_s = 1e-4;
-  PressedSphere sphere{.most_N_per_mm = kMost_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
+  PressedSphere sphere{.max_N_per_mm = kMost_N_per_mm, .relaxing = Relaxing(kTwoTerms)};
   double before_N = 0, steepest_N = 0;
   for (int n = 0; n < 2000; ++n) {
     sphere.to(std::max(sphere.depth_mm, 0.0) + (n < 1000 ? kDown_mm : -kDown_mm), kShort_s);

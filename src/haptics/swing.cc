@@ -10,21 +10,21 @@ namespace {
 // evaluates a completed half cycle, from the last reversal to the extremum
 void end_half(double step_mm, OscillationState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
-  const bool by_itself = length_mm >= std::max(kSwingFeel.least_mm, kSwingFeel.least_steps * step_mm) &&
+  const bool by_itself = length_mm >= std::max(kSwingFeel.min_mm, kSwingFeel.min_steps * step_mm) &&
                          time_s <= kSwingFeel.longest_half_s &&
-                         length_mm >= kSwingFeel.least_speed_mm_s * time_s &&
+                         length_mm >= kSwingFeel.min_speed_mm_s * time_s &&
                          state.aside_mm.norm() <= length_mm;
   const bool as_large = length_mm >= kSwingFeel.kept * state.before_mm;
   state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
   if (state.halves >= kSwingFeel.halves)
-    state.later_s = std::min(kSwingFeel.most_later_s, state.later_s + kSwingFeel.later_s);
+    state.later_s = std::min(kSwingFeel.max_later_s, state.later_s + kSwingFeel.later_s);
   state.before_mm = length_mm;
 }
 
 }  // namespace
 
-void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
-                    OscillationState& state) {
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
+                        double dt_s, OscillationState& state) {
   state.later_s = std::max(0.0, state.later_s - kSwingFeel.forget_later * dt_s);
   const double force = force_N.norm();
   state.free_s = force > 0 ? 0 : state.free_s + dt_s;

@@ -62,7 +62,7 @@ TEST(Swing, ALimitCycleIsFoundWithinAHundredMillisecondsOrThreeHalves) {
       EXPECT_GT(seen.found_s, 0);
       // the first quarter is not a half cycle, and a reversal is detected only after some displacement back
       EXPECT_LT(seen.found_s, std::max(0.1, 1.9 / frequency_hz) + 0.01);
-      EXPECT_GT(seen.later_s, kSwingFeel.most_later_s - kSwingFeel.later_s) << "as long as it goes on";
+      EXPECT_GT(seen.later_s, kSwingFeel.max_later_s - kSwingFeel.later_s) << "as long as it goes on";
     }
 }
 

@@ -67,7 +67,8 @@ inline double steepest_of(const SignedField& field) {
   return steepest;
 }
 
-inline ContactSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm, double reach_mm = 6) {
+inline ContactSurface felt_surface(const GridGeometry& grid, const Distance& distance_mm,
+                                   double reach_mm = 6) {
   const SignedField field = sampled_distance(grid, distance_mm, reach_mm);
   ContactSurface felt;
   felt.surface = std::make_shared<const Surface>(field, field, steepest_of(field));

@@ -113,10 +113,10 @@ class SurfaceOracle {
       return t ? (place_of(cell, line, *t) - x).norm() : std::numeric_limits<double>::infinity();
     };
     Line nearest{0, 0, 0};
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     for_lines(kManyLines, [&](const Line& line) {
       const double mm = distance_on(line);
-      if (mm < least_mm) nearest = line, least_mm = mm;
+      if (mm < min_mm) nearest = line, min_mm = mm;
     });
     // shifts the line with a decreasing step while the distance decreases
     for (double step = 0.5 / kManyLines; step > 1e-4;) {
@@ -125,12 +125,12 @@ class SurfaceOracle {
         const Line moved{nearest.axis, std::clamp(nearest.u + du * step, 0.0, 1.0),
                          std::clamp(nearest.v + dv * step, 0.0, 1.0)};
         const double mm = distance_on(moved);
-        if (mm < least_mm) better = moved, least_mm = mm;
+        if (mm < min_mm) better = moved, min_mm = mm;
       }
       if (better.u == nearest.u && better.v == nearest.v) step *= 0.5;
       nearest = better;
     }
-    best_mm = std::min(best_mm, least_mm);
+    best_mm = std::min(best_mm, min_mm);
   }
 
   Volume<std::int16_t> voxels_;

@@ -19,10 +19,10 @@ struct PointForce {
 
 /// Contact of one point by a direct method.
 /// @param full_force_N     force at field value 1
-/// @param most_N_s_per_mm  limit of the total damping at this point
+/// @param max_N_s_per_mm  limit of the total damping at this point
 /// @param x                position of the point
-PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_per_mm,
-                 const Point<Patient>& x, const Vector<Patient>& velocity_mm_s) {
+PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_per_mm, const Point<Patient>& x,
+                 const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = tick.model.force_field(tick.method);
   PointForce met;
   PointContact& contact = met.contact;
@@ -36,11 +36,11 @@ PointForce touch(const TickContext& tick, double full_force_N, double most_N_s_p
 
   const Tissue& tissue = tick.model.tissues[static_cast<std::size_t>(contact.site.tissue)];
   const double left_N_s_per_mm =
-      tick.viscosity ? std::max(0.0, most_N_s_per_mm - tissue.viscosity_N_s_per_mm) : most_N_s_per_mm;
+      tick.viscosity ? std::max(0.0, max_N_s_per_mm - tissue.viscosity_N_s_per_mm) : max_N_s_per_mm;
   if (tick.friction) contact.force_N += pseudo_friction(tissue, velocity_mm_s, normal_N, left_N_s_per_mm);
   if (tick.viscosity)
     contact.force_N +=
-        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, most_N_s_per_mm);
+        viscous_force(tissue, velocity_mm_s, contact.sample.value / contact.site.level, max_N_s_per_mm);
   return met;
 }
 
@@ -118,7 +118,7 @@ struct LeansOn {
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
 std::size_t tell_contacts(const Model& model, const LeansOn& on, std::span<ContactPoint> told) {
-  std::array<const ProxyContact*, kMostContacts> order;
+  std::array<const ProxyContact*, kMaxContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contacts);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
   sort_few(std::span(order).first(count),
@@ -150,10 +150,10 @@ PathStructure all_of_it(const PointContact& contact) {
   return {contact.site.label, contact.site.depth_mm, 1};
 }
 
-std::array<PathStructure, kMostStructuresReported> felt_by_proxy(const Model& model, const ProxyResult& result,
-                                                   const PointContact& strongest) {
-  static_assert(kMostStructuresReported == kMostPathSegments);
-  std::array<PathStructure, kMostStructuresReported> felt;
+std::array<PathStructure, kMaxStructuresReported> felt_by_proxy(const Model& model, const ProxyResult& result,
+                                                                const PointContact& strongest) {
+  static_assert(kMaxStructuresReported == kMaxPathSegments);
+  std::array<PathStructure, kMaxStructuresReported> felt;
   for (int n = 0; n < result.felt_parts; ++n) {
     const PathSegment& part = result.felt[static_cast<std::size_t>(n)];
     felt[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
@@ -190,7 +190,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
 
 bool PointContact::is_touch() const {
   const bool inside = sample.value >= 0.5 * site.level;
-  return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.least_N);
+  return site.label != 0 && (inside || force_N.norm() >= kTouchFeel.min_N);
 }
 
 double DeviceContext::max_stiffness_N_per_mm() const {
@@ -198,8 +198,9 @@ double DeviceContext::max_stiffness_N_per_mm() const {
 }
 
 double DeviceContext::max_damping_N_s_per_mm() const {
-  return device.max_damping_N_s_per_mm > 0 ? RenderedStiffness(device).in_patient(device.max_damping_N_s_per_mm)
-                                            : std::numeric_limits<double>::infinity();
+  return device.max_damping_N_s_per_mm > 0
+             ? RenderedStiffness(device).in_patient(device.max_damping_N_s_per_mm)
+             : std::numeric_limits<double>::infinity();
 }
 
 ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
@@ -208,14 +209,14 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   ToolContact tool;
   // forces of points in contact at the same time add up
   const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
-  const double most_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
+  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
   const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
   std::size_t told = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
-    const PointForce met = touch(tick, full_force_N, most_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
+    const PointForce met = touch(tick, full_force_N, max_N_s_per_mm, hand.tip + tick.X_PatientWorld * arm_mm,
                                  hand.velocity_mm_s);
     const Vector<World> force_N = tick.X_WorldPatient * met.contact.force_N;
     tool.asked.force_N += force_N * gains.force_gain;
@@ -223,7 +224,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
     if (part == 0 || met.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
       tool.strongest = met.contact;
     if (!met.contact.is_touch()) continue;
-    static_assert(kMostContactsReported >= kMaxToolParts);
+    static_assert(kMaxContactsReported >= kMaxToolParts);
     tool.contacts[told++] = {met.contact.site.label, static_cast<int>(part), met.contact.proxy, met.normal_N};
   }
   sort_few(std::span(tool.contacts).first(told),
@@ -249,7 +250,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   options.friction = tick.friction;
   options.max_stiffness_N_per_mm = hand.max_stiffness_N_per_mm();
   options.dt_s = tick.dt_s;
-  options.most_slip_N_per_s = kProxyFeel.most_slip_N_per_s / hand.device.force_gain;
+  options.max_slip_N_per_s = kProxyFeel.max_slip_N_per_s / hand.device.force_gain;
   options.yields = tick.yields;
   options.device = hand.number;
   options.relaxation_times = times.any() ? &times : nullptr;
@@ -264,12 +265,13 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   const DeviceParameters& gains = hand.device;
   const Vector<Patient> multiplier_mm =
       proxy.coupled ? (proxy.position - hand.tip) * proxy.part : Vector<Patient>();
-  const double most_N_s_per_mm = hand.max_damping_N_s_per_mm();
+  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
-      std::min(model.method_settings.coupling_damping_N_s_per_mm, most_N_s_per_mm);
+      std::min(model.method_settings.coupling_damping_N_s_per_mm, max_N_s_per_mm);
   // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
-  const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling), less = 1 - part;
+  const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
+               less = 1 - part;
   ToolContact tool;
   std::size_t told = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
@@ -289,18 +291,19 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   if (tick.viscosity && site.tissue >= 0)
     tool.strongest.force_N +=
         viscous_force(model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
-                      site.depth_mm / kTouchFeel.whole_viscosity_mm, most_N_s_per_mm - damping_N_s_per_mm);
+                      site.depth_mm / kTouchFeel.whole_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
   tool.felt = felt_by_proxy(model, result, tool.strongest);
   tool.asked.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
   tool.asked.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
                           (gains.force_gain / gains.scale);
-  const double stored_mJ =
-      outermost.yields ? outermost.stored_mJ : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
+  const double stored_mJ = outermost.yields
+                               ? outermost.stored_mJ
+                               : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
   const double stiffness_N_per_mm =
       outermost.yields ? outermost.tangent_N_per_mm : coupling.stiffness_N_per_mm;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm + result.tangent_N_per_mm -
-                                                           outermost.tangent_N_per_mm);
+                                                               outermost.tangent_N_per_mm);
   if (!proxy.coupled) tool.flags |= kFlagInside;
   if (result.wedged) tool.flags |= kFlagWedged;
   if (result.ruptured) tool.flags |= kFlagRuptured;

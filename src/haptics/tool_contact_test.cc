@@ -77,7 +77,7 @@ class ToolRun {
 
 int count(const ToolContact& contact) {
   int n = 0;
-  while (n < kMostContactsReported && contact.contacts[static_cast<std::size_t>(n)].label != 0) ++n;
+  while (n < kMaxContactsReported && contact.contacts[static_cast<std::size_t>(n)].label != 0) ++n;
   return n;
 }
 

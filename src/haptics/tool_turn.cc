@@ -19,7 +19,7 @@
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::most_dip_mm; otherwise
+/// A step is accepted if that is at most half a stride, which is less than ProxyFeel::max_dip_mm; otherwise
 /// it is retried with half the angle.
 namespace palpate {
 namespace {
@@ -37,13 +37,12 @@ class Turn {
         attitude_(attitude),
         state_(state),
         way_(way),
-        left_looks_(has_capsules(spheres) ? kToolTurnFeel.most_looks_of_capsules : kToolTurnFeel.most_looks) {
-  }
+        left_looks_(has_capsules(spheres) ? kToolTurnFeel.max_looks_of_capsules : kToolTurnFeel.max_looks) {}
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn go() {
     note();
-    for (int leg = 0; leg < kToolTurnFeel.most_legs && left_steps_ > 0; ++leg)
+    for (int leg = 0; leg < kToolTurnFeel.max_legs && left_steps_ > 0; ++leg)
       if (!go_leg()) return result_;
     result_.lagging = true;
     return result_;
@@ -69,24 +68,24 @@ class Turn {
     const double leg_rad =
         whole_mm > kToolTurnFeel.leg_mm ? kToolTurnFeel.leg_mm / farthest_mm_ : rest.angle();
     PairSet near(surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
-                      kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
+                 kToolTurnFeel.room * leg_rad * farthest_mm_ + kProxyFeel.stride_mm());
     // the push of a step is at most a stride and is added to the arc
     room_mm_ = near.reach_mm() - kProxyFeel.stride_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues
-    most_looks_ = near.looks() + left_looks_;
-    while (left_steps_ > 0 && near.looks() < most_looks_ && done_rad < leg_rad &&
+    max_looks_ = near.looks() + left_looks_;
+    while (left_steps_ > 0 && near.looks() < max_looks_ && done_rad < leg_rad &&
            room_mm_ > kProxyFeel.outside_mm) {
       --left_steps_;
       const double step_rad = step(near, rest, begun, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
-        (near.looks() < most_looks_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
+        (near.looks() < max_looks_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
         return false;
       }
       done_rad += step_rad;
       has_turned_ = true;
     }
-    left_looks_ = most_looks_ - near.looks();
+    left_looks_ = max_looks_ - near.looks();
     if (done_rad >= rest.angle()) return arrive();
     result_.lagging = done_rad == 0 || left_looks_ <= 0;
     return !result_.lagging;
@@ -98,10 +97,10 @@ class Turn {
     return false;
   }
 
-  // one step of at most most_rad; returns the angle that was taken, 0 if none
-  double step(PairSet& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun,
-              double done_rad, double most_rad) {
-    double angle_rad = std::min(most_rad, room_mm_ / farthest_mm_);
+  // one step of at most max_rad; returns the angle that was taken, 0 if none
+  double step(PairSet& near, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun, double done_rad,
+              double max_rad) {
+    double angle_rad = std::min(max_rad, room_mm_ / farthest_mm_);
     for (std::size_t n = 0; n < near.count(); ++n) {
       const double slope = near[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(near[n].sphere)];
       clearance_mm_[n] =
@@ -109,15 +108,15 @@ class Turn {
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
     const double stride_mm = kProxyFeel.stride_mm() / near.steepest();
-    for (int tries = 0; tries <= kToolTurnFeel.most_halvings; ++tries, angle_rad *= 0.5) {
+    for (int tries = 0; tries <= kToolTurnFeel.max_halvings; ++tries, angle_rad *= 0.5) {
       // the first step of a tick is always completed, so that the rotation progresses however many surfaces
       // are near
-      if (tries > 0 && has_turned_ && near.looks() >= most_looks_) return 0;
+      if (tries > 0 && has_turned_ && near.looks() >= max_looks_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       near.turn(TurnedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!project_out(near, kProxyFeel.most_corrections, stride_mm, there)) continue;
+      if (!project_out(near, kProxyFeel.max_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
       if (!is_safe(near, angle_rad, push_mm)) continue;
       room_mm_ -= angle_rad * farthest_mm_ + push_mm;
@@ -149,13 +148,13 @@ class Turn {
   ProxyLayer& state_;
   ProxyPath* way_;
   ToolTurn result_;
-  std::array<double, kMostToolSpheres> radius_mm_{};  // radii of the spheres' arcs
-  double farthest_mm_ = 0;                            // maximum of radius_mm_
+  std::array<double, kMaxToolSpheres> radius_mm_{};  // radii of the spheres' arcs
+  double farthest_mm_ = 0;                           // maximum of radius_mm_
   double room_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
-  std::array<double, kMostNear> clearance_mm_{};
-  int left_steps_ = kToolTurnFeel.most_steps;
-  int left_looks_;      // queries left in this tick after the current leg
-  int most_looks_ = 0;  // query count at which the current leg stops
+  std::array<double, kMaxNear> clearance_mm_{};
+  int left_steps_ = kToolTurnFeel.max_steps;
+  int left_looks_;     // queries left in this tick after the current leg
+  int max_looks_ = 0;  // query count at which the current leg stops
   bool has_turned_ = false;
 };
 

@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr int kMostRootSteps = 40;
+constexpr int kMaxRootSteps = 40;
 constexpr double kSameRoot = 1e-13;
 
 /// Depth at the force F = s^3: b F + k F^(2/3) - c F^2, and -c first_N (2 F - first_N) instead of the last
@@ -36,7 +36,7 @@ struct DepthLaw {
                                    : first_N * (force_N * force_N - first_N * first_N * (1.0 / 3)));
   }
   // largest s at which the compliance is at least `least`; infinite: everywhere
-  double most_s(double least) const;
+  double max_s(double least) const;
 
  private:
   static double straight_most_s(double b, double k, double least) {
@@ -44,7 +44,7 @@ struct DepthLaw {
   }
 };
 
-double DepthLaw::most_s(double least) const {
+double DepthLaw::max_s(double least) const {
   if (c == 0) return straight_most_s(b, k, least);
   // the compliance decreases monotonically beyond first_N
   const double beyond = straight_most_s(b - 2 * c * first_N, k, least);
@@ -62,7 +62,7 @@ double DepthLaw::most_s(double least) const {
     const double lowest = cube_root(more / (8 * c));
     if (more * lowest * 0.75 + k * (2.0 / 3) >= 0) return beyond;
   }
-  for (int n = 0; n < kMostRootSteps; ++n) {
+  for (int n = 0; n < kMaxRootSteps; ++n) {
     const double left = more * s + k * (2.0 / 3) - 2 * c * (s * s) * (s * s);
     const double slope = more - 8 * c * (s * s * s);
     const double next = s - left / slope;
@@ -74,20 +74,20 @@ double DepthLaw::most_s(double least) const {
 
 DepthLaw law_of(const ContactLaw& tissue, double radius_mm) {
   const double modulus = tissue.modulus_N_per_mm2;
-  const double radius = std::max(radius_mm, kYieldFeel.least_radius_mm);
+  const double radius = std::max(radius_mm, kYieldFeel.min_radius_mm);
   return {tissue.beyond_mm_per_N, 0.75 / modulus * cube_root(4 * modulus / (3 * radius)),
           tissue.stiffening_mm_per_N2, tissue.finite_N};
 }
 
-// the s in 0 ... most_s with a given depth; on that interval the depth increases with a compliance of at
+// the s in 0 ... max_s with a given depth; on that interval the depth increases with a compliance of at
 // least `least`
-double root_of_depth(const DepthLaw& law, double depth_mm, double most_s, double least) {
+double root_of_depth(const DepthLaw& law, double depth_mm, double max_s, double least) {
   const double b = law.b, k = law.k;
-  double low = 0, high = law.c == 0 ? most_s : std::min(most_s, cube_root(depth_mm / least));
+  double low = 0, high = law.c == 0 ? max_s : std::min(max_s, cube_root(depth_mm / least));
   double s = std::sqrt(depth_mm / k);
   if (b > 0) s = std::min(s, cube_root(depth_mm / b));
   s = std::min(s, high);
-  for (int n = 0; n < kMostRootSteps; ++n) {
+  for (int n = 0; n < kMaxRootSteps; ++n) {
     const double off_mm = law.at(s) - depth_mm;
     (off_mm > 0 ? high : low) = s;
     const double slope = law.per_s(s);
@@ -141,19 +141,19 @@ ContactLaw tissue_at(const LocalCompliance& spot) {
 }
 
 ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
-                          double modulus_N_per_mm2, double dt_s, ComplianceState& state) {
+                            double modulus_N_per_mm2, double dt_s, ComplianceState& state) {
   ContactLaw tissue;
   tissue.modulus_N_per_mm2 = modulus_N_per_mm2;
   if (spot.is_known()) {
     const double told = spot.compliance_mm_per_N;
     const double on = told + spot.slope_per_N.dot(at - spot.at);
-    const double carried = std::clamp(on, kYieldFeel.least_carried * told, kYieldFeel.most_carried * told);
+    const double carried = std::clamp(on, kYieldFeel.min_carried * told, kYieldFeel.max_carried * told);
     tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N() + (carried - told);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
     if (spot.is_finite()) {
       const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
-      const double most = kYieldFeel.most_stiffening * told / spot.finite_N;
+      const double most = kYieldFeel.max_stiffening * told / spot.finite_N;
       tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-most, c), std::max(most, c));
       tissue.finite_N = spot.finite_N;
       if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
@@ -183,20 +183,19 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   return tissue;
 }
 
-YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
-                       double most_N_per_mm) {
+YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm) {
   YieldForce force;
   if (!(depth_mm > 0)) return force;
   const DepthLaw law = law_of(tissue, radius_mm);
-  const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
-  const double most_s = law.most_s(least_give);
-  if (std::isfinite(most_s) && depth_mm >= law.at(most_s)) {
-    const double first_N = most_s * most_s * most_s, more_mm = depth_mm - law.at(most_s);
-    force.force_N = first_N + more_mm / least_give;
-    force.tangent_N_per_mm = 1 / least_give;
-    force.stored_mJ = law.stored(most_s) + (first_N + 0.5 * more_mm / least_give) * more_mm;
+  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_give_mm_per_N);
+  const double max_s = law.max_s(min_give);
+  if (std::isfinite(max_s) && depth_mm >= law.at(max_s)) {
+    const double first_N = max_s * max_s * max_s, more_mm = depth_mm - law.at(max_s);
+    force.force_N = first_N + more_mm / min_give;
+    force.tangent_N_per_mm = 1 / min_give;
+    force.stored_mJ = law.stored(max_s) + (first_N + 0.5 * more_mm / min_give) * more_mm;
   } else {
-    const double s = root_of_depth(law, depth_mm, most_s, least_give);
+    const double s = root_of_depth(law, depth_mm, max_s, min_give);
     force.force_N = s * s * s;
     force.tangent_N_per_mm = s / law.per_N(s);
     force.stored_mJ = law.stored(s);
@@ -214,17 +213,16 @@ TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N) {
                              : first_N * (squared - first_N * (force_N - first_N * (1.0 / 3)))};
 }
 
-double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
-                        double most_N_per_mm) {
+double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm, double max_N_per_mm) {
   if (!(force_N > 0)) return 0;
   const DepthLaw law = law_of(tissue, radius_mm);
-  const double least_give = std::max(1 / most_N_per_mm, kYieldFeel.least_give_mm_per_N);
-  const double most_s = law.most_s(least_give);
-  const double s = std::min(cube_root(force_N), most_s);
+  const double min_give = std::max(1 / max_N_per_mm, kYieldFeel.min_give_mm_per_N);
+  const double max_s = law.max_s(min_give);
+  const double s = std::min(cube_root(force_N), max_s);
   const double more_N = std::max(0.0, force_N - s * s * s);
   return s * s * s * s * s * (0.5 * law.b * s + 0.6 * law.k) -
          law.c * yield_aside(tissue, s * s * s).of_stiffening_N3 +
-         more_N * (law.at(s) + 0.5 * least_give * more_N);
+         more_N * (law.at(s) + 0.5 * min_give * more_N);
 }
 
 }  // namespace palpate

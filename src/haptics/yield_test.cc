@@ -35,15 +35,15 @@ double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm)
 }
 
 // force by bisection, linear from where the compliance would be below the minimum
-double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double least_give) {
+double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_give) {
   double low = 0, high = 1e6;
   for (int n = 0; n < 200; ++n) {
     const double middle = 0.5 * (low + high);
-    (give_mm_per_N(tissue, middle, radius_mm) > least_give ? low : high) = middle;
+    (give_mm_per_N(tissue, middle, radius_mm) > min_give ? low : high) = middle;
   }
   const double first_N = low;
   if (first_N < 1e5 && depth >= depth_mm(tissue, first_N, radius_mm))
-    return first_N + (depth - depth_mm(tissue, first_N, radius_mm)) / least_give;
+    return first_N + (depth - depth_mm(tissue, first_N, radius_mm)) / min_give;
   low = 0, high = first_N;
   for (int n = 0; n < 200; ++n) {
     const double middle = 0.5 * (low + high);
@@ -77,7 +77,7 @@ TEST(YieldForce, IsHertzOnAHalfSpace) {
   EXPECT_EQ(yield_force(half_space, std::nan(""), 3).force_N, 0);
   // a point counts as a small sphere
   EXPECT_EQ(yield_force(half_space, 1, 0).force_N,
-            yield_force(half_space, 1, kYieldFeel.least_radius_mm).force_N);
+            yield_force(half_space, 1, kYieldFeel.min_radius_mm).force_N);
 }
 
 TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
@@ -94,15 +94,15 @@ TEST(YieldForce, IsThatOfASlowSearchWithItsSlopeAndItsWork) {
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double least_give = std::max(1 / most, kYieldFeel.least_give_mm_per_N);
+    const double min_give = std::max(1 / most, kYieldFeel.min_give_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
-    if (n % 3 == 2 && tissue.beyond_mm_per_N > least_give) tissue.stiffening_mm_per_N2 = -per_N;
+    if (n % 3 == 2 && tissue.beyond_mm_per_N > min_give) tissue.stiffening_mm_per_N2 = -per_N;
     tissue.finite_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
     const YieldForce force = yield_force(tissue, depth, radius_mm, most);
-    const double slow_N = slow_force_N(tissue, depth, radius_mm, least_give);
+    const double slow_N = slow_force_N(tissue, depth, radius_mm, min_give);
     ASSERT_NEAR(force.force_N / slow_N, 1, 1e-8) << n;
-    ASSERT_LE(force.tangent_N_per_mm, 1 / least_give * (1 + 1e-9)) << n;
+    ASSERT_LE(force.tangent_N_per_mm, 1 / min_give * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
     const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
                      more = yield_force(tissue, depth + step, radius_mm, most);
@@ -220,14 +220,16 @@ TEST(FeelYield, AnotherFrameComesInWithoutAStep) {
     before_N = now_N;
   }
   ComplianceState fresh;
-  EXPECT_NEAR(before_N, yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+  EXPECT_NEAR(before_N,
+              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
               1e-12);
   // no frame known: back to a half-space, blended as slowly
   EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
   // a tool that was away uses the newest frame at once
   state = {};
   EXPECT_NEAR(force_N(second),
-              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N, 1e-12);
+              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+              1e-12);
 }
 
 TEST(FeelYield, WhatIsLeftOfAFrameNeverTurnsTheModulus) {
@@ -270,7 +272,7 @@ TEST(FeelYield, WhatANeoHookeanSolutionAddsComesInLikewise) {
   for (const double x : {0.5, 100.0}) {
     ComplianceState fresh;
     const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
-    const double most = kYieldFeel.most_stiffening * 12 / 0.2;
+    const double most = kYieldFeel.max_stiffening * 12 / 0.2;
     EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, most));
     EXPECT_EQ(tissue.stiffening_slope, x < 1 ? frame.spot[0].stiffening_slope : Vector<Patient>());
   }

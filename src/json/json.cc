@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 // deeper values would exhaust the stack when they are copied or destroyed
-constexpr std::size_t kMostLevels = 500;
+constexpr std::size_t kMaxLevels = 500;
 
 }  // namespace
 
@@ -68,7 +68,7 @@ class JsonBuilder {
  private:
   bool open(Json value) {
     open_.push_back(std::move(value));
-    return open_.size() <= kMostLevels;
+    return open_.size() <= kMaxLevels;
   }
   bool close() {
     Json value = std::move(open_.back());

@@ -19,9 +19,9 @@
 namespace palpate::link {
 namespace {
 
-constexpr std::size_t kLeastToken = 16, kMostTokenFile_bytes = 64 << 10;
+constexpr std::size_t kMinToken = 16, kMaxTokenFile_bytes = 64 << 10;
 // below the first a token is refused, below the second a warning is logged
-constexpr double kLeastBits = 16, kGoodBits = 80;
+constexpr double kMinBits = 16, kGoodBits = 80;
 // 32 mutually distinguishable characters; kNewToken of them amount to 130 bits
 constexpr std::string_view kAlphabet = "abcdefghijkmnpqrstuvwxyz23456789";
 constexpr std::size_t kNewToken = 26;
@@ -59,7 +59,7 @@ Error bad_line(const std::string& source, int line, std::string what) {
           "let `palpate token` make it, or write lines of \"control TOKEN\", \"view TOKEN\", \"teacher "
           "TOKEN\" or "
           "\"learner TOKEN PSEUDONYM\", with tokens of at least " +
-              std::to_string(kLeastToken) + " printable characters without blanks, as random as you can"};
+              std::to_string(kMinToken) + " printable characters without blanks, as random as you can"};
 }
 
 std::optional<Role> role_named(std::string_view name) {
@@ -117,10 +117,10 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (!role) return bad_line(source, line, "this line names no role");
     const std::string_view token = *role == Role::kLearner ? take_word(row) : row;
     Who who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
-    if (token.size() < kLeastToken || !std::all_of(token.begin(), token.end(), is_printable))
+    if (token.size() < kMinToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
     const double bits = entropy_bound_bits(token);
-    if (bits < kLeastBits) return bad_line(source, line, "this line's token is guessed at once");
+    if (bits < kMinBits) return bad_line(source, line, "this line's token is guessed at once");
     if (bits < kGoodBits && warn)
       warn(source + ":" + std::to_string(line) +
            ": this token could be guessed; `palpate token` makes one that cannot");
@@ -139,7 +139,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
 
 Result<Tokens> Tokens::read(const std::filesystem::path& file,
                             const std::function<void(const std::string&)>& warn) {
-  const auto text = read_file(file, kMostTokenFile_bytes);
+  const auto text = read_file(file, kMaxTokenFile_bytes);
   if (!text) return text.error();
   struct stat status;
   const mode_t mode = ::stat(file.c_str(), &status) == 0 ? status.st_mode : 0;

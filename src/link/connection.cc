@@ -10,8 +10,8 @@ namespace {
 
 // time for the first request, including the TLS handshake; a later one may take longer
 constexpr auto kFirstHeadWithin = std::chrono::seconds(5), kNextHeadWithin = std::chrono::seconds(15);
-// minimum throughput: this many bytes, or the rest of the answer, per kWriteTimeout; slow readers would occupy
-// connections
+// minimum throughput: this many bytes, or the rest of the answer, per kWriteTimeout; slow readers would
+// occupy connections
 constexpr std::size_t kTaken_bytes = HttpConnection::kPart_bytes;
 constexpr auto kWriteTimeout = std::chrono::seconds(10);
 constexpr auto kGenerationTimeout = std::chrono::seconds(60);

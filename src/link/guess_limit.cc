@@ -11,14 +11,14 @@ bool GuessLimit::may_check_token(const AddressBlock& from, Clock::time_point now
   forget_inactive(now);
   const auto known = accounts_.find(from);
   if (known != accounts_.end()) return known->second.left(now) >= 1;
-  return accounts_.size() < kMostAddresses || shared_.left(now) >= 1;
+  return accounts_.size() < kMaxAddresses || shared_.left(now) >= 1;
 }
 
 void GuessLimit::guessed_wrong(const AddressBlock& from, Clock::time_point now) {
   const auto known = accounts_.find(from);
   if (known != accounts_.end())
     known->second.take(now);
-  else if (accounts_.size() < kMostAddresses)
+  else if (accounts_.size() < kMaxAddresses)
     accounts_.emplace(from, TokenBucket(kEachSecond, kAtOnce, now)).first->second.take(now);
   else
     shared_.take(now);

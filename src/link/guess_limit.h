@@ -21,7 +21,7 @@ class GuessLimit {
   /// A burst of 5 and 5 more per second never exceed 10 within a second.
   static constexpr double kAtOnce = 5, kEachSecond = 5;
   /// About 300 kB.
-  static constexpr std::size_t kMostAddresses = 4096;
+  static constexpr std::size_t kMaxAddresses = 4096;
 
   /// Whether a token from that address may be checked.
   bool may_check_token(const AddressBlock& from, Clock::time_point now);

@@ -101,15 +101,15 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   GuessLimit limit;
   Clock::time_point now{};
   int looked_at = 0;
-  const int tried = 3 * static_cast<int>(GuessLimit::kMostAddresses);
+  const int tried = 3 * static_cast<int>(GuessLimit::kMaxAddresses);
   for (int n = 0; n < tried; ++n) {
     const AddressBlock from = block(static_cast<std::uint32_t>(n));
     if (!limit.may_check_token(from, now)) continue;
     ++looked_at;
     limit.guessed_wrong(from, now);
   }
-  EXPECT_EQ(limit.addresses(), GuessLimit::kMostAddresses);
-  EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMostAddresses + GuessLimit::kAtOnce));
+  EXPECT_EQ(limit.addresses(), GuessLimit::kMaxAddresses);
+  EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMaxAddresses + GuessLimit::kAtOnce));
   // inactive addresses are forgotten, even if no new address was accepted
   now += 300ms;
   EXPECT_TRUE(limit.may_check_token(block("10.9.9.9"), now));

@@ -22,7 +22,7 @@ constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
-    std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMostPoses_hz));
+    std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
 
 // roles with a reserved place, however many viewers there are
 bool has_reserved_place(Role role) {
@@ -112,7 +112,7 @@ DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
 }
 
 void Hub::make_room_for_connection() {
-  if (connections_.empty() || connections_.size() + viewers_.size() < kMostConnections) return;
+  if (connections_.empty() || connections_.size() + viewers_.size() < kMaxConnections) return;
   const auto place = [](const auto& connection) {
     return std::pair(connection->about(), connection->since());
   };
@@ -127,7 +127,7 @@ void Hub::drop_oldest_unauthenticated() {
   // a viewer that is closing occupies a place while it waits for the close frame
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
-  if (viewers_.size() >= kMostViewers + kMostSilent && ending != viewers_.end())
+  if (viewers_.size() >= kMaxViewers + kMaxSilent && ending != viewers_.end())
     std::shared_ptr(*ending)->gone();
   std::shared_ptr<Viewer> oldest;
   std::size_t silent = 0;
@@ -136,7 +136,7 @@ void Hub::drop_oldest_unauthenticated() {
     ++silent;
     if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
   }
-  if (silent >= kMostSilent) oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
+  if (silent >= kMaxSilent) oldest->end(kTryAgainLater, "too many viewers, a silent one is closed");
 }
 
 bool Hub::make_room_for_viewer(Role role) {
@@ -151,8 +151,8 @@ bool Hub::make_room_for_viewer(Role role) {
     if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!has_reserved_place(role) && looking >= kMostViewers - kKeptForControl) return false;
-  if (all < kMostViewers) return true;
+  if (!has_reserved_place(role) && looking >= kMaxViewers - kKeptForControl) return false;
+  if (all < kMaxViewers) return true;
   if (!has_reserved_place(role) || !latest) return false;
   latest->end(kTryAgainLater, "gives its place to one with control or a teacher");
   return true;
@@ -344,10 +344,10 @@ void Hub::update_veil() {
 }
 
 std::string Hub::sweeps_after(SentSweeps& had) const {
-  constexpr std::size_t kMostAtOnce = 200;
+  constexpr std::size_t kMaxAtOnce = 200;
   had.count = std::min(had.count, state_.sweeps);
   const std::vector<SweepRecord> next = host_.sweeps(
-      state_.model_version, had.count, std::min<std::uint64_t>(kMostAtOnce, state_.sweeps - had.count));
+      state_.model_version, had.count, std::min<std::uint64_t>(kMaxAtOnce, state_.sweeps - had.count));
   // tells the viewer to drop the sweeps beyond `count`
   if (next.empty() && had.shown == had.count) return {};
   std::string text = sweeps_json(had.count, next);
@@ -498,7 +498,8 @@ void Hub::show_pose() {
                             NearMessage(veiled_tick_), veil->scene().reports_distances()});
     }
     const NearMessage& its_near = veil != nullptr ? veiled->near : near;
-    const bool reports_distances = veil != nullptr ? veiled->reports_distances : host_.scene().reports_distances();
+    const bool reports_distances =
+        veil != nullptr ? veiled->reports_distances : host_.scene().reports_distances();
     viewer->show(veil != nullptr ? veiled->pose : pose, reports_distances ? &its_near : nullptr, now);
   }
 }

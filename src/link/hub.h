@@ -35,11 +35,11 @@ class Hub {
  public:
   using Clock = std::chrono::steady_clock;
   /// Maximum number of viewers after their hello, and of connections including them.
-  static constexpr std::size_t kMostViewers = 64, kMostConnections = 256;
+  static constexpr std::size_t kMaxViewers = 64, kMaxConnections = 256;
   /// Places reserved for viewers with control or a teacher's role.
   static constexpr std::size_t kKeptForControl = 2;
   /// Maximum number of WebSockets before their hello, when their role is not known yet.
-  static constexpr std::size_t kMostSilent = 16;
+  static constexpr std::size_t kMaxSilent = 16;
   /// A single viewer downloads scan and labels concurrently.
   static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 

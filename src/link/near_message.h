@@ -12,7 +12,7 @@ namespace palpate::link {
 /// docs/reference/viewer-messages.md.
 class NearMessage {
  public:
-  static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMostNearReported;
+  static constexpr std::size_t kHead_bytes = 24, kDevice_bytes = 12 + 8 * kMaxNearReported;
 
   NearMessage() = default;
   explicit NearMessage(const TickRecord& tick);

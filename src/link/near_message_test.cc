@@ -24,7 +24,7 @@ TickRecord tick_near(int devices) {
     device.no_go = static_cast<std::uint16_t>(d + 1);
     device.no_go_depth_mm = 0.5 * (d + 1);
     device.no_go_N = 0.25 * (d + 1);
-    for (std::size_t n = 0; n < kMostNearReported; ++n) {
+    for (std::size_t n = 0; n < kMaxNearReported; ++n) {
       device.near_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
       device.near_mm[n] = d - 2 + static_cast<double>(n);
     }

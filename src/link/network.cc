@@ -91,11 +91,11 @@ class Pieces {
   using const_iterator = const value_type*;
 
   template <class Buffers>
-  explicit Pieces(const Buffers& buffers, std::size_t most_bytes = std::numeric_limits<std::size_t>::max()) {
+  explicit Pieces(const Buffers& buffers, std::size_t max_bytes = std::numeric_limits<std::size_t>::max()) {
     const auto end = net::buffer_sequence_end(buffers);
     for (auto at = net::buffer_sequence_begin(buffers); at != end && count_ < pieces_.size(); ++at) {
-      const net::const_buffer piece = net::buffer(net::const_buffer(*at), most_bytes);
-      most_bytes -= piece.size();
+      const net::const_buffer piece = net::buffer(net::const_buffer(*at), max_bytes);
+      max_bytes -= piece.size();
       if (piece.size() > 0) pieces_[count_++] = piece;
     }
   }
@@ -224,7 +224,7 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
                    beast::string_view(kSubprotocol.data(), kSubprotocol.size()));
       response.erase(http::field::server);
     }));
-    socket_.read_message_max(kMostMessage_bytes);
+    socket_.read_message_max(kMaxMessage_bytes);
     socket_.auto_fragment(false);
     on_control_ = std::move(on_control);
     // Beast calls this in the middle of a read, where no close may begin
@@ -271,13 +271,13 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
   std::unique_ptr<Stream> stream_;
   websocket::stream<Stream&, false> socket_;
   UpgradeRequest request_;
-  beast::flat_static_buffer<kMostMessage_bytes> input_;
+  beast::flat_static_buffer<kMaxMessage_bytes> input_;
   std::function<void()> on_control_;
 };
 
 /// Input buffer for request heads. Beast unfolds multi-line header fields while parsing, but a proxy might
 /// not and would then see a different header, so the bytes are checked before they are consumed.
-class HeadBuffer : public beast::flat_static_buffer<2 * HttpConnection::kMostHead_bytes> {
+class HeadBuffer : public beast::flat_static_buffer<2 * HttpConnection::kMaxHead_bytes> {
  public:
   void consume(std::size_t bytes) {
     const std::string_view used(static_cast<const char*>(data().data()), std::min(bytes, size()));
@@ -320,14 +320,14 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
   void read_head(std::function<void(Head)> then) override {
     parser_.emplace();
     input_.begin_head();
-    parser_->header_limit(kMostHead_bytes);
+    parser_->header_limit(kMaxHead_bytes);
     // bodies are refused once the sender is authenticated, and never read
     parser_->body_limit(std::numeric_limits<std::uint64_t>::max());
     http::async_read_header(
         *stream_, input_, *parser_,
         [self = shared_from_this(), then = std::move(then)](ErrorCode failed, std::size_t head_bytes) {
           // the parser's own limit does not count all line ends
-          if (!failed && head_bytes > kMostHead_bytes) failed = http::error::header_limit;
+          if (!failed && head_bytes > kMaxHead_bytes) failed = http::error::header_limit;
           if (!failed && self->input_.is_folded()) failed = http::error::bad_value;
           then(outcome(failed));
         });
@@ -550,13 +550,13 @@ class AsioLoop : public EventLoop {
 Result<std::shared_ptr<TlsIdentity>> TlsIdentity::read(const std::filesystem::path& certificate_file,
                                                        const std::filesystem::path& key_file) {
   auto identity = std::make_shared<SslIdentity>();
-  constexpr std::size_t kMostPemBytes = std::size_t{1} << 20;
+  constexpr std::size_t kMaxPemBytes = std::size_t{1} << 20;
   ErrorCode failed;
-  const auto certificate = read_file(certificate_file, kMostPemBytes);
+  const auto certificate = read_file(certificate_file, kMaxPemBytes);
   if (!certificate) return certificate.error();
   identity->context().use_certificate_chain(net::buffer(*certificate), failed);
   if (failed) return bad_tls(certificate_file, "holds no certificate that can be read");
-  const auto key = read_file(key_file, kMostPemBytes);
+  const auto key = read_file(key_file, kMaxPemBytes);
   if (!key) return key.error();
   struct stat status;
   if (::stat(key_file.c_str(), &status) == 0 && (status.st_mode & S_IRWXO) != 0)

@@ -10,13 +10,13 @@ namespace palpate::link {
 namespace {
 
 // largest integer that JavaScript's numbers represent exactly
-constexpr std::int64_t kMostId = (std::int64_t{1} << 53) - 1;
-constexpr std::size_t kMostName_bytes = 64, kMostToken_bytes = 1024, kMostTask_bytes = 256,
-                      kMostTrajectory_bytes = 200;
-constexpr int kMostTissues = 1 << 16;
+constexpr std::int64_t kMaxId = (std::int64_t{1} << 53) - 1;
+constexpr std::size_t kMaxName_bytes = 64, kMaxToken_bytes = 1024, kMaxTask_bytes = 256,
+                      kMaxTrajectory_bytes = 200;
+constexpr int kMaxTissues = 1 << 16;
 // larger than any valid plan
-constexpr int kMostTrajectories = 1000;
-constexpr std::size_t kMostCode_bytes = 16;
+constexpr int kMaxTrajectories = 1000;
+constexpr std::size_t kMaxCode_bytes = 16;
 // maximum deviation of a quaternion's norm from 1; viewers compute in single precision
 constexpr double kUnitTolerance = 1e-3;
 
@@ -44,9 +44,9 @@ class Fields {
   explicit Fields(const FlatObject& object) : object_(object) {}
 
   std::optional<bool> flag(std::string_view key) { return get<bool>(key, "true or false"); }
-  std::optional<std::string> name(std::string_view key, std::size_t most_bytes) {
+  std::optional<std::string> name(std::string_view key, std::size_t max_bytes) {
     auto text = get<std::string>(key, "a text");
-    if (text && text->size() > most_bytes) return refuse(key, "is too long"), std::nullopt;
+    if (text && text->size() > max_bytes) return refuse(key, "is too long"), std::nullopt;
     return text;
   }
   std::optional<double> number(std::string_view key) {
@@ -120,8 +120,8 @@ class Fields {
 
 SettingsRequest read_settings(Fields& fields) {
   SettingsRequest request;
-  request.method = fields.name("method", kMostName_bytes);
-  request.law = fields.name("law", kMostName_bytes);
+  request.method = fields.name("method", kMaxName_bytes);
+  request.law = fields.name("law", kMaxName_bytes);
   request.friction = fields.flag("friction");
   request.viscosity = fields.flag("viscosity");
   request.passivity = fields.flag("passivity");
@@ -140,7 +140,7 @@ SettingsRequest read_settings(Fields& fields) {
 TissueRequest read_tissue(Fields& fields) {
   TissueRequest request;
   fields.want("tissue");
-  request.tissue = static_cast<int>(fields.whole("tissue", 0, kMostTissues).value_or(0));
+  request.tissue = static_cast<int>(fields.whole("tissue", 0, kMaxTissues).value_or(0));
   request.stiffness_N_per_mm = fields.number("stiffness_N_per_mm");
   request.static_friction = fields.number("static_friction");
   request.dynamic_friction = fields.number("dynamic_friction");
@@ -174,7 +174,7 @@ PlayRequest read_play(Fields& fields) {
 
 TaskRequest read_task(Fields& fields) {
   TaskRequest request;
-  request.begin = fields.name("begin", kMostTask_bytes);
+  request.begin = fields.name("begin", kMaxTask_bytes);
   request.end = fields.flag("end").value_or(false);
   fields.end();
   if (request.begin.has_value() == request.end) fields.refuse("", "one of begin and end is asked for");
@@ -183,8 +183,8 @@ TaskRequest read_task(Fields& fields) {
 
 LessonRequest read_lesson(Fields& fields) {
   LessonRequest request;
-  request.learner = fields.name("learner", kMostName_bytes);
-  request.task = fields.name("task", kMostTask_bytes);
+  request.learner = fields.name("learner", kMaxName_bytes);
+  request.task = fields.name("task", kMaxTask_bytes);
   request.names = fields.flag("names");
   request.end = fields.flag("end").value_or(false);
   fields.end();
@@ -197,9 +197,9 @@ PlanRequest read_plan(Fields& fields) {
   PlanRequest request;
   fields.want("version");
   request.version = static_cast<std::uint32_t>(fields.whole("version", 0, 0xffffffff).value_or(0));
-  if (const auto place = fields.whole("trajectory", 0, kMostTrajectories))
+  if (const auto place = fields.whole("trajectory", 0, kMaxTrajectories))
     request.trajectory = static_cast<std::size_t>(*place);
-  request.name = fields.name("name", kMostTrajectory_bytes);
+  request.name = fields.name("name", kMaxTrajectory_bytes);
   request.entry_mm = fields.numbers<3>("entry_mm");
   request.target_mm = fields.numbers<3>("target_mm");
   request.remove = fields.flag("remove").value_or(false);
@@ -219,7 +219,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   Hello hello;
   fields.want("protocol");
   hello.protocol = static_cast<int>(fields.whole("protocol", 0, 1 << 16).value_or(0));
-  hello.token = fields.name("token", kMostToken_bytes).value_or("");
+  hello.token = fields.name("token", kMaxToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.yielded = fields.flag("yielded").value_or(false);
   hello.task = fields.flag("task").value_or(false);
@@ -227,7 +227,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.near = fields.flag("near").value_or(false);
   hello.navigation = fields.flag("navigation").value_or(false);
   fields.end();
-  if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMostPoses_hz)) return std::nullopt;
+  if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMaxPoses_hz)) return std::nullopt;
   return hello;
 }
 
@@ -239,16 +239,16 @@ std::optional<ViewerMessage> read_tip(Fields& fields) {
 }
 
 std::optional<ViewerMessage> parse_message(std::string_view text) {
-  if (text.size() > kMostMessage_bytes) return std::nullopt;
+  if (text.size() > kMaxMessage_bytes) return std::nullopt;
   const auto object = parse_flat_json(text);
   if (!object) return std::nullopt;
   Fields fields(*object);
-  const auto type = fields.name("type", kMostName_bytes);
+  const auto type = fields.name("type", kMaxName_bytes);
   if (!type) return std::nullopt;
   if (*type == "hello") return read_hello(fields);
   if (*type == "tip") return read_tip(fields);
 
-  const auto id = fields.whole("id", 0, kMostId);
+  const auto id = fields.whole("id", 0, kMaxId);
   if (*type == "stop") return Request{id.value_or(0), StopRequest{}};
   if (!id) return std::nullopt;
   Request request;
@@ -276,7 +276,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     fields.want("stop");
     RearmRequest rearm;
     rearm.stop = static_cast<std::uint32_t>(fields.whole("stop", 0, 0xffffffff).value_or(0));
-    rearm.code = fields.name("code", kMostCode_bytes).value_or("");
+    rearm.code = fields.name("code", kMaxCode_bytes).value_or("");
     request.what = rearm;
     fields.end();
   } else {

@@ -13,9 +13,9 @@
 namespace palpate::link {
 
 /// Maximum length of a viewer's message.
-inline constexpr std::size_t kMostMessage_bytes = 4096;
+inline constexpr std::size_t kMaxMessage_bytes = 4096;
 /// Maximum pose rate of a viewer; the minimum is 1/s.
-inline constexpr double kMostPoses_hz = 120;
+inline constexpr double kMaxPoses_hz = 120;
 
 /// First message of a viewer: protocol version, authentication and subscriptions.
 struct Hello {

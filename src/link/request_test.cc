@@ -235,16 +235,16 @@ TEST(Request, WhatIsNoMessage) {
 }
 
 TEST(Request, DepthAndLengthCostNothing) {
-  const std::string deep(kMostMessage_bytes, '[');
+  const std::string deep(kMaxMessage_bytes, '[');
   EXPECT_FALSE(parse_viewer_message(deep));
   std::string objects;
-  while (objects.size() + 6 < kMostMessage_bytes) objects += R"({"a":)";
+  while (objects.size() + 6 < kMaxMessage_bytes) objects += R"({"a":)";
   EXPECT_FALSE(parse_viewer_message(objects));
   // not bounded by the caller here: still no recursion
   EXPECT_FALSE(parse_flat_json(std::string(10'000'000, '[')));
   const std::string rearm = R"({"type":"rearm","id":1})";
-  EXPECT_TRUE(parse_viewer_message(rearm + std::string(kMostMessage_bytes - rearm.size(), ' ')));
-  EXPECT_FALSE(parse_viewer_message(rearm + std::string(kMostMessage_bytes - rearm.size() + 1, ' ')));
+  EXPECT_TRUE(parse_viewer_message(rearm + std::string(kMaxMessage_bytes - rearm.size(), ' ')));
+  EXPECT_FALSE(parse_viewer_message(rearm + std::string(kMaxMessage_bytes - rearm.size() + 1, ' ')));
 }
 
 // no text of the viewer appears in a refusal

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
+#include "link/error_json.h"
 #include "link/pose_message.h"
 #include "link/task_json.h"
-#include "link/error_json.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 #include "palpate_version.h"
@@ -130,7 +130,7 @@ Json no_go_json(const ViewedNoGo& region) {
 Json recording_json(const ViewedRecording& recording) {
   Json contacts = Json::array(), events = Json::array();
   for (const ViewedRecording::Contact& contact : recording.contacts)
-    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.most_N, contact.device});
+    contacts.push_back({contact.begin_s, contact.end_s, contact.label, contact.max_N, contact.device});
   for (const ViewedRecording::Event& event : recording.events)
     events.push_back({{"time_s", event.time_s},
                       {"kind", event.kind},
@@ -208,10 +208,10 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
                     {"input", scene.input},
                     {"peak_force_N", scene.peak_force_N},
                     {"continuous_force_N", scene.continuous_force_N},
-                    {"most_stiffness_N_per_mm", scene.max_stiffness_N_per_mm}};
+                    {"max_stiffness_N_per_mm", scene.max_stiffness_N_per_mm}};
   json["limits"] = {{"max_force_N", state.max_force_N},
-                    {"least_max_force_N", scene.least_max_force_N},
-                    {"most_max_force_N", scene.most_max_force_N},
+                    {"min_max_force_N", scene.min_max_force_N},
+                    {"max_max_force_N", scene.max_max_force_N},
                     {"stiffness_N_per_mm", scene.stiffness_N_per_mm},
                     {"friction", scene.friction}};
   json["rate_hz"] = scene.rate_hz;
@@ -271,7 +271,7 @@ std::string navigation_json(const ViewedNavigation& navigation) {
                {"seen", navigation.is_seen},
                {"fre_mm", shown_mm(navigation.fre_mm)}};
   json["tre_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->rms_mm)) : Json();
-  json["tre_95_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->most_mm)) : Json();
+  json["tre_95_mm"] = navigation.tip ? Json(shown_mm(navigation.tip->max_mm)) : Json();
   json["far"] = navigation.tip && navigation.tip->is_far;
   return text_of(json);
 }

@@ -16,7 +16,7 @@ namespace palpate {
 namespace link {
 namespace {
 
-constexpr int kMostPort = 65535;
+constexpr int kMaxPort = 65535;
 
 Error usage(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
@@ -27,7 +27,7 @@ Result<IpAddress> checked_address(const ViewerServerOptions& options) {
   if (!address)
     return usage("is no numeric address", "--listen " + options.address,
                  "give one of this machine's, 0.0.0.0 or [::] without its brackets for all of them");
-  if (options.port < 0 || options.port > kMostPort)
+  if (options.port < 0 || options.port > kMaxPort)
     return usage("is no port", "--port " + std::to_string(options.port), "give a number from 1 to 65535");
   if (options.tls_certificate.empty() != options.tls_key.empty())
     return usage("a certificate and its key go together",

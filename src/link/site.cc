@@ -210,7 +210,7 @@ SiteAnswer Site::volume(std::string_view path, std::string_view query, const Htt
 SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
                          const Who& who) const {
   const ViewedScene& scene = host_.scene();
-  if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMostVoxels)
+  if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMaxVoxels)
     return refusal(404);
   const Veil* veil = veil_of(who);
   auto key = parse_picture_query(query, (veil != nullptr ? veil->scene() : scene).structures.size());

@@ -39,7 +39,7 @@ class Timer {
 class WebSocket {
  public:
   /// Maximum length of a viewer's message; a longer one ends the connection.
-  static constexpr std::size_t kMostMessage_bytes = 4096;
+  static constexpr std::size_t kMaxMessage_bytes = 4096;
 
   virtual ~WebSocket() = default;
   /// Confirms the upgrade.
@@ -70,7 +70,7 @@ class WebSocket {
 class HttpConnection {
  public:
   /// Maximum size of a request's head.
-  static constexpr std::size_t kMostHead_bytes = 8192;
+  static constexpr std::size_t kMaxHead_bytes = 8192;
   /// Progress of a write is reported at least this often.
   static constexpr std::size_t kPart_bytes = 64 << 10;
 

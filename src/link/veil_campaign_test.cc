@@ -271,11 +271,11 @@ std::vector<Eigen::Vector3d> script_of(const Draw& draw, std::mt19937_64& random
 
 /// Tick in which the tip is pressed in at a place. The hidden structure is softer and affects the nearest
 /// places of the surface; tremor adds noise to single forces. All other values are as a servo records them.
-TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double least_mm, std::mt19937_64& random) {
+TickRecord pressed(const Draw& draw, const Eigen::Vector3d& place, double min_mm, std::mt19937_64& random) {
   constexpr double kFeltWithin_mm = 6, kTremor = 0.5;
   std::normal_distribution<double> tremor(0, kTremor);
   const double distance_mm = (place - draw.centre).norm();
-  const double share = std::clamp(1 - (distance_mm - least_mm) / kFeltWithin_mm, 0.0, 1.0);
+  const double share = std::clamp(1 - (distance_mm - min_mm) / kFeltWithin_mm, 0.0, 1.0);
   TickRecord tick;
   DeviceTick& device = tick.device[0];
   device.tip_patient_mm = {place.x(), place.y(), place.z()};
@@ -426,10 +426,10 @@ void touch(const Draw& draw, const Veil& veil, const Veil& bare_veil, std::mt199
   std::map<Leak, std::vector<Touched>> told_by;
   std::vector<Touched> by_force;
   const std::vector<Eigen::Vector3d> places = script_of(draw, random);
-  double least_mm = 1e9;
-  for (const Eigen::Vector3d& place : places) least_mm = std::min(least_mm, (place - draw.centre).norm());
+  double min_mm = 1e9;
+  for (const Eigen::Vector3d& place : places) min_mm = std::min(min_mm, (place - draw.centre).norm());
   for (const Eigen::Vector3d& place : places) {
-    const TickRecord tick = pressed(draw, place, least_mm, random);
+    const TickRecord tick = pressed(draw, place, min_mm, random);
     by_force.push_back(
         {place.cast<float>().cast<double>(), static_cast<float>(tick.device[0].force_N[2]), false});
     for (const Leak leak : {Leak::kNone, Leak::kForces, Leak::kDistances}) {

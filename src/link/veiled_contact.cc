@@ -12,7 +12,7 @@ namespace {
 /// Isovalue of the interpolated solidity at which a surface lies.
 constexpr double kSurface = 0.5;
 /// Search limit: deeper than any tool presses in.
-constexpr double kMostDepth_mm = 15;
+constexpr double kMaxDepth_mm = 15;
 /// Threshold below which a force has no reliable direction.
 constexpr double kLeast_N = 1e-6;
 
@@ -101,12 +101,12 @@ LabelId VeiledContact::nearest_felt(const Eigen::Vector3d& place_mm) const {
 double VeiledContact::exit_distance_mm(const Eigen::Vector3d& from_mm, const Eigen::Vector3d& outward) const {
   double before = solid_at(from_mm);
   if (before < kSurface) return 0;
-  for (double way_mm = step_mm_; way_mm <= kMostDepth_mm; way_mm += step_mm_) {
+  for (double way_mm = step_mm_; way_mm <= kMaxDepth_mm; way_mm += step_mm_) {
     const double now = solid_at(from_mm + way_mm * outward);
     if (now < kSurface) return way_mm - step_mm_ * (kSurface - now) / (before - now);
     before = now;
   }
-  return kMostDepth_mm;
+  return kMaxDepth_mm;
 }
 
 VeiledContact::Touch VeiledContact::of(const TickRecord& tick, std::size_t number) const {

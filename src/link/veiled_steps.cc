@@ -42,8 +42,8 @@ bool VeiledSteps::is_met(const Step& step, const TickRecord& tick) const {
 
 void VeiledSteps::see(const TickRecord& tick) {
   // a gap between samples counts at most as long as the slowest viewer's pose period
-  constexpr double kMostBetween_s = 0.1;
-  const double dt_s = std::clamp(tick.time_s - last_s_, 0.0, kMostBetween_s);
+  constexpr double kMaxBetween_s = 0.1;
+  const double dt_s = std::clamp(tick.time_s - last_s_, 0.0, kMaxBetween_s);
   last_s_ = tick.time_s;
   if (!is_running_) return;
   for (std::size_t n = 0; n < steps_.size(); ++n) {

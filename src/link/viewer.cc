@@ -7,14 +7,14 @@
 namespace palpate::link {
 namespace {
 
-static_assert(WebSocket::kMostMessage_bytes == kMostMessage_bytes);
+static_assert(WebSocket::kMaxMessage_bytes == kMaxMessage_bytes);
 
 constexpr auto kHelloWithin = std::chrono::seconds(5);
 constexpr auto kReadWithin = std::chrono::seconds(10);
 constexpr auto kLeaveWithin = std::chrono::seconds(2);
-constexpr double kMostMessages_each_second = 250;
+constexpr double kMaxMessages_each_second = 250;
 // maximum number of queued answers; further requests are ignored
-constexpr std::size_t kMostAnswers = 32;
+constexpr std::size_t kMaxAnswers = 32;
 // close codes of RFC 6455, and private ones: 4000 and above are reserved for applications
 constexpr std::uint16_t kUnknownData = 1003, kBadPayload = 1007, kPolicyError = 1008, kInternalError = 1011;
 constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello = 4408,
@@ -32,7 +32,7 @@ Viewer::Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const Addres
       hub_(hub),
       peer_(std::move(peer)),
       from_(from),
-      messages_(kMostMessages_each_second, kMostMessages_each_second, Clock::now()),
+      messages_(kMaxMessages_each_second, kMaxMessages_each_second, Clock::now()),
       hello_by_(Clock::now() + kHelloWithin) {}
 
 void Viewer::begin() {
@@ -98,9 +98,10 @@ void Viewer::take(const std::optional<ViewerMessage>& message) {
 
 void Viewer::take(const Request& request) {
   // without room for its answer a request is not carried out, except for a stop
-  const bool room = answers_.size() < kMostAnswers;
+  const bool room = answers_.size() < kMaxAnswers;
   if (!room && !std::holds_alternative<StopRequest>(request.what)) {
-    if (!std::exchange(has_dropped_requests_, true)) hub_.log().say(peer_, "takes no answers, its requests are not granted");
+    if (!std::exchange(has_dropped_requests_, true))
+      hub_.log().say(peer_, "takes no answers, its requests are not granted");
     return;
   }
   std::string answer = hub_.answer(*this, request);
@@ -162,7 +163,7 @@ void Viewer::show_navigation() {
 
 bool Viewer::is_due(Clock::time_point now) const {
   // round to the nearest period
-  constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMostPoses_hz));
+  constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMaxPoses_hz));
   return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
 }
 

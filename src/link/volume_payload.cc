@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kLowest = std::numeric_limits<std::int16_t>::min();
 constexpr double kHighest = std::numeric_limits<std::int16_t>::max();
-constexpr int kMostShrink = 4;
+constexpr int kMaxShrink = 4;
 
 /// Calls take(i, j, k) for every voxel of a block that is inside the grid.
 template <class Take>
@@ -54,7 +54,7 @@ float block_mean(const Volume<float>& scan, const std::array<int, 3>& block, int
 }
 
 LabelId block_label(const Bricks<LabelId>& labels, const std::array<int, 3>& block, int shrink) {
-  std::array<LabelId, kMostShrink * kMostShrink * kMostShrink> members;
+  std::array<LabelId, kMaxShrink * kMaxShrink * kMaxShrink> members;
   std::size_t count = 0;
   for_block(labels.geometry().dims, block, shrink,
             [&](int i, int j, int k) { members[count++] = labels.at(i, j, k); });

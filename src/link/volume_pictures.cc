@@ -21,10 +21,10 @@ namespace palpate::link {
 namespace {
 
 constexpr int kLowestPriority = 19;
-constexpr int kLeastSide = 16, kMostSide = 2048, kMostPixels = 3 << 20;
+constexpr int kMinSide = 16, kMaxSide = 2048, kMaxPixels = 3 << 20;
 /// Maximum magnitude of any number in a query; mm. Far beyond any patient.
 constexpr double kMost_mm = 1e5;
-constexpr double kLeastPixel_mm = 1e-5;
+constexpr double kMinPixel_mm = 1e-5;
 /// Time after the last request for which prepared data are cached.
 constexpr auto kKeptFor = std::chrono::seconds(60);
 constexpr std::size_t kHead_bytes = 24;
@@ -62,14 +62,14 @@ bool take_view(const std::vector<double>& numbers, PictureKey& key) {
   if (numbers.size() != 11 && numbers.size() != 14) return false;
   VolumeCamera& camera = key.camera;
   const double width = numbers[0], height = numbers[1];
-  if (width != std::floor(width) || height != std::floor(height) || width < kLeastSide ||
-      height < kLeastSide || width > kMostSide || height > kMostSide || width * height > kMostPixels)
+  if (width != std::floor(width) || height != std::floor(height) || width < kMinSide || height < kMinSide ||
+      width > kMaxSide || height > kMaxSide || width * height > kMaxPixels)
     return false;
   camera.width_px = static_cast<int>(width);
   camera.height_px = static_cast<int>(height);
   const auto corner = three<Point<Patient>>(numbers, 2);
   const auto across = three<Vector<Patient>>(numbers, 5), down = three<Vector<Patient>>(numbers, 8);
-  if (across.norm() < kLeastPixel_mm || down.norm() < kLeastPixel_mm) return false;
+  if (across.norm() < kMinPixel_mm || down.norm() < kMinPixel_mm) return false;
   // pixels have to be square, up to the rounding of the picture's size
   if (std::abs(across.norm() / down.norm() - 1) > 0.05 ||
       std::abs(across.normalized().dot(down.normalized())) > 1e-3)
@@ -80,7 +80,7 @@ bool take_view(const std::vector<double>& numbers, PictureKey& key) {
   camera.focus = corner + across * (0.5 * width) + down * (0.5 * height);
   if (numbers.size() == 14) {
     camera.eye_mm = (camera.focus - three<Point<Patient>>(numbers, 11)).dot(camera.into());
-    if (!(camera.eye_mm >= kLeastPixel_mm)) return false;
+    if (!(camera.eye_mm >= kMinPixel_mm)) return false;
   }
   return true;
 }
@@ -111,7 +111,7 @@ bool parse_looks(std::string_view text, std::size_t structures, PictureKey& key)
 bool take_cut(const std::vector<double>& numbers, PictureKey& key) {
   if (numbers.size() != 6) return false;
   const auto away = three<Vector<Patient>>(numbers, 3);
-  if (away.norm() < kLeastPixel_mm) return false;
+  if (away.norm() < kMinPixel_mm) return false;
   key.clip = ClipPlane{three<Point<Patient>>(numbers, 0), away};
   return true;
 }
@@ -183,7 +183,7 @@ void PictureStore::want(PictureKey key, std::weak_ptr<const void> asker, std::fu
   std::optional<Wish> dropped;
   {
     const std::lock_guard lock(mutex_);
-    if (wishes_.size() >= kMostWaiting) {
+    if (wishes_.size() >= kMaxWaiting) {
       dropped = std::move(wishes_.front());
       wishes_.pop_front();
     }
@@ -228,7 +228,7 @@ PictureStore::Payload PictureStore::made(const PictureKey& key) try {
 }
 
 bool PictureStore::prepare(const PictureKey& key) {
-  if (labels_->geometry().voxel_count() > kMostVoxels) return false;
+  if (labels_->geometry().voxel_count() > kMaxVoxels) return false;
   if (key.veil != nullptr && !veiled_) veiled_.emplace(*key.veil, host_.scene());
   const Looks& of = key.veil != nullptr ? veiled_->looks : looks_;
   std::vector<StructureLook> looks = of.of_label;

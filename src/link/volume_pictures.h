@@ -39,9 +39,9 @@ class PictureStore {
  public:
   using Payload = std::shared_ptr<const std::string>;
   /// Larger volumes are not rendered: a solid voxel takes 32 bytes while prepared.
-  static constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
+  static constexpr std::size_t kMaxVoxels = std::size_t{1} << 28;
   /// Maximum number of queued requests; beyond it the oldest is dropped.
-  static constexpr std::size_t kMostWaiting = 16;
+  static constexpr std::size_t kMaxWaiting = 16;
 
   /// @param host  supplies the labels before each picture, including removal and deformation. Outlives the
   /// store

@@ -167,7 +167,7 @@ TEST(PictureStore, EndsWithWishesOpen) {
   ASSERT_TRUE(key);
   // the oldest requests beyond the limit are answered with null at once
   std::atomic<int> told{0};
-  for (std::size_t n = 0; n < 3 * PictureStore::kMostWaiting; ++n)
+  for (std::size_t n = 0; n < 3 * PictureStore::kMaxWaiting; ++n)
     store.want(*key, asker, [&](PictureStore::Payload) { ++told; });
   EXPECT_GE(told, 1);
 }

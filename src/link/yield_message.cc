@@ -19,11 +19,11 @@ constexpr int kSameSteps = 2;
 bool is_grid(const ViewedYield& yield) {
   std::size_t nodes = 1;
   for (const int along : yield.nodes) {
-    if (along < 2 || along > YieldMessage::kMostNodes_axis) return false;
+    if (along < 2 || along > YieldMessage::kMaxNodes_axis) return false;
     nodes *= static_cast<std::size_t>(along);
   }
   const auto finite = [](double value) { return std::isfinite(value); };
-  return nodes <= YieldMessage::kMostNodes && yield.moved_mm.size() == 3 * nodes &&
+  return nodes <= YieldMessage::kMaxNodes && yield.moved_mm.size() == 3 * nodes &&
          std::all_of(yield.moved_mm.begin(), yield.moved_mm.end(), finite) &&
          std::all_of(yield.first_patient_mm.begin(), yield.first_patient_mm.end(), finite) &&
          std::all_of(yield.axes.begin(), yield.axes.end(), finite) && finite(yield.spacing_mm) &&
@@ -53,14 +53,14 @@ bool YieldMessage::take(const ViewedYield& yield) {
                                      static_cast<std::size_t>(height) * static_cast<std::size_t>(k)))];
   };
   std::array<int, 3> lo{width, height, depth}, hi{-1, -1, -1};
-  float most_mm = 0;
+  float max_mm = 0;
   for (int k = 0; k < depth; ++k)
     for (int j = 0; j < height; ++j)
       for (int i = 0; i < width; ++i) {
         const float* moved = at(i, j, k);
         const float far_mm = std::max({std::abs(moved[0]), std::abs(moved[1]), std::abs(moved[2])});
         if (far_mm < kLeast_mm) continue;
-        most_mm = std::max(most_mm, far_mm);
+        max_mm = std::max(max_mm, far_mm);
         const std::array<int, 3> node{i, j, k};
         for (std::size_t axis = 0; axis < 3; ++axis) {
           lo[axis] = std::min(lo[axis], node[axis]);
@@ -68,8 +68,8 @@ bool YieldMessage::take(const ViewedYield& yield) {
         }
       }
   if (hi[0] < 0) return false;
-  constexpr float kMostSteps = std::numeric_limits<std::int16_t>::max();
-  step_mm_ = std::max(kStep_mm, most_mm / kMostSteps);
+  constexpr float kMaxSteps = std::numeric_limits<std::int16_t>::max();
+  step_mm_ = std::max(kStep_mm, max_mm / kMaxSteps);
   lo_ = lo;
   for (std::size_t axis = 0; axis < 3; ++axis) size_[axis] = hi[axis] - lo[axis] + 1;
   for (int k = lo[2]; k <= hi[2]; ++k)
@@ -77,7 +77,7 @@ bool YieldMessage::take(const ViewedYield& yield) {
       for (int i = lo[0]; i <= hi[0]; ++i)
         for (int c = 0; c < 3; ++c)
           steps_.push_back(static_cast<std::int16_t>(
-              std::lround(std::clamp(at(i, j, k)[c] / step_mm_, -kMostSteps, kMostSteps))));
+              std::lround(std::clamp(at(i, j, k)[c] / step_mm_, -kMaxSteps, kMaxSteps))));
   return true;
 }
 

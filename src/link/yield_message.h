@@ -17,8 +17,8 @@ class YieldMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96;
   /// Limits of a grid, per axis and in total; larger grids are not sent.
-  static constexpr int kMostNodes_axis = 64;
-  static constexpr std::size_t kMostNodes = 32768;
+  static constexpr int kMaxNodes_axis = 64;
+  static constexpr std::size_t kMaxNodes = 32768;
   /// Displacement below which a node counts as at rest; not visible.
   static constexpr float kLeast_mm = 0.005f;
   /// Quantisation step. Fine, because strain is computed from differences.

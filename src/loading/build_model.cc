@@ -217,11 +217,11 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
   for (const RampFigures& figures : made.ramps) {
     // what is soft would not give it at any depth
     const double soft_N = model.tissue_of(figures.label)->stiffness_N_per_mm * kDeepestRamp_mm;
-    if (figures.most_N < std::min(wanted_N, 0.99 * soft_N)) thin.push_back(figures);
+    if (figures.max_N < std::min(wanted_N, 0.99 * soft_N)) thin.push_back(figures);
   }
   if (thin.empty()) return;
   std::stable_sort(thin.begin(), thin.end(),
-                   [](const RampFigures& a, const RampFigures& b) { return a.most_N < b.most_N; });
+                   [](const RampFigures& a, const RampFigures& b) { return a.max_N < b.max_N; });
   const auto newtons = [](double force_N) {
     char text[32];
     std::snprintf(text, sizeof text, "%.2g N", force_N);
@@ -230,7 +230,7 @@ void warn_of_thin(const MadeModel& made, const Warn& warn) {
   std::string text;
   for (std::size_t n = 0; n < std::min(thin.size(), kNamed); ++n)
     text += (n == 0 ? "thin: " : ", ") + model.name_of(thin[n].label) + (n == 0 ? " gives at most " : " ") +
-            newtons(thin[n].most_N);
+            newtons(thin[n].max_N);
   if (thin.size() > kNamed) text += " and " + std::to_string(thin.size() - kNamed) + " more,";
   warn(text + " of " + newtons(wanted_N) + " (direct methods)");
 }
@@ -242,12 +242,12 @@ std::vector<Caveat> merged_layers(const Model& model) {
     if (tissue.felt && !model.yields(tissue)) stiffnesses.push_back(tissue.stiffness_N_per_mm);
   std::vector<Caveat> caveats;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses))) {
-    if (layer.most_N_per_mm <= kSameStiffness * layer.least_N_per_mm) continue;
+    if (layer.max_N_per_mm <= kSameStiffness * layer.min_N_per_mm) continue;
     char text[160];
     std::snprintf(text, sizeof text,
                   "tissues of %.3g to %.3g N/mm are felt as one where they touch, up to %.0f %% too soft: "
                   "contact has at most %d layers of stiffness",
-                  layer.least_N_per_mm, layer.most_N_per_mm, 100 * layer.error(), kMaxLayers);
+                  layer.min_N_per_mm, layer.max_N_per_mm, 100 * layer.error(), kMaxLayers);
     caveats.push_back({CaveatKind::kForce, text});
   }
   return caveats;
@@ -289,7 +289,7 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
 
 // What the tool is kept away from is told in any case: how near it comes is to be known before it is pushed.
 ReportedDistances told_distances_of(const DistanceSettings& settings, const ModelParts& parts,
-                                const std::vector<std::size_t>& voxels) {
+                                    const std::vector<std::size_t>& voxels) {
   ReportedDistances told;
   told.reach_mm = settings.reach_mm;
   const auto is_kept_away_from = [&](std::size_t label) {

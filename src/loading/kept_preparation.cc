@@ -40,8 +40,8 @@ std::optional<GridGeometry> get_grid(FieldReader& in, std::size_t bytes_per_voxe
            std::isfinite(grid.origin[axis]);
     for (int column = 0; column < 3; ++column) in.get(grid.direction(axis, column));
   }
-  constexpr int kMostAlong = 1 << 16;
-  for (const int dim : grid.dims) good = good && dim > 0 && dim <= kMostAlong;
+  constexpr int kMaxAlong = 1 << 16;
+  for (const int dim : grid.dims) good = good && dim > 0 && dim <= kMaxAlong;
   const double volume = std::abs(grid.direction.determinant());
   good = good && in.ok() && std::isfinite(volume) && volume > 1e-9;
   if (!good || !allow_memory(grid.voxel_count() * bytes_per_voxel, "the cache")) return std::nullopt;
@@ -136,7 +136,7 @@ void put_ramps(const Ramps& ramps, FieldWriter& out) {
   out.put(static_cast<std::uint32_t>(ramps.structures.size()));
   for (const RampFigures& figures : ramps.structures) {
     out.put(figures.label);
-    out.put(figures.most_N);
+    out.put(figures.max_N);
     out.put(figures.half_thickness_mm);
   }
 }
@@ -152,11 +152,11 @@ std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
   for (std::uint32_t n = 0; n < count; ++n) {
     RampFigures figures;
     in.get(figures.label);
-    in.get(figures.most_N);
+    in.get(figures.max_N);
     in.get(figures.half_thickness_mm);
     const bool known = std::any_of(structures.begin(), structures.end(),
                                    [&](const RampStructure& s) { return s.label == figures.label; });
-    if (!in.ok() || !known || !std::isfinite(figures.most_N) || !std::isfinite(figures.half_thickness_mm))
+    if (!in.ok() || !known || !std::isfinite(figures.max_N) || !std::isfinite(figures.half_thickness_mm))
       return std::nullopt;
     ramps.structures.push_back(figures);
   }

@@ -114,8 +114,8 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
       const ContactSurface& structure = (*ready)->surfaces[static_cast<std::size_t>(n)];
       double sum = 0;
       for (int layer = 0; layer <= structure.layer; ++layer) {
-        const auto of_layer =
-            std::find_if((*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const ContactSurface& felt) {
+        const auto of_layer = std::find_if(
+            (*ready)->surfaces.begin(), (*ready)->surfaces.end(), [&](const ContactSurface& felt) {
               const Point<Patient> inside(6, 6, 4 + 3 * n);
               return felt.layer == layer && felt.surface != nullptr && felt.surface->distance_mm(inside) < 0;
             });

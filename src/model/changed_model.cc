@@ -44,7 +44,8 @@ void hash_after(const Model& felt, const ModelChange& change, Model& next) {
                              change.viscosity_N_s_per_mm})
     hash_double(hash, value);
   next.hash_before_removal = hash_finish(hash);
-  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.hash_before_removal) : next.hash_before_removal;
+  next.content_hash = next.carving != nullptr ? next.carving->content_hash(next.hash_before_removal)
+                                              : next.hash_before_removal;
 }
 
 Result<std::shared_ptr<const Model>> next_law(const Model& felt, const ModelChange& change,
@@ -110,7 +111,7 @@ bool can_make_fields(const Model& model) {
 }
 
 Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
-                                                     const Progress& progress) {
+                                                         const Progress& progress) {
   if (!can_make_fields(felt))
     return Error{ErrorKind::kBadInput, "a union Gaussian is made once, for the scene's stiffnesses", "", ""};
   const double stiffest = felt.greatest_stiffness_N_per_mm();

@@ -115,7 +115,7 @@ TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
   SessionState state;
   TickRecord record;
   Wrench wrench;
-  double least_N = 1;
+  double min_N = 1;
   for (int n = 0; n < 3000; ++n) {
     DeviceState device;
     device.tip = Point<World>(testing::kBoneRadius_mm - 1 + 7 * std::max(0.0, 1 - n / 400.0), 0, 0);
@@ -128,10 +128,10 @@ TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
     tick(*now.felt, parameters, {&device, 1}, 1e-3, state, {&wrench, 1}, record);
     if (n < 1200) continue;
     ASSERT_FALSE(record.device[0].flags & (kFlagInside | kFlagRuptured)) << n;
-    least_N = std::min(least_N, wrench.force_N.x());
+    min_N = std::min(min_N, wrench.force_N.x());
   }
   EXPECT_EQ(now.felt->version, 10u);
-  EXPECT_GT(least_N, 0.95) << "1.5 N/mm less some, a millimetre deep, at most 3 N and never let go";
+  EXPECT_GT(min_N, 0.95) << "1.5 N/mm less some, a millimetre deep, at most 3 N and never let go";
 }
 
 // Scene with two balls of bone, each in a shell of cartilage, surrounded by fat.

@@ -195,17 +195,17 @@ TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
     LedTip tip(limb(TissueLaw::kNeoHookean));
     tip.press(depth_mm);
     tip.stay(0.4);
-    double least_N = sent_N(tip), most_N = least_N;
+    double min_N = sent_N(tip), max_N = min_N;
     tip.after_tick = [&] {
-      least_N = std::min(least_N, sent_N(tip));
-      most_N = std::max(most_N, sent_N(tip));
+      min_N = std::min(min_N, sent_N(tip));
+      max_N = std::max(max_N, sent_N(tip));
     };
     tip.stay(1);
-    EXPECT_LT(most_N - least_N, 0.02) << depth_mm << " mm";
+    EXPECT_LT(max_N - min_N, 0.02) << depth_mm << " mm";
     LedTip linear(limb(TissueLaw::kElastic));
     linear.press(depth_mm);
     linear.stay(0.2);
-    EXPECT_GT(most_N, 1.05 * sent_N(linear)) << depth_mm << " mm";
+    EXPECT_GT(max_N, 1.05 * sent_N(linear)) << depth_mm << " mm";
   }
 }
 

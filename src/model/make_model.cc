@@ -120,13 +120,13 @@ std::uint64_t content_hash(const Model& model) {
 }
 
 // a smaller burr would cut a pocket between the voxels, which no voxel represents, and would not sink in
-constexpr double kLeastBurrVoxels = 2;
+constexpr double kMinBurrVoxels = 2;
 
 Result<void> check_burr_size(const Tool& tool, std::size_t number, const GridGeometry& grid) {
   if (!tool.burr) return {};
-  const double voxel_mm = grid.spacing_mm.maxCoeff(), least_mm = kLeastBurrVoxels * voxel_mm * (1 - 1e-6);
-  const bool tip_fits = 2 * tool.radius_mm >= least_mm;
-  const bool end_fits = tool.burr->length_mm <= 0 || 2 * tool.burr->end_radius_mm >= least_mm;
+  const double voxel_mm = grid.spacing_mm.maxCoeff(), min_mm = kMinBurrVoxels * voxel_mm * (1 - 1e-6);
+  const bool tip_fits = 2 * tool.radius_mm >= min_mm;
+  const bool end_fits = tool.burr->length_mm <= 0 || 2 * tool.burr->end_radius_mm >= min_mm;
   if (tip_fits && end_fits) return {};
   // report the thinner end of a cone
   const bool is_cone = tool.burr->length_mm > 0 && tool.burr->end_radius_mm != tool.radius_mm;

@@ -103,21 +103,20 @@ struct Body {
 // yet, and each thread's surroundings of its piece. The coefficients were measured on knees of 1.5 to 1007
 // million voxels with two threads.
 double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
-  constexpr double kSlices = 24, kSeen_bytes = 6, kMostSeen_bytes = 1300 << 20;
+  constexpr double kSlices = 24, kSeen_bytes = 6, kMaxSeen_bytes = 1300 << 20;
   const double threads = processors();
   const auto around = [&](int a, double voxels) {
     return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
   };
   const double seen = kSeen_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
   const double slices = std::min(body.box[2], 2 * kSlices * threads);
-  return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) +
-         std::min(threads * seen, kMostSeen_bytes);
+  return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) + std::min(threads * seen, kMaxSeen_bytes);
 }
 
 // Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
-  constexpr double kProgram_bytes = 24 << 20, kMostKept_bytes = 150 << 20, kPartKept = 0.8;
-  return bytes + kProgram_bytes + std::min(kMostKept_bytes, kPartKept * bytes);
+  constexpr double kProgram_bytes = 24 << 20, kMaxKept_bytes = 150 << 20, kPartKept = 0.8;
+  return bytes + kProgram_bytes + std::min(kMaxKept_bytes, kPartKept * bytes);
 }
 
 class Estimate {

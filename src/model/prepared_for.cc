@@ -40,7 +40,7 @@ Error too_many(std::size_t structures, std::size_t common) {
 std::vector<double> layer_bounds(std::vector<double> stiffnesses) {
   std::vector<double> bounds;
   for (const StiffnessRange& layer : stiffness_layers(std::move(stiffnesses)))
-    bounds.push_back(layer.most_N_per_mm);
+    bounds.push_back(layer.max_N_per_mm);
   return bounds;
 }
 
@@ -92,7 +92,7 @@ class SurfacesNeeded {
 
   /// The model's surfaces with their geometry. Errors: those of prepare_outer_surfaces.
   Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
-                                           const Progress& progress) {
+                                              const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
     const auto options = felt_surface_options(model_.tools, labels.geometry());
     if (!options) return options.error();

@@ -16,10 +16,10 @@ TEST(StiffnessLayers, AreOneForEachStiffnessThatAHandTellsApart) {
   EXPECT_TRUE(stiffness_layers({}).empty());
   const auto layers = stiffness_layers({1.5, 0.036, 0.9, 1.45, 0.036});
   ASSERT_EQ(layers.size(), 3u);
-  EXPECT_EQ(layers[0].most_N_per_mm, 0.036);
-  EXPECT_EQ(layers[1].least_N_per_mm, 0.9);
-  EXPECT_EQ(layers[2].least_N_per_mm, 1.45);
-  EXPECT_EQ(layers[2].most_N_per_mm, 1.5);
+  EXPECT_EQ(layers[0].max_N_per_mm, 0.036);
+  EXPECT_EQ(layers[1].min_N_per_mm, 0.9);
+  EXPECT_EQ(layers[2].min_N_per_mm, 1.45);
+  EXPECT_EQ(layers[2].max_N_per_mm, 1.5);
 }
 
 TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
@@ -36,11 +36,11 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
     for (const double stiffness : stiffnesses)
       ASSERT_EQ(std::count_if(layers.begin(), layers.end(),
                               [&](const StiffnessRange& layer) {
-                                return stiffness >= layer.least_N_per_mm && stiffness <= layer.most_N_per_mm;
+                                return stiffness >= layer.min_N_per_mm && stiffness <= layer.max_N_per_mm;
                               }),
                 1);
     for (std::size_t n = 1; n < layers.size(); ++n)
-      ASSERT_GT(layers[n].least_N_per_mm, layers[n - 1].most_N_per_mm);
+      ASSERT_GT(layers[n].min_N_per_mm, layers[n - 1].max_N_per_mm);
     double worst = 0;
     for (const StiffnessRange& layer : layers) worst = std::max(worst, layer.error());
     if (layers.size() < static_cast<std::size_t>(most) || most == 7) {

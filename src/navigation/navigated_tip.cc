@@ -9,7 +9,7 @@ std::optional<TipError> error_of_tip(const Navigation& navigation, const Point<P
   const double own_mm2 = navigation.tip.error_mm * navigation.tip.error_mm +
                          navigation.tip.scatter_mm * navigation.tip.scatter_mm;
   const ErrorSpread all = spread_of(here.covariance_mm2 + own_mm2 / 3 * Eigen::Matrix3d::Identity());
-  return TipError{all.rms_mm, all.most_mm, here.rms_mm > 2 * middle.rms_mm};
+  return TipError{all.rms_mm, all.max_mm, here.rms_mm > 2 * middle.rms_mm};
 }
 
 }  // namespace palpate

@@ -101,28 +101,28 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   }
 
   const auto everything = solve(poses, places_of(poses));
-  if (!everything || turn_of(*everything) < options.least_turn_deg)
+  if (!everything || turn_of(*everything) < options.min_turn_deg)
     return refuse("the tool hardly turned: by " + degrees(everything ? turn_of(*everything) : 0) +
-                      " where it turned least, " + degrees(options.least_turn_deg) + " are needed",
+                      " where it turned least, " + degrees(options.min_turn_deg) + " are needed",
                   turn_more);
 
   // what most poses agree upon: the sample by which half of all are nearest
   std::mt19937_64 random(options.seed);
   Unknowns best = everything->at;
-  double least_median = 0;
+  double min_median = 0;
   std::vector<double> residuals(poses.size());
   const auto median_by = [&](const Unknowns& at) {
     for (std::size_t n = 0; n < poses.size(); ++n) residuals[n] = residual_mm(poses[n], at);
     return median(residuals);
   };
-  least_median = median_by(best);
+  min_median = median_by(best);
   std::vector<std::size_t> sample(kSample);
   for (int turn = 0; turn < options.samples; ++turn) {
     for (std::size_t& each : sample) each = static_cast<std::size_t>(random() % poses.size());
     const auto solved = solve(poses, sample);
     if (!solved) continue;
-    if (const double here = median_by(solved->at); here < least_median) {
-      least_median = here;
+    if (const double here = median_by(solved->at); here < min_median) {
+      min_median = here;
       best = solved->at;
     }
   }
@@ -131,7 +131,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   // chapter 5). Lengths below three deviations by direction are 97 of 100, below the root of three times as
   // much all.
   const double free = std::max<double>(1, static_cast<double>(poses.size()) - 6);
-  double deviation = least_median / 1.538 * (1 + 5 / free);
+  double deviation = min_median / 1.538 * (1 + 5 / free);
 
   PivotCalibration out;
   std::vector<std::size_t> kept;
@@ -152,7 +152,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
     deviation = std::sqrt(squares / (3 * static_cast<double>(kept.size()) - 6));
   }
   const auto solved = kept.size() < kFewest ? std::nullopt : solve(poses, kept);
-  if (!solved || turn_of(*solved) < options.least_turn_deg)
+  if (!solved || turn_of(*solved) < options.min_turn_deg)
     return refuse("of " + std::to_string(poses.size()) + " poses too few agree about where the tip is",
                   turn_more);
   out.tip = Point<TrackedTool>(solved->at.head<3>());

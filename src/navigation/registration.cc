@@ -68,7 +68,7 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   const auto variances = [](const SymmetricEigen<3>& of) { return of.values.cwiseMax(0).eval(); };
   for (const Eigen::Vector3d& along : {variances(axes), variances(tracked_axes)}) {
     const double length = std::sqrt(along[2]), width = std::sqrt(along[0] + along[1]);
-    if (width < std::max(limits.least_spread_mm, limits.least_width * length))
+    if (width < std::max(limits.min_spread_mm, limits.min_width * length))
       return refuse("the points lie on one line or nearly so: " + millimetres(length) + " along it, " +
                         millimetres(width) +
                         " away from it (root mean squares), so that a turn about it is not known",
@@ -107,8 +107,8 @@ Result<PointRegistration> register_points(std::span<const PointPair> pairs,
   const double free = 3.0 * static_cast<double>(pairs.size()) - 6;
   const double by_error = squares * total;
   out.fle_scale = std::sqrt(3 * by_error / free);
-  out.least_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.975));
-  out.most_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.025));
+  out.min_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.975));
+  out.max_fle_scale = std::sqrt(3 * by_error / chi_squared_quantile(free, 0.025));
 
   Matrix6d information = Matrix6d::Zero();
   for (const PointPair& pair : pairs) {
@@ -138,7 +138,7 @@ ErrorSpread spread_of(const Eigen::Matrix3d& covariance_mm2) {
   if (mean > 0) {
     // a gamma distribution is a chi squared one of another scale
     const double degrees = 2 * mean * mean / variance;
-    out.most_mm = std::sqrt(mean / degrees * chi_squared_quantile(degrees, 0.95));
+    out.max_mm = std::sqrt(mean / degrees * chi_squared_quantile(degrees, 0.95));
   }
   return out;
 }

@@ -53,7 +53,7 @@ TEST(RegisterPoints, FindsWhatMovedThem) {
     std::vector<Eigen::Vector3d> scan;
     for (unsigned n = 0; n < 3 + random() % 8; ++n) scan.emplace_back(60 * test::normal(random));
     const auto truth = some_pose(random);
-    const auto found = register_points(pairs_of(scan, truth), {.least_spread_mm = 1e-3, .least_width = 1e-3});
+    const auto found = register_points(pairs_of(scan, truth), {.min_spread_mm = 1e-3, .min_width = 1e-3});
     ASSERT_TRUE(found) << found.error().message();
     EXPECT_LT((found->patient_from_tracker.linear() - truth.linear()).norm(), 1e-8);
     EXPECT_LT((found->patient_from_tracker.translation() - truth.translation()).norm(), 1e-6);
@@ -151,9 +151,9 @@ TEST(TargetError, IsWhatComesOut) {
       ASSERT_TRUE(found);
       const double away = (found->patient_from_tracker * Point<Tracker>(target.eigen()) - target).norm();
       squares += away * away;
-      below += away < foretold.most_mm;
+      below += away < foretold.max_mm;
       scales += found->fle_scale * found->fle_scale;
-      within += found->least_fle_scale < 0.5 && 0.5 < found->most_fle_scale;
+      within += found->min_fle_scale < 0.5 && 0.5 < found->max_fle_scale;
       fre += found->fre_mm, tre += away, both += found->fre_mm * away,
           fre_fre += found->fre_mm * found->fre_mm, tre_tre += away * away;
     }

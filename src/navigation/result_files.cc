@@ -109,7 +109,7 @@ std::string registration_text(const RegistrationOutcome& outcome) {
                  {"fre_mm", points.fre_mm},
                  {"fle_known", outcome.is_fle_known}};
   if (!outcome.is_fle_known)
-    of_points["fle_mm"] = {points.fle_scale, points.least_fle_scale, points.most_fle_scale};
+    of_points["fle_mm"] = {points.fle_scale, points.min_fle_scale, points.max_fle_scale};
   Json residuals = Json::array(), targets = Json::array();
   for (std::size_t n = 0; n < outcome.names.size(); ++n) {
     residuals.push_back({{"name", outcome.names[n]}, {"mm", points.residuals_mm[n]}});
@@ -121,7 +121,7 @@ std::string registration_text(const RegistrationOutcome& outcome) {
     for (const Point<Patient>& target : outcome.targets) {
       const ErrorSpread wrong = error_at(error, target);
       targets.push_back(
-          {{"at_mm", list_of(target.eigen())}, {"tre_rms_mm", wrong.rms_mm}, {"tre_95_mm", wrong.most_mm}});
+          {{"at_mm", list_of(target.eigen())}, {"tre_rms_mm", wrong.rms_mm}, {"tre_95_mm", wrong.max_mm}});
     }
     of_points["centroid_mm"] = list_of(error.about.eigen());
     of_points["covariance"] = rows_of(error.covariance);

@@ -83,14 +83,14 @@ TEST(ErrorOfTip, IsTheSumOfItsParts) {
     ASSERT_TRUE(found);
     const double alone_mm = error_at(error, place).rms_mm;
     EXPECT_NEAR(found->rms_mm, std::sqrt(alone_mm * alone_mm + 0.25 + 1.44), 1e-9);
-    EXPECT_GT(found->most_mm, found->rms_mm);
+    EXPECT_GT(found->max_mm, found->rms_mm);
     EXPECT_EQ(found->is_far, alone_mm > 2 * error_at(error, error.about).rms_mm);
   }
   EXPECT_FALSE(error_of_tip(navigation, error.about)->is_far);
   EXPECT_TRUE(error_of_tip(navigation, {400, 0, 0})->is_far);
   // of a tool without error what the registration's file tells of a target
   const auto exact = error_of_tip({{}, {{}, 0, error, ""}}, {10, 20, 30});
-  EXPECT_EQ(exact->most_mm, error_at(error, {10, 20, 30}).most_mm);
+  EXPECT_EQ(exact->max_mm, error_at(error, {10, 20, 30}).max_mm);
 }
 
 TEST(ResultFiles, WhatIsNoneIsToldApart) {

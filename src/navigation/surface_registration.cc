@@ -15,7 +15,7 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kFewestPoints = 12;
-constexpr int kMostTurns = 60;
+constexpr int kMaxTurns = 60;
 constexpr double kDamping = 1e-5;
 
 // places on the surface and which way is out, one for each voxel that it goes through
@@ -90,7 +90,7 @@ class Fitter {
   // to where nothing moves any more
   Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
     Fit fit = look(start, by_field);
-    for (int turn = 0; turn < kMostTurns; ++turn) {
+    for (int turn = 0; turn < kMaxTurns; ++turn) {
       // what nothing holds stays where it is
       const Matrix6d damped = fit.information + kDamping * Matrix6d::Identity();
       const Vector6d step = -solve_symmetric(damped, fit.pull);
@@ -220,21 +220,21 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   out.rms_mm = best->rms_mm;
   const SymmetricEigen<6> held = symmetric_eigen(best->information);
   out.hold = held.values[0];
-  if (out.rms_mm > options.most_rms_mm)
+  if (out.rms_mm > options.max_rms_mm)
     return refuse(
         said("the points do not fit the surface: %.2g mm are left over, root mean square, of at most %.2g",
-             out.rms_mm, options.most_rms_mm),
+             out.rms_mm, options.max_rms_mm),
         "look whether it is that structure and that side of the patient, and begin nearer: with points that "
         "the scan shows");
   const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const Foot& foot) {
     return std::abs(foot.distance_mm) > options.far_mm;
   });
-  if (static_cast<double>(far) > options.most_far * static_cast<double>(touched.size()))
+  if (static_cast<double>(far) > options.max_far * static_cast<double>(touched.size()))
     return refuse(said("%d of %zu points are farther than %.2g mm from the surface", static_cast<int>(far),
                        touched.size(), options.far_mm),
                   "look whether it is that structure and that side of the patient, or touch again where the "
                   "hand slipped");
-  if (out.hold < options.least_hold) {
+  if (out.hold < options.min_hold) {
     const Vector6d open = held.vectors.col(0);
     const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
     const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();

@@ -83,7 +83,7 @@ Case away_from(const std::vector<Point<Patient>>& places, double noise_mm, std::
     out.touched.push_back(out.truth.inverse() * (place + Vector<Patient>(noise_mm * test::normal(random))));
   return out;
 }
-double most_off_mm(const SurfaceRegistration& found, const Case& of) {
+double max_off_mm(const SurfaceRegistration& found, const Case& of) {
   double most = 0;
   for (const Point<Tracker>& point : of.touched)
     most = std::max(most, (found.patient_from_tracker * point - of.truth * point).norm());
@@ -98,7 +98,7 @@ TEST(RegisterToSurface, ComesBackFromTenDegreesAndTenMillimetres) {
     const Case of = away_from(places_on(rods, 60, random), 0, random);
     const auto found = register_to_surface(surface, of.touched, of.start);
     ASSERT_TRUE(found) << found.error().message();
-    EXPECT_LT(most_off_mm(*found, of), 0.1);
+    EXPECT_LT(max_off_mm(*found, of), 0.1);
     EXPECT_LT(found->rms_mm, 0.05);
   }
 }
@@ -118,7 +118,7 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
     }
     const auto found = register_to_surface(surface, of.touched, of.start, {.tip_radius_mm = 1.5});
     ASSERT_TRUE(found) << found.error().message();
-    EXPECT_LT(most_off_mm(*found, of), 0.5);
+    EXPECT_LT(max_off_mm(*found, of), 0.5);
     for (const std::size_t n : slipped) EXPECT_TRUE(found->is_trimmed[n]) << n;
   }
 }

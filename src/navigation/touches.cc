@@ -7,12 +7,12 @@ namespace palpate {
 namespace {
 
 // a tool that was hidden for so long may have been anywhere
-constexpr double kMostGap_s = 0.25;
+constexpr double kMaxGap_s = 0.25;
 
 }  // namespace
 
 TouchTaker::State TouchTaker::see(const Point<Tracker>& tip, double time_s) {
-  if (!seen_.empty() && time_s - seen_.back().time_s > kMostGap_s) seen_.clear();
+  if (!seen_.empty() && time_s - seen_.back().time_s > kMaxGap_s) seen_.clear();
   seen_.push_back({tip, time_s});
   // the last one that is older than the hold stays: from there on it was held
   while (seen_.size() > 1 && time_s - seen_[1].time_s >= settings_.hold_s) seen_.pop_front();

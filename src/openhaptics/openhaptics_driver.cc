@@ -43,8 +43,8 @@ struct Unit {
   DeviceInfo info;
   std::string identity;
   std::atomic<Handle> handle{kNobody};
-  int style = 0;                 ///< of calibration, the one that is used; 0: none is known
-  std::optional<double> most_N;  ///< peak of the device, of which what is held takes its part
+  int style = 0;                ///< of calibration, the one that is used; 0: none is known
+  std::optional<double> max_N;  ///< peak of the device, of which what is held takes its part
   // ---- whoever is in its frame
   DeviceSample sample;
   Trouble trouble = Trouble::kNone, calibration = Trouble::kNone, tripped = Trouble::kNone;
@@ -65,7 +65,7 @@ constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000,
                        kLastCall_ns = 1'000'000'000;
 // errors are told one by one: of a stack that never ends no more
-constexpr int kMostErrors = 64;
+constexpr int kMaxErrors = 64;
 constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
 constexpr const char* kHdGet =
     "get OpenHaptics and the device's driver from 3D Systems and install both, or name the file: --library "
@@ -158,7 +158,7 @@ bool is_warning(unsigned code) {
 /// Takes all errors; the last one that is more than a warning, or the last one.
 unsigned drain(const hd::Library& library) {
   unsigned worst = hd::kNoError;
-  for (int n = 0; n < kMostErrors; ++n) {
+  for (int n = 0; n < kMaxErrors; ++n) {
     const unsigned code = library.hdGetError().code;
     if (code == hd::kNoError) break;
     if (!is_warning(code) || worst == hd::kNoError) worst = code;
@@ -342,7 +342,7 @@ class OpenHapticsDriver::Core {
   /// What carries something has that much less for the rest.
   Result<void> take_what_is_held(HdUnit& unit) const {
     DeviceInfo& info = unit.info;
-    unit.most_N = info.peak_force_N;
+    unit.max_N = info.peak_force_N;
     if (!settings_.held_mass_kg) return {};
     const double weight_N = *settings_.held_mass_kg * kGravity_m_s2;
     for (std::optional<double>* limit_N : {&info.peak_force_N, &info.continuous_force_N}) {
@@ -620,8 +620,8 @@ class OpenHapticsDriver::Core {
     const double step = unit.info.rate_hz ? 1 / (*unit.info.rate_hz * kCarriedIn_s) : 1e-3;
     unit.carried = gives ? std::min(1.0, unit.carried + step) : 0;
     if (settings_.held_mass_kg) force_N.y() += unit.carried * *settings_.held_mass_kg * kGravity_m_s2;
-    const double most_N = unit.most_N.value_or(force_N.norm());
-    if (force_N.norm() > most_N) force_N *= most_N / force_N.norm();
+    const double max_N = unit.max_N.value_or(force_N.norm());
+    if (force_N.norm() > max_N) force_N *= max_N / force_N.norm();
     library_->hdMakeCurrentDevice(unit.handle);
     library_->hdSetDoublev(hd::kForce, force_N.data());
     library_->hdEndFrame(unit.handle);

@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 // minimum force of a press step
-constexpr double kLeastPress_N = 0.05;
+constexpr double kMinPress_N = 0.05;
 
 bool has_every_structure(const Model& model, const Script& script) {
   return std::all_of(script.steps.begin(), script.steps.end(), [&](const ScriptStep& step) {
@@ -30,7 +30,7 @@ std::vector<LabelId> largest_felt(const Model& model, std::size_t most) {
 }
 
 // maximum force that every structure can render, by label: less for soft tissue, and for thin ramps
-std::vector<double> most_forces_N(const Model& model) {
+std::vector<double> max_forces_N(const Model& model) {
   std::vector<double> most(model.level_of_label.begin(), model.level_of_label.end());
   if (model.ramp_width_mm > 0) {
     std::fill(most.begin(), most.end(), 0.0);
@@ -58,12 +58,12 @@ std::string default_script_text(const Model& model) {
 
   std::string text = "# the largest felt structures of this scene, each pressed with 1 N and held\n";
   text += "title = \"largest structures\"\n";
-  const std::vector<double> most_N = most_forces_N(model);
+  const std::vector<double> max_N = max_forces_N(model);
   for (const LabelId label : largest_felt(model, 6)) {
     // structures that cannot be reached are omitted; soft ones are pressed with what they can render
     if (!find_surface_point(model, label, ApproachStep{}.clearance_mm)) continue;
     char press[32];
-    std::snprintf(press, sizeof press, "%.3f", std::max(kLeastPress_N, std::min(1.0, 0.6 * most_N[label])));
+    std::snprintf(press, sizeof press, "%.3f", std::max(kMinPress_N, std::min(1.0, 0.6 * max_N[label])));
     text += "\n[[step]]\napproach = \"#" + std::to_string(label) + "\"\n[[step]]\npress = " + press + "\n";
     text += "[[step]]\nhold = 0.7\n[[step]]\nleave = true\n";
   }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kCell_mm = 1.2;
 // width of the free margin around the volume in cells: the air around the patient
-constexpr int kLeastMargin = 4;
+constexpr int kMinMargin = 4;
 constexpr std::uint8_t kFar = 8;  // clearance in cells beyond which the cost is constant
 
 // cost per millimetre at this clearance
@@ -38,8 +38,8 @@ FreeSpace::FreeSpace(const Model& model, double reach_mm)
   }
   // at n steps there are n - 1 whole cells in between
   needed_ = static_cast<std::uint8_t>(
-      std::min<double>(kFar, 1 + std::ceil(std::min(reach_mm, kMostReach_mm) / cell_mm_)));
-  margin_ = std::max(kLeastMargin, static_cast<int>(needed_));
+      std::min<double>(kFar, 1 + std::ceil(std::min(reach_mm, kMaxReach_mm) / cell_mm_)));
+  margin_ = std::max(kMinMargin, static_cast<int>(needed_));
   for (int axis = 0; axis < 3; ++axis)
     cells_[axis] = (grid.dims[axis] + voxels_per_cell_[axis] - 1) / voxels_per_cell_[axis] + 2 * margin_;
 

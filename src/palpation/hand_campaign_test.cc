@@ -14,7 +14,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostBeyond_mm = 1;
+constexpr double kMaxBeyond_mm = 1;
 
 const std::vector<std::string>& patients() {
   static const std::vector<std::string> all{
@@ -57,13 +57,13 @@ std::vector<Block> blocks_of(const Script& script) {
 
 // maximum excess of the tip's depth over force divided by stiffness plus a millimetre, by the tick's depth
 // and by the surfaces; negative: none
-double most_beyond_mm(const Recording& recording, const Model& model, double force_N) {
+double max_beyond_mm(const Recording& recording, const Model& model, double force_N) {
   double most = -1e9;
   for (const TickRecord& t : recording.ticks) {
     const DeviceTick& d = t.device[0];
     const Point<Patient> tip(d.tip_patient_mm[0], d.tip_patient_mm[1], d.tip_patient_mm[2]);
     const auto explained_mm = [&](double stiffness) {
-      return force_N / std::min(stiffness, d.max_stiffness_N_per_mm) + kMostBeyond_mm;
+      return force_N / std::min(stiffness, d.max_stiffness_N_per_mm) + kMaxBeyond_mm;
     };
     if (d.label != 0)
       most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
@@ -100,12 +100,12 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
 
   // each approach with its following steps
   std::size_t held = 0;
-  double most_asked_N = 0;
+  double max_asked_N = 0;
   std::string failed;
   const std::vector<Block> blocks = blocks_of(*script);
   ASSERT_FALSE(blocks.empty());
   for (const Block& block : blocks) {
-    most_asked_N = std::max(most_asked_N, block.force_N);
+    max_asked_N = std::max(max_asked_N, block.force_N);
     const auto touched = std::find_if(result->touches.begin(), result->touches.end(),
                                       [&](const TouchFigure& t) { return t.line == block.line; });
     const bool named = std::any_of(result->trouble.begin(), result->trouble.end(), [&](const auto& sentence) {
@@ -128,10 +128,10 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   EXPECT_EQ(result->failed_steps == 0, failed.empty());
   EXPECT_GT(held, 0u);
 
-  const double beyond_mm = most_beyond_mm(*recording, model, most_asked_N);
+  const double beyond_mm = max_beyond_mm(*recording, model, max_asked_N);
   EXPECT_LE(beyond_mm, 0);
   std::printf("| `%s` | %zu | %zu | %s | %.2f |\n", GetParam().c_str(), blocks.size(), held,
-              failed.empty() ? "—" : failed.c_str(), kMostBeyond_mm + beyond_mm);
+              failed.empty() ? "—" : failed.c_str(), kMaxBeyond_mm + beyond_mm);
   for (const std::string& sentence : result->trouble) std::printf("    %s\n", sentence.c_str());
 }
 

@@ -43,7 +43,8 @@ RecordingEvent settings_event(const Parameters& before, const Parameters& after)
   return event;
 }
 
-void change_logged(ServoLoop& loop, EventLog& told, AskedBy by, const std::function<void(Parameters&)>& edit) {
+void change_logged(ServoLoop& loop, EventLog& told, AskedBy by,
+                   const std::function<void(Parameters&)>& edit) {
   told.tell([&] {
     RecordingEvent event;
     const std::uint32_t number = loop.change([&](Parameters& parameters) {
@@ -73,7 +74,7 @@ void log_pointer_change(ServoLoop& loop, EventLog& told, AskedBy by) noexcept {
 }
 
 void set_model_logged(ServoLoop& loop, EventLog& told, AskedBy by, std::shared_ptr<const Model> model,
-                    const ModelChange& change) {
+                      const ModelChange& change) {
   told.tell([&] {
     RecordingEvent event;
     event.by = by;
@@ -93,7 +94,7 @@ RecordingEvent sweep_event(const Cut& cut, std::uint32_t version) {
 }
 
 void set_cut_model_logged(ServoLoop& loop, EventLog& told, std::span<const Cut> cuts,
-                        std::shared_ptr<const Model> model) {
+                          std::shared_ptr<const Model> model) {
   const std::uint32_t version = model->version;
   for (const Cut& cut : cuts) told.tell([&] { return sweep_event(cut, version); });
   set_model_logged(loop, told, {}, std::move(model), {version, ModelChange::kCut});
@@ -108,7 +109,8 @@ RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tic
   return event;
 }
 
-void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame, std::uint64_t input_tick) {
+void set_yield_logged(ServoLoop& loop, EventLog& told, const ComplianceFrame& frame,
+                      std::uint64_t input_tick) {
   told.tell([&] {
     loop.change([&](Parameters& parameters) { parameters.yields = frame; });
     return yield_event(frame, input_tick);

@@ -8,10 +8,10 @@
 #include "palpate/base/printable.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
+#include "palpate/palpation/logged_loop.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/recorded_model.h"
-#include "palpate/palpation/logged_loop.h"
 #include "palpate/servo/feel.h"
 #include "palpate/tissue/yield_solver.h"
 
@@ -128,7 +128,8 @@ class Replayer {
       changes_.push_back({event.change, {}});
       if (event.change.tissue == ModelChange::kCut) changes_.back().cuts = std::exchange(cuts_, {});
     }
-    if (changes_.size() > kMostPendingChanges || cuts_.size() > kMostPendingChanges || solutions_.size() > kMostPendingChanges)
+    if (changes_.size() > kMaxPendingChanges || cuts_.size() > kMaxPendingChanges ||
+        solutions_.size() > kMaxPendingChanges)
       return Error{ErrorKind::kBadInput, "the recording lists more changes of the model than a run can have",
                    "", ""};
     for (const TickRecord& recorded : part.ticks) {
@@ -144,9 +145,9 @@ class Replayer {
 
  private:
   // normally a few between two ticks; in format 3, whose changes have no tick, kMaxChanges in total
-  static constexpr std::size_t kMostPendingChanges = 100'000;
+  static constexpr std::size_t kMaxPendingChanges = 100'000;
   // a solution takes a few frames on a busy machine, at up to 10 kHz
-  static constexpr std::size_t kMostInputs = 20'000;
+  static constexpr std::size_t kMaxInputs = 20'000;
   Result<void> advance_to(const TickRecord& recorded);
   Result<void> solve_until(const TickRecord& recorded);
   void run_again(const TickRecord& recorded);
@@ -254,7 +255,7 @@ void Replayer::run_again(const TickRecord& recorded) {
   result_.difference = first_difference(recorded, again);
   if (is_elastic(model_.felt->tissue_law)) {
     inputs_.push_back({again, model_.felt});
-    if (inputs_.size() > kMostInputs) inputs_.pop_front();
+    if (inputs_.size() > kMaxInputs) inputs_.pop_front();
   }
   if (!result_.difference.empty()) result_.first_difference = recorded.tick;
 }

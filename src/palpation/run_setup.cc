@@ -47,14 +47,14 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
     if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
     const auto* press = std::get_if<PressStep>(&setup.script.steps[s]);
     // the proxy's force grows with depth without bound
-    const double most_N = method == ForceMethod::kProxy ? setup.limit_N
-                                                        : setup.model->force_field(method).full_force_N() *
-                                                              setup.workspace.force_gain * softer;
-    if (!press || press->force_N <= std::min(setup.limit_N, most_N)) continue;
+    const double max_N = method == ForceMethod::kProxy ? setup.limit_N
+                                                       : setup.model->force_field(method).full_force_N() *
+                                                             setup.workspace.force_gain * softer;
+    if (!press || press->force_N <= std::min(setup.limit_N, max_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
                   "script line %d: asks for %.2f N, where at most %.2f N are allowed and %.2f N can be given",
-                  setup.script.lines[s], press->force_N, setup.limit_N, most_N);
+                  setup.script.lines[s], press->force_N, setup.limit_N, max_N);
     trouble.push_back(text);
   }
   return trouble;
@@ -99,13 +99,13 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const Script& script, con
   const auto held = held_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
                                    setup.script.rate_hz, setup.script.delay_s, progress);
   if (!held) return held.error();
-  setup.parameters.device[0].max_stiffness_N_per_mm = held->most_N_per_mm;
+  setup.parameters.device[0].max_stiffness_N_per_mm = held->max_N_per_mm;
   const HeldDamping borne =
       held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
-  setup.parameters.device[0].max_damping_N_s_per_mm = borne.most_N_s_per_mm;
+  setup.parameters.device[0].max_damping_N_s_per_mm = borne.max_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
   setup.trouble =
-      out_of_reach(setup, held->most_N_per_mm / std::max(held->asked_N_per_mm, held->most_N_per_mm));
+      out_of_reach(setup, held->max_N_per_mm / std::max(held->asked_N_per_mm, held->max_N_per_mm));
   if (!borne.clamped.empty()) setup.trouble.insert(setup.trouble.begin(), borne.clamped);
   if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
   return setup;

@@ -20,7 +20,7 @@ namespace {
 // voluntary force control is slow: hand speed per newton of error, and maximum speed; soft tissue is pressed
 // faster, so that the error decays at kForceRate
 constexpr double kForceGain_mm_s_N = 15, kForceRate_per_s = 5;
-constexpr double kMostPressing_mm_s = 12;
+constexpr double kMaxPressing_mm_s = 12;
 // time constant of the low-pass filter on the perceived force
 constexpr double kFeeling_s = 0.03;
 constexpr double kNormalFeeling_s = 0.15;
@@ -35,14 +35,14 @@ constexpr double kTouched_s = 0.01, kOther_s = 0.03, kEncounter_s = 0.25, kLost_
 // excess of the depth over what the force explains at which the hand gives up: a hand that then stops stays
 // within a millimetre or, in soft tissue, within this fraction of the explained depth, since the low-pass
 // filtered force overshoots there
-constexpr double kMostOver_mm = 0.7, kMostOvershoot = 0.4, kOver_s = 0.004;
+constexpr double kMaxOver_mm = 0.7, kMaxOvershoot = 0.4, kOver_s = 0.004;
 // tolerated distance between the tip and the intended position beyond what force and friction explain
 constexpr double kLeash_mm = 2.5, kPushedAway_mm = 4, kStuck_s = 1;
 // an unexpected surface is penetrated at most this far at the careful speed; higher speeds need room
-constexpr double kCarefulDip_mm = 0.3, kLeastCareful_mm_s = 3, kRoom_mm = 2.4;
+constexpr double kCarefulDip_mm = 0.3, kMinCareful_mm_s = 3, kRoom_mm = 2.4;
 // distance behind the expected surface after which the surface counts as missing
 constexpr double kBehind_mm = 3;
-constexpr std::size_t kMostTries = 4;
+constexpr std::size_t kMaxTries = 4;
 // retreat: distance beyond the ramp, force that counts as free, and maximum lag of the tip
 constexpr double kWayOutInSigmas = 4, kWayOut_mm = 1, kFree_N = 0.02, kFollow_s = 1;
 constexpr double kLettingGo_s = 5;
@@ -51,7 +51,7 @@ constexpr double kSteppingBack_mm_s = 100, kStepBack_mm = 5;
 // spacing of the corners recorded during a slide
 constexpr double kTrail_mm = 1;
 // threshold of a direction's tangential component below which sliding is impossible
-constexpr double kLeastAlong = 0.1;
+constexpr double kMinAlong = 0.1;
 
 std::string text_of(const char* format, ...) __attribute__((format(printf, 1, 2)));
 std::string text_of(const char* format, ...) {
@@ -218,7 +218,7 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
   }
   if (const auto* place = std::get_if<Point<Patient>>(&approach->nearest)) wish.near = {*place};
   step.places = find_touch_places(*model_, free_space_, step.structure, wish);
-  if (step.places.places.size() > kMostTries) step.places.places.resize(kMostTries);
+  if (step.places.places.size() > kMaxTries) step.places.places.resize(kMaxTries);
   return step;
 }
 
@@ -232,19 +232,19 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
       tool_reach_mm_(tool_reach_mm(model.tool_of(0))) {
   // in the air, a hand's breadth in front of the patient
   const GridGeometry& grid = model.labels->geometry();
-  double most_anterior_mm = grid.centre().y();
+  double max_anterior_mm = grid.centre().y();
   for (int corner = 0; corner < 8; ++corner) {
     Point<Voxel> p;
     for (int axis = 0; axis < 3; ++axis) p[axis] = corner >> axis & 1 ? grid.dims[axis] - 0.5 : -0.5;
     const Point<Patient> at = grid.X_PatientVoxel() * p;
-    most_anterior_mm = std::min(most_anterior_mm, at.y());
+    max_anterior_mm = std::min(max_anterior_mm, at.y());
     clear_of_object_mm_ = std::max(clear_of_object_mm_, (model.X_WorldPatient * at - Point<World>()).norm());
   }
   clear_of_object_mm_ += tool_reach_mm_ + kStepBack_mm;
   constexpr double kBefore_mm = 3;
   start_ =
       model.X_WorldPatient *
-      Point<Patient>(grid.centre().x(), most_anterior_mm - kBefore_mm - tool_reach_mm_, grid.centre().z());
+      Point<Patient>(grid.centre().x(), max_anterior_mm - kBefore_mm - tool_reach_mm_, grid.centre().z());
   intention_ = start_;
 
   std::mt19937_64 random(script.seed);
@@ -417,7 +417,7 @@ void ScriptedHand::go(const PlannedStep& step, const TickRecord& felt, double dt
   met_s_ = met != 0 || inside ? met_s_ + dt_s : 0;
   if (const auto over = excess_depth(felt, dt_s); over || met_s_ > kEncounter_s)
     return try_next_place(felt, "on the way the hand met " + (met != 0 ? model_->name_of(met) : "something") +
-                                   " at " + place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
+                                    " at " + place_text(point<Patient>(felt.device[0].proxy_patient_mm)));
   if (stuck_s_ > kStuck_s) return try_next_place(felt, "the hand got stuck on the way");
   walk(std::get<ApproachStep>(step.action).speed_mm_s, felt, dt_s);
 }
@@ -451,15 +451,15 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& felt, double
   }
   if (excess_depth(felt, dt_s)) {
     try_next_place(felt,
-                  "the tip went in without a touch at " + place_text(point<Patient>(device.tip_patient_mm)));
+                   "the tip went in without a touch at " + place_text(point<Patient>(device.tip_patient_mm)));
     return false;
   }
-  const double most_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
+  const double max_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
   const Point<World> front = X * way_in_.back();
   const double behind_mm = (tip_of(felt) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
-  if (behind_mm > most_mm || lead_mm > most_mm + tracking_tolerance_mm(felt)) {
+  if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(felt)) {
     try_next_place(felt, "nothing was felt where its surface was expected, at " +
-                            place_text(step.places.places[place_].surface.point));
+                             place_text(step.places.places[place_].surface.point));
     return false;
   }
   intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, felt)) * dt_s);
@@ -490,7 +490,7 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& felt, double
   if (at_force && settled_s_ >= action.settle_s) return true;
 
   const double soft_N_per_mm = stiffness_N_per_mm(step.structure, felt) * felt.device[0].force_gain;
-  const double travel_s = asked_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMostPressing_mm_s;
+  const double travel_s = asked_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMaxPressing_mm_s;
   if (step_time_s_ < kPatience_s + action.settle_s + travel_s) return false;
   return fail(step, felt, text_of("it did not settle, %.2f N were felt", felt_N_));
 }
@@ -519,7 +519,7 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& felt, double
   const Transform<World, Patient> X = X_WorldPatient(felt);
   const Vector<World> direction = (X * action.direction).normalized();
   const Vector<World> along = direction - inward_ * inward_.dot(direction);
-  if (along.norm() < kLeastAlong) return fail(step, felt, "its direction points out of the surface");
+  if (along.norm() < kMinAlong) return fail(step, felt, "its direction points out of the surface");
 
   // measured by the contact point, not by the hand
   const Point<Patient> here = point<Patient>(felt.device[0].proxy_patient_mm);
@@ -678,7 +678,7 @@ std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& felt, do
   const double stiffness =
       told ? device.unclamped_force_N / device.depth_mm : stiffness_N_per_mm(met, felt) * device.force_gain;
   const double explained_mm = force_N / stiffness;
-  const double over_mm = std::max(kMostOver_mm, kMostOvershoot * explained_mm);
+  const double over_mm = std::max(kMaxOver_mm, kMaxOvershoot * explained_mm);
   // too deep for a surface to be found: counts as too deep if in contact
   const bool over =
       std::isnan(device.depth_mm) ? device.label != 0 : device.depth_mm > explained_mm + over_mm;
@@ -782,7 +782,7 @@ double ScriptedHand::careful_speed_mm_s(LabelId structure, const TickRecord& fel
   const DeviceTick& device = felt.device[0];
   const double wall_N_per_m = 1e3 * RenderedStiffness(device).at_device(stiffness_N_per_mm(structure, felt));
   const double mass_kg = device_.mass_kg + hand_.mass_kg;
-  return std::max(kLeastCareful_mm_s,
+  return std::max(kMinCareful_mm_s,
                   kCarefulDip_mm * std::sqrt((hand_.stiffness_N_per_m + wall_N_per_m) / mass_kg));
 }
 
@@ -823,7 +823,7 @@ void ScriptedHand::regulate_force(const TickRecord& felt, double dt_s) {
   const double felt_per_mm = hand * wall / (hand + wall) / device.scale;
   const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / felt_per_mm);
   const double error_N = limited(std::max(wanted_N_, touch_N_), felt) - felt_N_;
-  intention_ += inward_ * (std::clamp(gain * error_N, -kMostPressing_mm_s, kMostPressing_mm_s) * dt_s);
+  intention_ += inward_ * (std::clamp(gain * error_N, -kMaxPressing_mm_s, kMaxPressing_mm_s) * dt_s);
 }
 
 // presses along the perceived normal, and follows the surface if the object rotates
@@ -859,7 +859,8 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& felt, double dt
   const DeviceTick& device = felt.device[0];
   const Point<World> here = tip_of(felt);
   const double lag_mm = (here - intention_).norm();
-  const bool pressed = device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > tracking_tolerance_mm(felt));
+  const bool pressed =
+      device.label != 0 && (device.depth_mm > kLetGo_mm || lag_mm > tracking_tolerance_mm(felt));
   bool at_its_end = false;
   if (pressed) {
     pressed_s_ += dt_s;

@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 // bound on the duration of a press with its hold and motion; a longer script does not end
-constexpr double kMostSeconds = 3600;
+constexpr double kMaxSeconds = 3600;
 
 }  // namespace
 
@@ -75,7 +75,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const Script& scrip
       if (auto written = write_block(); !written) return written.error();
       progress.report("palpating", run.hand().progress());
     }
-    if (run.time_s() > kMostSeconds)
+    if (run.time_s() > kMaxSeconds)
       return Error{ErrorKind::kBadInput, "the script has not ended after an hour of simulated time",
                    script.source, "look at its speeds, distances and seconds"};
     stopped = progress.stopped();

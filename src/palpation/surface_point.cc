@@ -83,15 +83,15 @@ std::optional<Point<Patient>> onto_surface(const Model& model, Point<Patient> x,
 
 // free distance along the normal: down the ramp into free space, until the field rises again
 double clearance_along(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
-                       double most_mm) {
+                       double max_mm) {
   constexpr double kStep_mm = 0.25;
   double previous = sample_value(*model.field, surface);
-  for (double way = kStep_mm; way <= most_mm; way += kStep_mm) {
+  for (double way = kStep_mm; way <= max_mm; way += kStep_mm) {
     const double here = sample_value(*model.field, surface + n * way);
     if (here > previous + 1e-3 && here > kFree) return way - kStep_mm;
     previous = here;
   }
-  return most_mm;
+  return max_mm;
 }
 
 // unit vectors in the tangent plane, uniformly around the normal
@@ -184,8 +184,8 @@ std::vector<Point<Patient>> border_voxels(const Model& model, LabelId structure)
 std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId structure,
                                                  std::span<const Point<Patient>> border,
                                                  double clearance_mm) {
-  constexpr std::size_t kMostCandidates = 4000;
-  const std::size_t stride = border.size() / kMostCandidates + 1;
+  constexpr std::size_t kMaxCandidates = 4000;
+  const std::size_t stride = border.size() / kMaxCandidates + 1;
   const double value = surface_value(model, structure);
   std::vector<SurfaceCandidate> candidates;
   for (std::size_t c = 0; c < border.size(); c += stride) {

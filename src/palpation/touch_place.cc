@@ -10,13 +10,13 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMostPlaces = 8;
+constexpr std::size_t kMaxPlaces = 8;
 // minimum distance between two places to be tried
 constexpr double kApart_mm = 4, kApartByWish_mm = 2;
 // a requested place may be missed by this much in favour of one that suits a press better
 constexpr double kSuitabilityBonus_mm = 2;
 // tilt of an approach against the normal, and minimum cosine for a requested direction
-constexpr double kTilt = 35 * std::numbers::pi / 180, kLeastFacing = 0.3;
+constexpr double kTilt = 35 * std::numbers::pi / 180, kMinFacing = 0.3;
 // if no straight segment of the requested length exists, it may be longer by this much
 constexpr double kLonger_mm = 10;
 constexpr int kTouchRim = 8;
@@ -176,11 +176,11 @@ TouchPlaces find_touch_places(const Model& model, const FreeSpace& free_space, L
   for (const bool askew : {false, true}) {
     if (askew && (wish.from || !found.places.empty())) break;
     for (const SurfaceCandidate& c : candidates) {
-      if (found.places.size() == kMostPlaces) break;
+      if (found.places.size() == kMaxPlaces) break;
       const Vector<Patient>& n = c.surface.normal;
       if (is_near_another(c.surface)) continue;
       if (wish.from) {
-        if (wish.from->dot(n) >= kLeastFacing) add(c.surface, *wish.from);
+        if (wish.from->dot(n) >= kMinFacing) add(c.surface, *wish.from);
       } else if (!askew) {
         add(c.surface, n);
       } else {
@@ -209,15 +209,15 @@ LabelId contact_structure_near(const Model& model, const Point<Patient>& point) 
     high[axis] = static_cast<int>(std::clamp(std::ceil(at[axis] + reach), 0.0, last));
   }
   LabelId nearest = 0;
-  double least_mm = kPlaceTolerance_mm;
+  double min_mm = kPlaceTolerance_mm;
   for (int k = low[2]; k <= high[2]; ++k)
     for (int j = low[1]; j <= high[1]; ++j)
       for (int i = low[0]; i <= high[0]; ++i) {
         const LabelId label = labels.at(i, j, k);
         if (!model.is_felt(label)) continue;
         const double mm = (X_PatientVoxel * Point<Voxel>(i, j, k) - point).norm();
-        if (mm > least_mm) continue;
-        least_mm = mm;
+        if (mm > min_mm) continue;
+        min_mm = mm;
         nearest = label;
       }
   return nearest;

@@ -57,10 +57,9 @@ P on_surface(const Shape& bone, const P& eye, const V& towards) {
 PhantomField field_of(const GlandParameters& gland) {
   // dimensions of the soft layers in mm are independent of the scale
   const double cover = (gland.gland_mm + gland.fat_mm + gland.skin_mm) / gland.size;
-  const double least_x = -64 - cover, most_x = 64 + cover, least_y = -48 - cover;
-  return {{most_x - least_x, 72 - least_y, 104},
-          {0, 0.5 * (72 + least_y), 12},
-          Eigen::Vector3d::Constant(gland.size)};
+  const double min_x = -64 - cover, max_x = 64 + cover, min_y = -48 - cover;
+  return {
+      {max_x - min_x, 72 - min_y, 104}, {0, 0.5 * (72 + min_y), 12}, Eigen::Vector3d::Constant(gland.size)};
 }
 
 PhantomPlan plan_of(const GlandParameters& gland) {

@@ -111,8 +111,8 @@ std::optional<std::vector<PhantomNodule>> nodules_of(const DomeParameters& dome)
 
 PhantomField field_of(const BlockParameters& block) {
   const double across = block.width_mm + 2 * kFreeAround_mm;
-  const double least_y = -kFreeAbove_mm, most_y = block.thickness_mm + kPlate_mm + kFreeAround_mm;
-  return {{across, most_y - least_y, across}, {0, 0.5 * (least_y + most_y), 0}};
+  const double min_y = -kFreeAbove_mm, max_y = block.thickness_mm + kPlate_mm + kFreeAround_mm;
+  return {{across, max_y - min_y, across}, {0, 0.5 * (min_y + max_y), 0}};
 }
 
 PhantomPlan plan_of(const BlockParameters& block) {
@@ -127,8 +127,8 @@ PhantomPlan plan_of(const BlockParameters& block) {
 
 PhantomField field_of(const DomeParameters& dome) {
   const double across = 2 * (dome.radius_mm + 2 * kFreeAround_mm);
-  const double least_y = -dome.height_mm - kFreeAbove_mm, most_y = kPlate_mm + kFreeAround_mm;
-  return {{across, most_y - least_y, across}, {0, 0.5 * (least_y + most_y), 0}};
+  const double min_y = -dome.height_mm - kFreeAbove_mm, max_y = kPlate_mm + kFreeAround_mm;
+  return {{across, max_y - min_y, across}, {0, 0.5 * (min_y + max_y), 0}};
 }
 
 PhantomPlan plan_of(const DomeParameters& dome) {

@@ -35,7 +35,7 @@ constexpr std::array kStructures{"anterior_cruciate_ligament"sv,
                                  "posterior_cruciate_ligament"sv,
                                  "tibia"sv,
                                  "tibial_collateral_ligament"sv};
-constexpr std::uint64_t kMostSeed = 1'000'000'000;
+constexpr std::uint64_t kMaxSeed = 1'000'000'000;
 
 // visits an enumeration or a flag as a word
 template <class T>
@@ -58,10 +58,10 @@ void visit_noise(PhantomSettings& s, PhantomKeyVisitor& v) {
       0, 1.5, s.noise_mm);
 }
 void visit_scan_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"scan-seed", "", "Of the noise in the scan."}, kMostSeed, s.scan_seed);
+  v.whole({"scan-seed", "", "Of the noise in the scan."}, kMaxSeed, s.scan_seed);
 }
 void visit_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"seed", "", "Of natural variation, of `noise` and of `islands`; 0 is the mean shape."}, kMostSeed,
+  v.whole({"seed", "", "Of natural variation, of `noise` and of `islands`; 0 is the mean shape."}, kMaxSeed,
           s.seed);
 }
 void visit_spacing(PhantomSettings& s, PhantomKeyVisitor& v) {
@@ -152,7 +152,7 @@ void visit_nodules(NoduleParameters& p, PhantomKeyVisitor& v) {
 void visit_place_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
   v.whole({"seed", "",
            "Of the nodules' places, of `noise` and of `islands`; 0 has the first nodule in the middle."},
-          kMostSeed, s.seed);
+          kMaxSeed, s.seed);
 }
 void visit_stiffness(NoduleParameters& p, PhantomKeyVisitor& v) {
   v.number({"stiffness", "",
@@ -202,7 +202,7 @@ void visit(AbdomenParameters& p, PhantomKeyVisitor& v) {
   choice(v, {"rib", "", "Whether there is one above the liver's edge."}, kAnswers, p.rib, true, false);
   visit_scan_seed(p.settings, v);
   v.whole({"seed", "", "Of where edge and rib lie, of `noise` and of `islands`; 0 is the mean place."},
-          kMostSeed, p.settings.seed);
+          kMaxSeed, p.settings.seed);
   v.number({"skin", "mm", "Outermost layer."}, 1, 5, p.skin_mm);
   visit_spacing(p.settings, v);
 }

@@ -38,7 +38,7 @@ class Painter {
         scan_(scan),
         voxel_mm_(mixing_width_mm(scan.geometry())),
         scale_(plan.field.scale),
-        least_scale_(plan.field.scale.minCoeff()),
+        min_scale_(plan.field.scale.minCoeff()),
         X_PatientVoxel_(scan.geometry().X_PatientVoxel()) {}
 
   Candidates everything() const {
@@ -49,8 +49,8 @@ class Painter {
 
   // blocks are never finished before the leaves, because the shading varies from voxel to voxel
   std::optional<Candidates> narrow(const Candidates& candidates, const Ball& ball) const {
-    const double radius = ball.radius + (jitter_ ? jitter_->most_mm() : 0);
-    const Ball anatomical{ball.centre.cwiseQuotient(scale_), radius / least_scale_};
+    const double radius = ball.radius + (jitter_ ? jitter_->max_mm() : 0);
+    const Ball anatomical{ball.centre.cwiseQuotient(scale_), radius / min_scale_};
     Candidates here;
     for (const Candidate& candidate : candidates) {
       if (candidate.node == nullptr) {
@@ -58,7 +58,7 @@ class Painter {
         continue;
       }
       const Shape::Node::Within within = candidate.node->within(candidate.node, anatomical);
-      const double distance = within.distance * least_scale_;
+      const double distance = within.distance * min_scale_;
       const double reach = radius + 0.5 * voxel_mm_;
       if (distance > reach) continue;
       const bool even = distance + material_depth_mm(parts_[candidate.part].material) < -reach;
@@ -88,7 +88,7 @@ class Painter {
 
  private:
   double distance_mm(const Candidate& candidate, const Eigen::Vector3d& anatomical) const {
-    return candidate.node == nullptr ? -1e3 : candidate.node->distance(anatomical) * least_scale_;
+    return candidate.node == nullptr ? -1e3 : candidate.node->distance(anatomical) * min_scale_;
   }
 
   // label at the position where the simulated operator drew the voxel
@@ -113,7 +113,7 @@ class Painter {
   Volume<float>& scan_;
   double voxel_mm_;
   Eigen::Vector3d scale_;
-  double least_scale_;
+  double min_scale_;
   Transform<Patient, Voxel> X_PatientVoxel_;
 };
 

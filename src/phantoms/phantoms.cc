@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostVoxels = 200e6;
+constexpr double kMaxVoxels = 200e6;
 
 Error refused(const PhantomParameters& parameters, std::string what, std::string remedy) {
   return {ErrorKind::kBadInput, std::move(what), base_name(parameters), std::move(remedy)};
@@ -62,8 +62,8 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
     return {};
   };
   const double widest_mm = knee.settings.spacing_mm.maxCoeff();
-  constexpr double kLeastBurr_mm = 1;
-  if (knee.burr_mm > 0 && knee.burr_mm < std::max(kLeastBurr_mm, 2 * widest_mm))
+  constexpr double kMinBurr_mm = 1;
+  if (knee.burr_mm > 0 && knee.burr_mm < std::max(kMinBurr_mm, 2 * widest_mm))
     return refused(all,
                    quoted("burr") + " of " + millimetres(knee.burr_mm) + " is too small for voxels of " +
                        millimetres(widest_mm),
@@ -150,15 +150,15 @@ Result<void> check_voxels(const PhantomParameters& parameters, const PhantomFiel
   const Eigen::Vector3d& spacing_mm = settings_of(parameters).spacing_mm;
   const double volume_mm3 = field.extent_mm.cwiseProduct(field.scale).prod();
   const double voxels = volume_mm3 / spacing_mm.prod();
-  if (voxels <= kMostVoxels) return {};
+  if (voxels <= kMaxVoxels) return {};
   char what[128];
   std::snprintf(what, sizeof what,
                 "this spacing makes %.0f million voxels; a phantom has at most %.0f million", 1e-6 * voxels,
-                1e-6 * kMostVoxels);
+                1e-6 * kMaxVoxels);
   // rounded up, so that the suggested spacing is accepted
   char remedy[64];
   std::snprintf(remedy, sizeof remedy, "spacing=%.2f would do",
-                std::ceil(100 * std::cbrt(volume_mm3 / kMostVoxels)) / 100);
+                std::ceil(100 * std::cbrt(volume_mm3 / kMaxVoxels)) / 100);
   return refused(parameters, what, remedy);
 }
 

@@ -150,7 +150,7 @@ TEST(Phantoms, TheSameSeedRepeatsAndSeedsDiffer) {
 // properties of the mean knee hold for every knee
 TEST(Phantoms, KneesOfAllSeedsAreKnees) {
   std::mt19937 random(test::test_seed());
-  double least_mL = 1e9, most_mL = 0;
+  double min_mL = 1e9, max_mL = 0;
   for (int n = 0; n < 3; ++n) {
     const std::string name = "knee-phantom:spacing=1.1,seed=" + std::to_string(1 + random() % 100000);
     SCOPED_TRACE(name);
@@ -167,12 +167,12 @@ TEST(Phantoms, KneesOfAllSeedsAreKnees) {
     // range of 27 healthy men (docs/reference/phantom.md), extended downwards for a small knee or thin layers
     EXPECT_GE(cartilage, 13);
     EXPECT_LE(cartilage, 31.4);
-    least_mL = std::min(least_mL, mL("femur"));
-    most_mL = std::max(most_mL, mL("femur"));
+    min_mL = std::min(min_mL, mL("femur"));
+    max_mL = std::max(max_mL, mL("femur"));
     EXPECT_GT(mL("medial_meniscus"), 1);
     EXPECT_GT(mL("lateral_meniscus"), 1);
   }
-  EXPECT_GT(most_mL / least_mL, 1.03) << "they differ in size";
+  EXPECT_GT(max_mL / min_mL, 1.03) << "they differ in size";
 }
 
 TEST(Phantoms, StructuresOfAllSeedsShareNoPoint) {

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kCorrelation_mm = 5;
 // limit of each component, in standard deviations
-constexpr double kMostSigmas = 3;
+constexpr double kMaxSigmas = 3;
 constexpr double kLargestDisc_mm = 1.5;
 
 std::uint64_t mixed(std::initializer_list<std::uint64_t> words) {
@@ -141,8 +141,8 @@ int slice_axis(const GridGeometry& grid) {
 BorderJitter::BorderJitter(const GridGeometry& grid, double sigma_mm, std::uint64_t seed)
     : axis_(slice_axis(grid)), sigma_mm_(sigma_mm), seed_(seed) {}
 
-double BorderJitter::most_mm() const {
-  return std::sqrt(2.0) * kMostSigmas * sigma_mm_;
+double BorderJitter::max_mm() const {
+  return std::sqrt(2.0) * kMaxSigmas * sigma_mm_;
 }
 
 // lattice noise, interpolated and normalised to variance 1 everywhere
@@ -170,7 +170,7 @@ Eigen::Vector3d BorderJitter::displacement_mm(const Eigen::Vector3d& p_mm, int s
   for (const int axis : {a, b}) {
     const double here = component(which, p_mm[a], p_mm[b], slice);
     const double before = component(which, p_mm[a], p_mm[b], slice - 1);
-    displacement[axis] = sigma_mm_ * std::clamp((here + before) / std::sqrt(2.0), -kMostSigmas, kMostSigmas);
+    displacement[axis] = sigma_mm_ * std::clamp((here + before) / std::sqrt(2.0), -kMaxSigmas, kMaxSigmas);
     ++which;
   }
   return displacement;

@@ -21,7 +21,7 @@ class BorderJitter {
   /// @param slice  index along slice_axis()
   Eigen::Vector3d displacement_mm(const Eigen::Vector3d& p_mm, int slice) const;
   /// Upper bound of the displacement; mm.
-  double most_mm() const;
+  double max_mm() const;
   int axis() const { return axis_; }
 
  private:

@@ -10,7 +10,7 @@ using namespace testing;
 constexpr std::uint64_t kSeed = 20240611;
 
 // Smallest distance to a patch, by successively refined grid search.
-double least_distance(const Patch& patch, const Vector3d& p) {
+double min_distance(const Patch& patch, const Vector3d& p) {
   double best = 1e300, best_u = 0, best_v = 0;
   const auto search = [&](double u0, double v0, double reach, int steps) {
     for (int a = -steps; a <= steps; ++a) {
@@ -32,7 +32,7 @@ double least_distance(const Patch& patch, const Vector3d& p) {
 
 double brute_distance(const KnownShape& known, const Vector3d& p) {
   double best = 1e300;
-  for (const Patch& patch : known.surface) best = std::min(best, least_distance(patch, p));
+  for (const Patch& patch : known.surface) best = std::min(best, min_distance(patch, p));
   return best;
 }
 

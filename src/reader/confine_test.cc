@@ -230,7 +230,8 @@ void become_old_kernel(bool without_files, bool without_calls) {
 }
 
 TEST_F(Confined, ReadsOnWhereTheKernelLacksAWall) {
-  if (!can_restrict_system_calls()) GTEST_SKIP() << "this kernel has no seccomp, by which another one is played";
+  if (!can_restrict_system_calls())
+    GTEST_SKIP() << "this kernel has no seccomp, by which another one is played";
   const bool has_landlock = can_restrict_files();
   for (const bool without_files : {false, true})
     for (const bool without_calls : {false, true}) {

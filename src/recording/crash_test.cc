@@ -54,13 +54,13 @@ std::string wrong_column(const fs::path& file, const std::vector<TickRecord>& wr
   const internal::Handle opened(H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!opened.ok()) return "HDF5 does not open the file";
   std::size_t ticks = 0;  // rows of the longest tick column
-  const auto check = [&](const std::string& name, const internal::Column& column, std::size_t least_rows,
-                         std::size_t most_rows, const auto& record_of) -> std::string {
+  const auto check = [&](const std::string& name, const internal::Column& column, std::size_t min_rows,
+                         std::size_t max_rows, const auto& record_of) -> std::string {
     const internal::Handle data_set(H5Dopen2(opened.get(), name.c_str(), H5P_DEFAULT), H5Dclose);
     const internal::Handle space(H5Dget_space(data_set.get()), H5Sclose);
     hsize_t extent[2] = {0, 1};
-    if (H5Sget_simple_extent_dims(space.get(), extent, nullptr) < 0 || extent[0] > most_rows) return name;
-    if (extent[0] < least_rows) return name + " lacks what a tick had heard of";
+    if (H5Sget_simple_extent_dims(space.get(), extent, nullptr) < 0 || extent[0] > max_rows) return name;
+    if (extent[0] < min_rows) return name + " lacks what a tick had heard of";
     std::vector<std::byte> rows(extent[0] * column.row_bytes());
     if (H5Dread(data_set.get(), internal::hdf5_type(column.number), H5S_ALL, H5S_ALL, H5P_DEFAULT,
                 rows.data()) < 0)

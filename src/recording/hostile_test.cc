@@ -310,7 +310,7 @@ void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& chang
   const std::uint32_t major = 3;
   const Handle attribute(H5Aopen(file, "format_major", H5P_DEFAULT), H5Aclose);
   ASSERT_GE(H5Awrite(attribute.get(), H5T_STD_U32LE, &major), 0);
-  for (const char* later : {"events", "device0/turned_mJ", "device0/most_damping_N_s_per_mm",
+  for (const char* later : {"events", "device0/turned_mJ", "device0/max_damping_N_s_per_mm",
                             "device0/delay_s", "summary/turns_held"})
     ASSERT_GE(H5Ldelete(file, later, H5P_DEFAULT), 0);
   const hsize_t dims[2] = {changes.size(), 6};

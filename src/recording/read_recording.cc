@@ -99,12 +99,12 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
 /// @param look  reads everything that it needs, from the beginning each time
 Result<void> read_beside_writer(const std::filesystem::path& file,
                                 const std::function<Result<void>()>& look) {
-  constexpr int kMostLooks = 20;
+  constexpr int kMaxLooks = 20;
   for (int looks = 1;; ++looks) {
     const auto before = last_change(file);
     auto read = look();
     const bool was_written = last_change(file) != before;
-    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || looks == kMostLooks) return read;
+    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || looks == kMaxLooks) return read;
   }
 }
 

@@ -44,9 +44,9 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.peak_torque_Nmm) != bits(b.peak_torque_Nmm)) return "peak_torque_Nmm";
   if (bits(a.peak_gripper_N) != bits(b.peak_gripper_N)) return "peak_gripper_N";
   if (bits(a.slew_N_per_s) != bits(b.slew_N_per_s)) return "slew_N_per_s";
-  if (bits(a.max_stiffness_N_per_mm) != bits(b.max_stiffness_N_per_mm)) return "most_stiffness_N_per_mm";
+  if (bits(a.max_stiffness_N_per_mm) != bits(b.max_stiffness_N_per_mm)) return "max_stiffness_N_per_mm";
   if (bits(a.position_step_mm) != bits(b.position_step_mm)) return "position_step_mm";
-  if (bits(a.max_damping_N_s_per_mm) != bits(b.max_damping_N_s_per_mm)) return "most_damping_N_s_per_mm";
+  if (bits(a.max_damping_N_s_per_mm) != bits(b.max_damping_N_s_per_mm)) return "max_damping_N_s_per_mm";
   if (bits(a.delay_s) != bits(b.delay_s)) return "delay_s";
   if (!same(a.force_N, b.force_N)) return "force_N";
   if (!same(a.torque_Nmm, b.torque_Nmm)) return "torque_Nmm";

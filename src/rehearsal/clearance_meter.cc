@@ -71,7 +71,7 @@ void ClearanceMeter::follow_breach(const SeenTick& now, double gap, Structure& s
 
 void ClearanceMeter::end_breach(Structure& structure) {
   if (!structure.breach) return;
-  if (breaches_.size() < kMostBreaches)
+  if (breaches_.size() < kMaxBreaches)
     breaches_.push_back(*structure.breach);
   else
     ++more_breaches_;

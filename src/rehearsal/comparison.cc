@@ -16,7 +16,7 @@ class ThinnedWay {
     last_ = at;
     if (seen_++ % step_ != 0) return;
     places_.push_back(at);
-    if (places_.size() < kMostWayPlaces) return;
+    if (places_.size() < kMaxWayPlaces) return;
     step_ *= 2;
     std::size_t kept = 0;
     for (std::size_t n = 0; n < places_.size(); n += 2) places_[kept++] = places_[n];
@@ -91,7 +91,7 @@ class RunMeter {
 
  private:
   static std::size_t parts_of(std::uint64_t ticks) {
-    return static_cast<std::size_t>(std::min<std::uint64_t>(ticks, kMostPlanTimes));
+    return static_cast<std::size_t>(std::min<std::uint64_t>(ticks, kMaxPlanTimes));
   }
   // a device that tells no orientation tells the same one always
   void see_turn(const DeviceTick& device) {

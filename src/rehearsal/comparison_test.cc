@@ -249,17 +249,17 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   const Recording run = run_along(way);
   const PlanComparison made = compared(plan, run, model, *distances);
   ASSERT_EQ(made.approaches.size(), 2u);
-  ASSERT_EQ(made.times_s.size(), kMostPlanTimes);
+  ASSERT_EQ(made.times_s.size(), kMaxPlanTimes);
   for (std::size_t s = 0; s < 2; ++s) {
     // the oracle looks at every tick
-    std::vector<double> least(kMostPlanTimes, std::numeric_limits<double>::infinity());
+    std::vector<double> least(kMaxPlanTimes, std::numeric_limits<double>::infinity());
     double nearest = std::numeric_limits<double>::infinity(), below_s = 0;
     std::uint64_t nearest_tick = 0, entered = 0;
     bool was_below = false;
     for (std::size_t n = 0; n < run.ticks.size(); ++n) {
       const auto& at = run.ticks[n].device[0].tip_patient_mm;
       const double gap = (*distances)[s].distance_mm({at[0], at[1], at[2]}) - 1.5;
-      double& in_part = least[n * kMostPlanTimes / run.ticks.size()];
+      double& in_part = least[n * kMaxPlanTimes / run.ticks.size()];
       in_part = std::min(in_part, gap);
       if (gap < nearest) nearest = gap, nearest_tick = n;
       const bool below = s == 0 && gap < 3;
@@ -271,7 +271,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
     EXPECT_EQ(approach.label, s == 0 ? testing::kBone : testing::kFat);
     EXPECT_NEAR(approach.nearest_mm, nearest, 1e-9);
     EXPECT_EQ(approach.nearest.tick, nearest_tick);
-    for (std::size_t n = 0; n < kMostPlanTimes; ++n) {
+    for (std::size_t n = 0; n < kMaxPlanTimes; ++n) {
       EXPECT_GE(approach.over_time_mm[n], least[n] - 1e-4);
       EXPECT_LE(approach.over_time_mm[n], least[n] + 0.051);
     }
@@ -465,8 +465,8 @@ TEST(ComparePlan, TheWayIsThinnedOut) {
   const Recording run = run_along(StraightWay{{{0, 0, 40}, {0, 0, -40}}, 5});
   const PlanComparison made = compared(scene_plan(kStraightDown), run);
   EXPECT_EQ(made.ticks, 16'001u);
-  EXPECT_LE(made.way.size(), kMostWayPlaces);
-  EXPECT_GT(made.way.size(), kMostWayPlaces / 4);
+  EXPECT_LE(made.way.size(), kMaxWayPlaces);
+  EXPECT_GT(made.way.size(), kMaxWayPlaces / 4);
   EXPECT_EQ(made.way.front(), Point<Patient>(0, 0, 40));
   EXPECT_LT((made.way.back() - Point<Patient>(0, 0, -40)).norm(), 1e-9);
 }

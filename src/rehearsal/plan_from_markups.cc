@@ -42,7 +42,7 @@ Result<void> add_trajectory(PlanFile& plan, std::string name, const NamedPoint& 
   trajectory.name = std::move(name);
   trajectory.entry = Point<Patient>(entry.at_mm);
   trajectory.target = Point<Patient>(target.at_mm);
-  if (!(trajectory.length_mm() >= kLeastTrajectory_mm))
+  if (!(trajectory.length_mm() >= kMinTrajectory_mm))
     return Error{ErrorKind::kBadInput, "entry and target of \"" + trajectory.name + "\" are the same place",
                  plan.source, "they have to be at least 0.1 mm apart"};
   if (plan.trajectories.size() == kMaxPlanParts)

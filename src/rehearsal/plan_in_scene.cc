@@ -177,9 +177,9 @@ double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed)
   const auto X = removed.geometry().X_PatientVoxel();
   const double half_diagonal_mm = 0.5 * removed.geometry().spacing_mm.norm();
   const auto past_mm = [&](const Point<Patient>& at) {
-    double least_mm = std::numeric_limits<double>::infinity();
-    for (const RegionInPlan& region : plan.regions) least_mm = std::min(least_mm, -region.depth_mm(at));
-    return least_mm;
+    double min_mm = std::numeric_limits<double>::infinity();
+    for (const RegionInPlan& region : plan.regions) min_mm = std::min(min_mm, -region.depth_mm(at));
+    return min_mm;
   };
   double greatest_mm = 0;
   removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t places) {

@@ -12,8 +12,8 @@
 namespace palpate {
 namespace {
 
-constexpr double kBlock_mm = 8;        // edge of the cubes by which places are put together
-constexpr double kLeastNear_mm = 0.5;  // the surface's own distance holds at least so far
+constexpr double kBlock_mm = 8;      // edge of the cubes by which places are put together
+constexpr double kMinNear_mm = 0.5;  // the surface's own distance holds at least so far
 
 // where a surface cuts the edges of its grid, which are linear in between as it is read
 std::vector<Eigen::Vector3f> edge_cuts(const SignedField& position, double steepest) {
@@ -22,12 +22,12 @@ std::vector<Eigen::Vector3f> edge_cuts(const SignedField& position, double steep
   const SignedSteps& steps = position.steps();
   const auto X = position.geometry().X_PatientVoxel();
   const auto value_mm = [&](std::int16_t stored) { return steps.offset + steps.scale * stored; };
-  const double most_mm = 1.01 * std::max(1.0, steepest) * position.geometry().spacing_mm.maxCoeff();
+  const double max_mm = 1.01 * std::max(1.0, steepest) * position.geometry().spacing_mm.maxCoeff();
   voxels.for_each_piece([&](const RowPiece<std::int16_t>& piece) {
     if (piece.uniform) return;
     for (int n = 0; n < piece.count; ++n) {
       const double here_mm = value_mm(piece.voxels[n]);
-      if (std::abs(here_mm) > most_mm) continue;
+      if (std::abs(here_mm) > max_mm) continue;
       for (int axis = 0; axis < 3; ++axis) {
         std::array<int, 3> beside{piece.i + n, piece.j, piece.k};
         ++beside[static_cast<std::size_t>(axis)];
@@ -52,7 +52,7 @@ StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surfac
     : label_(label), surface_(std::move(surface)) {
   // nearer to its reach a cell may have corners beyond it
   near_mm_ =
-      std::max(kLeastNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
+      std::max(kMinNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
   for (const Eigen::Vector3f& place : edge_cuts(surface_->position(), surface_->steepest())) {
     const Eigen::Array3f cube = (place.array() / static_cast<float>(kBlock_mm)).floor();
@@ -78,10 +78,10 @@ double StructureDistance::distance_mm(const Point<Patient>& at) const {
 }
 
 double StructureDistance::to_places_mm(const Eigen::Vector3d& at) const {
-  double least_mm2 = std::numeric_limits<double>::infinity();
+  double min_mm2 = std::numeric_limits<double>::infinity();
   const auto look_in = [&](const Block& block) {
     for (std::uint32_t n = block.first; n < block.first + block.count; ++n)
-      least_mm2 = std::min(least_mm2, (places_[n].cast<double>() - at).squaredNorm());
+      min_mm2 = std::min(min_mm2, (places_[n].cast<double>() - at).squaredNorm());
   };
   // the nearest block first, so that few others are nearer than what is found there
   const Block* nearest = &blocks_.front();
@@ -92,8 +92,8 @@ double StructureDistance::to_places_mm(const Eigen::Vector3d& at) const {
   }
   look_in(*nearest);
   for (const Block& block : blocks_)
-    if (&block != nearest && block.squared_mm2(at.array()) < least_mm2) look_in(block);
-  return std::sqrt(least_mm2);
+    if (&block != nearest && block.squared_mm2(at.array()) < min_mm2) look_in(block);
+  return std::sqrt(min_mm2);
 }
 
 Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress) {

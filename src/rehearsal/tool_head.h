@@ -58,17 +58,17 @@ inline double gap_mm(const StructureDistance& structure, const ToolHead& head) {
   constexpr double kApart_mm = 0.25;
   const Vector<Patient> row = head.to - head.from;
   const double length_mm = row.norm();
-  double least_mm = structure.distance_mm(head.from) - head.radius_mm;
-  if (length_mm == 0) return least_mm;
-  double gap = least_mm, along_mm = 0;
+  double min_mm = structure.distance_mm(head.from) - head.radius_mm;
+  if (length_mm == 0) return min_mm;
+  double gap = min_mm, along_mm = 0;
   while (along_mm < length_mm) {
-    along_mm = std::min(length_mm, along_mm + std::max(kApart_mm, 0.5 * (gap - least_mm)));
+    along_mm = std::min(length_mm, along_mm + std::max(kApart_mm, 0.5 * (gap - min_mm)));
     const double part = along_mm / length_mm;
     gap = structure.distance_mm(head.from + row * part) - head.radius_mm -
           (head.end_radius_mm - head.radius_mm) * part;
-    least_mm = std::min(least_mm, gap);
+    min_mm = std::min(min_mm, gap);
   }
-  return least_mm;
+  return min_mm;
 }
 
 }  // namespace palpate

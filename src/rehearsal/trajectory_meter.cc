@@ -9,10 +9,10 @@
 namespace palpate {
 namespace {
 
-constexpr double kClear_mm = 10;         // so far outside a way has ended
-constexpr double kBeside_mm = 20;        // farther from the trajectory's line nothing counts as depth
-constexpr double kLeastPiece_mm = 0.05;  // a hand at rest goes to and fro by less, which is no way
-constexpr double kLeastFitted_mm = 1;
+constexpr double kClear_mm = 10;       // so far outside a way has ended
+constexpr double kBeside_mm = 20;      // farther from the trajectory's line nothing counts as depth
+constexpr double kMinPiece_mm = 0.05;  // a hand at rest goes to and fro by less, which is no way
+constexpr double kMinFitted_mm = 1;
 
 double angle_between_deg(const Vector<Patient>& a, const Vector<Patient>& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
@@ -126,7 +126,7 @@ void TrajectoryMeter::go_on(const SeenTick& now) {
     way_.nearest_mm = mm;
     way_.nearest = near;
   }
-  if ((at - way_.fitted_to).norm() >= kLeastPiece_mm) {
+  if ((at - way_.fitted_to).norm() >= kMinPiece_mm) {
     way_.fit.add((way_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
     way_.fitted_to = at;
   }
@@ -170,7 +170,7 @@ TrajectoryDone TrajectoryMeter::finish(bool tells_turn) {
   done.depth_error_mm.value = done.depth_mm - planned_.length_mm();
   if (tells_turn) done.shaft_deg = best_.shaft_deg;
   const Vector<Patient> chord = best_.deepest.at - best_.entry.at;
-  if (chord.norm() < kLeastFitted_mm || best_.to_deepest.length_mm() < kLeastFitted_mm) return done;
+  if (chord.norm() < kMinFitted_mm || best_.to_deepest.length_mm() < kMinFitted_mm) return done;
   const LineFit::Line line = best_.to_deepest.line();
   Vector<Patient> direction(line.direction);
   if (direction.dot(chord) < 0) direction = -direction;

@@ -10,7 +10,7 @@ namespace {
 constexpr int kLookedSide = 8;
 /// Displacement below which a block counts as at rest; voxels. Displacements below one half do not change the
 /// nearest voxel; the margin allows for larger ones between the sampled points.
-constexpr double kLeastMoved = 0.1;
+constexpr double kMinMoved = 0.1;
 
 }  // namespace
 
@@ -31,7 +31,7 @@ PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplac
       const Point<Voxel> at(first_of(0, box[0]) + half * (n % 3), first_of(1, box[1]) + half * (n / 3 % 3),
                             first_of(2, box[2]) + half * (n / 9));
       const Vector<Voxel> by = X_VoxelPatient * moved(X_PatientVoxel * at);
-      if (!(by.eigen().cwiseAbs().maxCoeff() <= kLeastMoved)) return true;
+      if (!(by.eigen().cwiseAbs().maxCoeff() <= kMinMoved)) return true;
     }
     return false;
   };

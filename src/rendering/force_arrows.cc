@@ -91,10 +91,10 @@ Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
   if (!marks::reaches(grid, request.centre)) return marks::not_reached(grid, request.centre);
   const double spacing_mm = request.spacing_mm > 0 ? request.spacing_mm : request.size_mm / kArrowsPerSide;
   if (const double count = force_arrows::arrows_per_side(request.size_mm, spacing_mm);
-      count > kMostArrowsPerSide) {
+      count > kMaxArrowsPerSide) {
     char what[120];
     std::snprintf(what, sizeof what, "%.0f x %.0f arrows, and at most %d x %d can be drawn", count, count,
-                  kMostArrowsPerSide, kMostArrowsPerSide);
+                  kMaxArrowsPerSide, kMaxArrowsPerSide);
     return Error{ErrorKind::kBadInput, what, "spacing",
                  "ask for arrows farther apart, or for a smaller section"};
   }

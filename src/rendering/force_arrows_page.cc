@@ -14,13 +14,13 @@ constexpr Pixel kSectionCorner{32, 78};
 constexpr double kRight_px = kSectionCorner[0] + kSection_px, kBottom_px = kSectionCorner[1] + kSection_px;
 
 // fraction of the full force below which a force is not drawn
-constexpr double kLeastShare = 0.01;
+constexpr double kMinShare = 0.01;
 // the lengths below are in units of the arrow spacing, limited by the space of the scale beside the section
-constexpr double kMostUnit_px = 28;
+constexpr double kMaxUnit_px = 28;
 constexpr double kLongestArrow = 0.95;   // at full force
 constexpr double kShortestArrow = 0.11;  // below this, no direction is discernible
 constexpr double kRing = 0.14, kLostRing = 0.08, kStroke = 0.05;
-constexpr double kMostRing_px = 3, kMostLostRing_px = 1.6, kMostStroke_px = 1.1, kMostHead_px = 7;
+constexpr double kMaxRing_px = 3, kMaxLostRing_px = 1.6, kMaxStroke_px = 1.1, kMaxHead_px = 7;
 
 constexpr const char* kStyle =
     "<style>\n"
@@ -66,7 +66,7 @@ std::string colour_attribute(double share) {
 }
 
 double unit_px(const Picture& p) {
-  return std::min(p.spacing_mm / p.section.mm_per_px(), kMostUnit_px);
+  return std::min(p.spacing_mm / p.section.mm_per_px(), kMaxUnit_px);
 }
 
 // length of an arrow for a force in the plane, in units; square root, so that weak forces have a visible
@@ -77,7 +77,7 @@ double length_of(double share) {
 
 // shaft and head; the arrow is centred on the sampled point
 std::string arrow_path(const Pixel& middle, const Pixel& along, double length, bool hollow, double share) {
-  const double head = std::min(0.5 * length, kMostHead_px), half = 0.42 * head;
+  const double head = std::min(0.5 * length, kMaxHead_px), half = 0.42 * head;
   const auto place = [&](double forward, double aside) {
     return Pixel{middle[0] + along[0] * forward - along[1] * aside,
                  middle[1] + along[1] * forward + along[0] * aside};
@@ -113,9 +113,9 @@ std::string end_on(const Pixel& at, double radius, bool away, double share) {
 std::string draw_arrow(const Arrow& arrow, double full_force_N, double unit) {
   const double force_N = arrow.force_N(), share = force_N / full_force_N;
   const Pixel at = on_page(arrow.at);
-  if (!(share >= kLeastShare)) {
-    const bool lost = arrow.value >= kLeastShare && force_N == 0;
-    return lost ? circle("lost", at, std::min(kLostRing * unit, kMostLostRing_px), "") : "";
+  if (!(share >= kMinShare)) {
+    const bool lost = arrow.value >= kMinShare && force_N == 0;
+    return lost ? circle("lost", at, std::min(kLostRing * unit, kMaxLostRing_px), "") : "";
   }
   const double in_plane_N = arrow.in_plane_N(), length = length_of(share) * in_plane_N / force_N;
   const bool mostly_out = std::abs(arrow.away_N) > 0.5 * force_N;
@@ -123,13 +123,13 @@ std::string draw_arrow(const Arrow& arrow, double full_force_N, double unit) {
     return arrow_path(at, {arrow.right_N / in_plane_N, arrow.down_N / in_plane_N}, length * unit, mostly_out,
                       share);
   if (length_of(share) >= kShortestArrow)
-    return end_on(at, std::min(kRing * unit, kMostRing_px), arrow.away_N > 0, share);
+    return end_on(at, std::min(kRing * unit, kMaxRing_px), arrow.away_N > 0, share);
   return circle("dot", at, 0.013 * unit, colour_attribute(share));
 }
 
 std::string draw_arrows(const Picture& p, const Progress& progress) {
   const double unit = unit_px(p);
-  std::string svg = "<g stroke-width=\"" + number(std::min(kStroke * unit, kMostStroke_px)) + "\">\n";
+  std::string svg = "<g stroke-width=\"" + number(std::min(kStroke * unit, kMaxStroke_px)) + "\">\n";
   for (const Arrow& arrow : sample_arrows(p.field, p.section, p.spacing_mm, progress))
     svg += draw_arrow(arrow, p.field.full_force_N(), unit);
   return svg + "</g>\n";
@@ -159,7 +159,7 @@ std::string width_text(const Picture& p) {
   // the smooth sphere may be wider than the field's filter; the width shown is the one along the shortest
   // voxel edge
   const auto* smooth = std::get_if<LevelledSphere<SmoothSphere>>(&p.field.source());
-  if (smooth) return format("\u03c3 %.3g mm", smooth->parts().front().sphere.least_sigma_mm());
+  if (smooth) return format("\u03c3 %.3g mm", smooth->parts().front().sphere.min_sigma_mm());
   return p.model.ramp_width_mm > 0 ? format("ramps of %.3g mm", p.model.ramp_width_mm)
                                    : format("\u03c3 %.3g mm", p.model.sigma_mm);
 }

@@ -30,8 +30,8 @@ std::string direction_letters(const Vector<Patient>& d) {
 
 /// Smallest rotation from one unit vector to another; for opposite ones half a turn about `spare`, which is
 /// orthogonal to them.
-Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<Patient>& to,
-                                      const Vector<Patient>& spare) {
+Rotation<Patient, Patient> min_turn(const Vector<Patient>& from, const Vector<Patient>& to,
+                                    const Vector<Patient>& spare) {
   constexpr double kPi = 3.14159265358979323846;
   // unnormalised quaternion: cosine and sine of half the angle, up to a common factor
   const Eigen::Vector3d axis = from.cross(to).eigen();
@@ -45,7 +45,7 @@ Rotation<Patient, Patient> least_turn(const Vector<Patient>& from, const Vector<
 Point<Patient> rest_position(const Point<Patient>& seen, const TissueDisplacement& moved) {
   constexpr int kWholeSteps = 6;
   Point<Patient> at = seen;
-  for (int step = 0; step < kMostAtRestSteps; ++step) {
+  for (int step = 0; step < kMaxAtRestSteps; ++step) {
     const Vector<Patient> off = (seen - at) - moved(at);
     at += off * (step < kWholeSteps ? 1.0 : 0.5);
     if (!(off.norm() > kAtRestNear_mm)) break;
@@ -96,7 +96,7 @@ SectionPlane oblique_section(const Point<Patient>& centre, const Vector<Patient>
   const Vector<Patient> to = (direction / largest).normalized();
 
   const Vector<Patient> from = view == ObliqueView::kAlong ? section.down : section.right.cross(section.down);
-  const Vector<Patient> right = least_turn(from, to, section.right) * section.right;
+  const Vector<Patient> right = min_turn(from, to, section.right) * section.right;
   // reorthogonalised, so that rounding errors do not accumulate over a sequence of sections
   section.right = (right - to * to.dot(right)).normalized();
   section.down = view == ObliqueView::kAlong ? to : to.cross(section.right);

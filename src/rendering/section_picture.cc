@@ -121,7 +121,7 @@ void draw_scale_bar(Pen& pen, const SectionPlane& plane) {
 
 /// From the bottom up: the note on the purpose, in two lines if necessary, then the structures.
 void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {
-  constexpr std::size_t kMostStructures = 8, kLongestName = 32;
+  constexpr std::size_t kMaxStructures = 8, kLongestName = 32;
   const int left = pen.margin(), unit = pen.unit();
   const int bar = static_cast<int>(marks::scale_bar_mm(plane.width_mm) / plane.mm_per_px());
   int top = pen.height() - pen.margin() - bitmap_font::kBaseline * unit;
@@ -138,7 +138,7 @@ void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Ca
   pen.text(left, top, purpose, kText);
   top -= pen.line() + 3 * unit;
 
-  const std::size_t count = std::min(caption.structures.size(), kMostStructures);
+  const std::size_t count = std::min(caption.structures.size(), kMaxStructures);
   for (std::size_t n = count; n-- > 0; top -= pen.line()) {
     pen.bars({{left, top, left + 7 * unit, top + 7 * unit}}, colour_of(model, caption.structures[n]));
     pen.text(left + 11 * unit, top, marks::short_name(model, caption.structures[n], kLongestName), kDim);
@@ -222,7 +222,7 @@ void draw_marks(Image& image, const SectionPlane& plane, const Model& model, con
 
 Result<Image> section_picture(const Model& model, const SectionRequest& request) {
   using namespace section_marks;
-  PALPATE_CHECK(request.pixels >= kLeastSectionPixels && request.pixels <= kMostSectionPixels);
+  PALPATE_CHECK(request.pixels >= kMinSectionPixels && request.pixels <= kMaxSectionPixels);
   PALPATE_CHECK(request.size_mm >= 0 && (model.scan != nullptr || model.labels != nullptr));
   const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
   if (!marks::reaches(grid, request.centre)) return marks::not_reached(grid, request.centre);

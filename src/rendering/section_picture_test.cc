@@ -137,7 +137,7 @@ TEST(SectionPicture, WithoutOrientationNamesNoDirection) {
 
 TEST(SectionPicture, SaysWhatItShowsAndWhatItIsFor) {
   const Model model = ball();
-  for (const int pixels : {kLeastSectionPixels, 512, 768, 1100}) {
+  for (const int pixels : {kMinSectionPixels, 512, 768, 1100}) {
     SCOPED_TRACE(pixels);
     SectionRequest request = request_for(model, SectionKind::kCoronal);
     request.pixels = pixels;

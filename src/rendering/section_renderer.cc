@@ -62,7 +62,7 @@ Row clipped(const PixelsInGrid& pixels, int row, int width) {
 
 /// Collects the displaced pixels with their rest positions.
 void find_displaced(const GridGeometry& grid, const SectionPlane& plane, const TissueDisplacement& moved,
-                std::vector<internal::section::DisplacedPixel>& pixels) {
+                    std::vector<internal::section::DisplacedPixel>& pixels) {
   const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
   for (int y = 0; y < plane.height_px; ++y)
     for (int x = 0; x < plane.width_px; ++x) {

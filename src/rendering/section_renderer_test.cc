@@ -37,7 +37,7 @@ const std::vector<Rgb> kColours{{10, 200, 30}, {220, 40, 30}, {20, 60, 230}, {25
 enum class Values { kWhole, kReal, kHoles };
 
 /// Random values in every voxel, so that mistaken voxels are detected.
-Model noise_model(const GridGeometry& grid, Values values, int most_label, std::mt19937& random) {
+Model noise_model(const GridGeometry& grid, Values values, int max_label, std::mt19937& random) {
   std::uniform_real_distribution<float> real(-3, 5);
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
   Volume<float> scan(grid);
@@ -48,11 +48,11 @@ Model noise_model(const GridGeometry& grid, Values values, int most_label, std::
       voxel = random() % 3 == 0 ? nan : random() % 2 == 0 ? inf : -inf;
   }
   Volume<LabelId> labels(grid);
-  for (LabelId& voxel : labels.voxels()) voxel = static_cast<LabelId>(random() % (most_label + 1));
+  for (LabelId& voxel : labels.voxels()) voxel = static_cast<LabelId>(random() % (max_label + 1));
   Model model;
   model.scan = std::make_shared<const Volume<float>>(std::move(scan));
   model.labels = label_bricks(labels);
-  for (int label = 1; label <= most_label; ++label)
+  for (int label = 1; label <= max_label; ++label)
     model.segments.push_back(
         {static_cast<LabelId>(label), "", kColours[label % kColours.size()], 0, static_cast<LabelId>(label)});
   return model;

@@ -34,12 +34,12 @@ using VI = hn::Vec<DI>;
 constexpr int kTileColumns = 64, kTileRows = 64;
 static_assert(kBandRows % kTileRows == 0);
 constexpr int kBrickRow = kBrick, kBrickSlice = kBrick * kBrick;
-constexpr int kMostLanes = 16;
-static_assert(HWY_MAX_BYTES <= 4 * kMostLanes || HWY_TARGET == HWY_SCALAR);
+constexpr int kMaxLanes = 16;
+static_assert(HWY_MAX_BYTES <= 4 * kMaxLanes || HWY_TARGET == HWY_SCALAR);
 
 /// A tile's row of pixels between the loops.
 struct alignas(64) Cells {
-  static constexpr int kRoom = kTileColumns + kMostLanes;
+  static constexpr int kRoom = kTileColumns + kMaxLanes;
   float fraction[3][kRoom];
   std::int32_t corner[kRoom], nearest[kRoom];
 };

@@ -16,7 +16,7 @@ inline constexpr std::uint8_t kOutsideScan = 14, kNoScan = 26;
 /// lie in one brick: at corner, corner + 1, corner + stride.
 inline constexpr int kBrick = 8, kBrickStep = kBrick - 1, kBrickVoxels = kBrick * kBrick * kBrick;
 /// Largest dimension for which division by kBrickStep can be done by multiplication (section_simd.cc).
-inline constexpr int kMostVoxelsAlongBricks = 8192;
+inline constexpr int kMaxVoxelsAlongBricks = 8192;
 
 /// Memory layout: the offset of voxel q is the sum over the axes of q * stride + q / kBrickStep * jump.
 struct Lattice {

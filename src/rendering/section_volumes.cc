@@ -31,7 +31,7 @@ std::size_t brick_count(const GridGeometry& grid) {
 }
 
 bool fits_bricks(const GridGeometry& grid) {
-  return *std::max_element(grid.dims.begin(), grid.dims.end()) <= kMostVoxelsAlongBricks &&
+  return *std::max_element(grid.dims.begin(), grid.dims.end()) <= kMaxVoxelsAlongBricks &&
          brick_count(grid) <= std::numeric_limits<std::int32_t>::max() / kBrickVoxels;
 }
 
@@ -104,8 +104,8 @@ Extent extent_of(const std::vector<float>& values) {
   return extent;
 }
 
-constexpr double kMostCode = std::numeric_limits<std::uint16_t>::max(), kLeastCode = 1;
-constexpr double kMostWindows = 16;
+constexpr double kMaxCode = std::numeric_limits<std::uint16_t>::max(), kMinCode = 1;
+constexpr double kMaxWindows = 16;
 
 constexpr std::size_t kHugePage = std::size_t{2} << 20, kCacheLine = 64;
 std::align_val_t alignment(std::size_t bytes) {
@@ -150,7 +150,7 @@ Volumes::Volumes(const Model& model, SectionStorage storage) {
 }
 
 void Volumes::make_label_bricks() {
-  constexpr std::size_t kMostNumbers = 256;
+  constexpr std::size_t kMaxNumbers = 256;
   std::vector<std::uint8_t> number(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   const std::vector<std::size_t> voxels = label_counts(*labels_);
   for (std::size_t label = 0; label < voxels.size(); ++label) {
@@ -158,7 +158,7 @@ void Volumes::make_label_bricks() {
     number[label] = static_cast<std::uint8_t>(label_of_number_.size());
     label_of_number_.push_back(static_cast<LabelId>(label));
   }
-  if (label_of_number_.size() <= kMostNumbers) {
+  if (label_of_number_.size() <= kMaxNumbers) {
     numbers_ = in_bricks<std::uint8_t, LabelId>(*labels_, [&](LabelId label) { return number[label]; });
     view_.numbers = numbers_.data();
     view_.label_of_number = label_of_number_.data();
@@ -171,23 +171,23 @@ void Volumes::make_label_bricks() {
 void Volumes::make_scan_bricks() {
   const Extent extent = extent_of(scan_->voxels());
   double low = extent.low, high = extent.high;
-  const bool exact = extent.whole && high - low <= kMostCode - kLeastCode;
+  const bool exact = extent.whole && high - low <= kMaxCode - kMinCode;
   if (!exact) {
     // an outlier must not take up the code range
     const auto window = automatic_window();
-    const double room = kMostWindows * (window[1] - window[0]);
+    const double room = kMaxWindows * (window[1] - window[0]);
     if (window != std::array<double, 2>{0, 1}) {
       low = std::max(low, window[0] - room);
       high = std::min(high, window[1] + room);
     }
   }
-  per_value_ = exact || !(high > low) ? 1 : (kMostCode - kLeastCode) / (high - low);
-  code_zero_ = low - kLeastCode / per_value_;
+  per_value_ = exact || !(high > low) ? 1 : (kMaxCode - kMinCode) / (high - low);
+  code_zero_ = low - kMinCode / per_value_;
   view_.has_holes = !extent.finite;
   codes_ = in_bricks<std::uint16_t, float>(*scan_, [&](float value) -> std::uint16_t {
     if (!std::isfinite(value)) return 0;
     const double code = (static_cast<double>(value) - code_zero_) * per_value_;
-    return static_cast<std::uint16_t>(std::clamp(code, kLeastCode, kMostCode) + 0.5);
+    return static_cast<std::uint16_t>(std::clamp(code, kMinCode, kMaxCode) + 0.5);
   });
   view_.codes = codes_.data();
 }

@@ -86,7 +86,7 @@ std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& cam
 }
 
 std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                     const Region& region, double most_apart) {
+                                     const Region& region, double max_apart) {
   Factored f;
   f.z = region.axis;
   f.x = region.axis == 0 ? 1 : 0;
@@ -166,7 +166,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
 
   // sampling planes: the slices, subdivided if their distance along a ray is too large
-  const double apart = std::min(1.0, most_apart * h / apart_mm),
+  const double apart = std::min(1.0, max_apart * h / apart_mm),
                slice_count = grid.dims[static_cast<std::size_t>(z)];
   f.z_step = sign * apart;
   const int count = static_cast<int>(std::ceil((slice_count + 1) / apart - 1e-6)) - 1;

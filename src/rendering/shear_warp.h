@@ -42,10 +42,10 @@ std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& cam
 
 /// Factorisation for one region of the picture.
 struct Factored {
-  /// @param most_apart  maximum sample distance along a ray, in units of the grid's shortest spacing
+  /// @param max_apart  maximum sample distance along a ray, in units of the grid's shortest spacing
   /// Empty if none of the region's rays intersects the grid.
   static std::optional<Factored> of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                    const Region& region, double most_apart);
+                                    const Region& region, double max_apart);
 
   int x, y, z;  ///< Axes of the grid: along voxel rows, across them, between slices
   bool is_ascending;

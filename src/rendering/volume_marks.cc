@@ -84,15 +84,15 @@ Reach reach_of(const VolumeCamera& camera, const VolumeMark& mark) {
     for (int a = 0; a < 2; ++a) {
       const double middle = 0.5 * (size[a] - 1), x = off.dot(axes[a]);
       // parallel rays: a circle; perspective: projection of the sphere's tangents onto the plane of the focus
-      double least_mm = x - radius, most_mm = x + radius;
+      double min_mm = x - radius, max_mm = x + radius;
       if (!camera.is_parallel()) {
         const double square = z * z - radius * radius, root = radius * std::sqrt(x * x + square);
-        least_mm = (x * z - root) / square * camera.eye_mm;
-        most_mm = (x * z + root) / square * camera.eye_mm;
+        min_mm = (x * z - root) / square * camera.eye_mm;
+        max_mm = (x * z + root) / square * camera.eye_mm;
       }
-      if (!std::isfinite(least_mm) || !std::isfinite(most_mm)) return anywhere;
-      low[a] = std::min(low[a], middle + least_mm / camera.mm_per_px());
-      high[a] = std::max(high[a], middle + most_mm / camera.mm_per_px());
+      if (!std::isfinite(min_mm) || !std::isfinite(max_mm)) return anywhere;
+      low[a] = std::min(low[a], middle + min_mm / camera.mm_per_px());
+      high[a] = std::max(high[a], middle + max_mm / camera.mm_per_px());
     }
   }
   const auto bounded = [](double value, int most) {

@@ -86,14 +86,14 @@ class VolumeOracle {
       for (int column = 0; column < camera.width_px; ++column) {
         Point<Patient> from = camera.at(column, row);
         Vector<Patient> way = camera.into();
-        double least_mm = -std::numeric_limits<double>::infinity();
+        double min_mm = -std::numeric_limits<double>::infinity();
         if (!camera.is_parallel()) {
           const Point<Patient> eye = camera.focus - camera.into() * camera.eye_mm;
           way = (from - eye).normalized();
           from = eye;
-          least_mm = 0;
+          min_mm = 0;
         }
-        cast((X_VoxelPatient * from).eigen(), (X_VoxelPatient * way).eigen(), from, way, least_mm, step_mm,
+        cast((X_VoxelPatient * from).eigen(), (X_VoxelPatient * way).eigen(), from, way, min_mm, step_mm,
              style, picture);
       }
     return picture;
@@ -173,10 +173,10 @@ class VolumeOracle {
 
   /// @param origin, along  voxel coordinates; `along` per mm
   void cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& along, const Point<Patient>& from,
-            const Vector<Patient>& way, double least_mm, double step_mm, const VolumeStyle& style,
+            const Vector<Patient>& way, double min_mm, double step_mm, const VolumeStyle& style,
             Picture& picture) const {
     // path through the volume and one voxel beyond, where extinction fades
-    double begin = least_mm, end = std::numeric_limits<double>::infinity();
+    double begin = min_mm, end = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
       if (along[axis] == 0) {
         if (origin[axis] <= -1 || origin[axis] >= grid_.dims[axis]) end = begin;

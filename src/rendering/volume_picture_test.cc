@@ -15,7 +15,7 @@ VolumePictureRequest request_from(ViewFrom from, double turn_deg = 0, double til
   request.from = from;
   request.turn_deg = turn_deg;
   request.tilt_deg = tilt_deg;
-  request.pixels = kLeastSectionPixels;
+  request.pixels = kMinSectionPixels;
   return request;
 }
 

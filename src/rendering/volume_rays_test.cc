@@ -18,13 +18,13 @@ namespace palpate {
 namespace {
 
 using internal::volume_picture::CubesView;
+using internal::volume_picture::EmptySpaceMap;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::kBlock;
 using internal::volume_picture::kCubeSide;
 using internal::volume_picture::kDepthSteps;
 using internal::volume_picture::kGroup;
 using internal::volume_picture::kNoPlane;
-using internal::volume_picture::EmptySpaceMap;
 using internal::volume_picture::LitBlockCache;
 using internal::volume_picture::RowsView;
 using internal::volume_picture::SamplePlane;

@@ -11,10 +11,10 @@
 
 namespace palpate {
 
+using internal::volume_picture::AccumulatedLine;
 using internal::volume_picture::CubesView;
 using internal::volume_picture::Encoding;
 using internal::volume_picture::Factored;
-using internal::volume_picture::AccumulatedLine;
 using internal::volume_picture::LitBlockCache;
 using internal::volume_picture::MixingBuffers;
 using internal::volume_picture::PixelRun;
@@ -32,9 +32,9 @@ struct Line {
 };
 /// Buffers reused from picture to picture.
 struct Scratch {
-  std::vector<Line> lines;                   ///< kMostLines per thread
+  std::vector<Line> lines;                   ///< kMaxLines per thread
   std::vector<std::vector<float>> mixing;    ///< Per thread
-  std::vector<LitBlockCache> lit;                ///< Per thread
+  std::vector<LitBlockCache> lit;            ///< Per thread
   std::vector<std::vector<TracedRay>> rays;  ///< Per thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
@@ -48,11 +48,11 @@ namespace {
 
 /// Maximum distance between samples along a ray, in units of the grid's shortest spacing; smaller if a clip
 /// plane cuts between two of them.
-constexpr double kMostApart = 1, kMostApartClipped = 0.5;
-using internal::volume_picture::kMostLines;
+constexpr double kMaxApart = 1, kMaxApartClipped = 0.5;
+using internal::volume_picture::kMaxLines;
 using internal::volume_picture::kNoPlane;
 /// Number of rays of a row that are traced together.
-constexpr std::size_t kMostRays = 64;
+constexpr std::size_t kMaxRays = 64;
 
 /// Per intermediate pixel: visible range of planes under clipping, and distance between planes along its ray.
 class Ways {
@@ -149,7 +149,7 @@ AccumulatedLine line_of(internal::volume_picture::Line& line, int width, bool is
 MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int row_voxels) {
   const std::size_t room = static_cast<std::size_t>(row_voxels) +
                            2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
-  floats.resize(4 * internal::volume_picture::kMostRows * room);
+  floats.resize(4 * internal::volume_picture::kMaxRows * room);
   MixingBuffers rows{};
   rows.lit = &lit;
   float* next = floats.data();
@@ -195,9 +195,9 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
            LitBlockCache& lit, std::uint8_t* rgb, float* met) {
   const Factored& view = starts.view;
-  rays.resize(kMostRays);
-  for (std::size_t from = 0; from < columns.size(); from += kMostRays) {
-    const std::size_t count = std::min(kMostRays, columns.size() - from);
+  rays.resize(kMaxRays);
+  for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
+    const std::size_t count = std::min(kMaxRays, columns.size() - from);
     for (std::size_t n = 0; n < count; ++n) {
       const Eigen::Vector3d pixel =
           view.warp_start + view.warp_line * row + view.warp_step * columns[from + n];
@@ -284,9 +284,9 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
   const Rays rays(grid, camera);
   const float background[3] = {style.background.r / 255.0f, style.background.g / 255.0f,
                                style.background.b / 255.0f};
-  const double most_apart = style.clip ? kMostApartClipped : kMostApart;
+  const double max_apart = style.clip ? kMaxApartClipped : kMaxApart;
   for (const Region& region : regions_of(grid, camera, rays)) {
-    const auto view = Factored::of(grid, camera, rays, region, most_apart);
+    const auto view = Factored::of(grid, camera, rays, region, max_apart);
     if (!view) {
       for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
       continue;
@@ -303,9 +303,9 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->marked.resize(all);
     scratch_->begun.resize(all);
     if (!depth_mm.empty()) scratch_->met.resize(all);
-    const int groups = (view->height + kMostLines - 1) / kMostLines, workers = worker_count(threads_, groups);
+    const int groups = (view->height + kMaxLines - 1) / kMaxLines, workers = worker_count(threads_, groups);
     scratch_->lines.resize(
-        std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMostLines}));
+        std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMaxLines}));
     scratch_->mixing.resize(std::max(scratch_->mixing.size(), static_cast<std::size_t>(workers)));
     const int runs = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, runs);
     scratch_->lit.resize(
@@ -313,18 +313,18 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     for (LitBlockCache& lit : scratch_->lit) lit.forget();
 
     for_each_index(groups, workers, [&](int worker, int group) {
-      const int first = group * kMostLines, count = std::min(kMostLines, view->height - first);
-      std::array<AccumulatedLine, kMostLines> lines{};
+      const int first = group * kMaxLines, count = std::min(kMaxLines, view->height - first);
+      std::array<AccumulatedLine, kMaxLines> lines{};
       for (int n = 0; n < count; ++n) {
-        auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMostLines + n)];
+        auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMaxLines + n)];
         lines[static_cast<std::size_t>(n)] = line_of(room, view->width, ways.is_clipped(), !depth_mm.empty());
         ways.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
       accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
-                   view->width, lines.data(),
-                   mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
-                               scratch_->lit[static_cast<std::size_t>(worker)],
-                               rows.blocks * internal::volume_picture::kBlock));
+                       view->width, lines.data(),
+                       mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
+                                   scratch_->lit[static_cast<std::size_t>(worker)],
+                                   rows.blocks * internal::volume_picture::kBlock));
       for (int n = 0; n < count; ++n) {
         const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
         const std::size_t at = stride * static_cast<std::size_t>(first + n);

@@ -170,7 +170,7 @@ HWY_INLINE void find_pair(const RowsView& rows, const SamplePlane& plane, int y,
 /// Prefetches blocks begin ... end - 1 of a pair of rows early, since they are usually not cached.
 /// @returns whether any of them is stored
 HWY_INLINE bool prefetch_pair(const RowsView& rows, const RowPair& pair, int begin, int end,
-                             const LitBlockCache& lit) {
+                              const LitBlockCache& lit) {
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
@@ -241,8 +241,8 @@ constexpr float kClose = 0.999f;
 /// @param place  position of the first one in the mixed row
 /// @returns whether all pixels are opaque now
 template <bool kIsClose>
-HWY_NOINLINE bool take_samples(const AccumulatedLine& line, const MixedLine& mixed, int at, float place, float step,
-                               float plane) {
+HWY_NOINLINE bool take_samples(const AccumulatedLine& line, const MixedLine& mixed, int at, float place,
+                               float step, float plane) {
   const DF d;
   const DI di;
   const auto scale = hn::Set(d, 1 / kDepthSteps), near_weight = hn::Set(d, mixed.near_weight),
@@ -337,11 +337,11 @@ HWY_INLINE int next_bit(int from, int end, const Word& word) {
 struct LinesOnPlane {
   int first = 0;  ///< First voxel row, the one before the first line; the others follow
   int row_count = 0;
-  RowPair rows[kMostRows];
+  RowPair rows[kMaxRows];
   int line_count = 0;
-  const AccumulatedLine* line[kMostLines];
-  int before[kMostLines];  ///< Per line: index in `rows` of the row before it
-  float part[kMostLines];  ///< Per line: fraction beyond that row
+  const AccumulatedLine* line[kMaxLines];
+  int before[kMaxLines];  ///< Per line: index in `rows` of the row before it
+  float part[kMaxLines];  ///< Per line: fraction beyond that row
 };
 
 /// Block of a row that contains voxel x; may be negative.
@@ -388,17 +388,17 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   // beyond these blocks the row is empty, and pixels farther out read its padding
   const int origin = blocks_around(plane, begin, begin).first;
   // only visible parts are mixed, since much of the surroundings is occluded
-  BlockRange of_line[kMostLines], of_row[kMostRows];
+  BlockRange of_line[kMaxLines], of_row[kMaxRows];
   for (int n = 0; n < lines.line_count; ++n) {
     of_line[n] = blocks_seen(*lines.line[n], plane, begin / kChunk, end / kChunk);
     if (of_line[n].end == of_line[n].first) continue;
     of_row[lines.before[n]].widen(of_line[n]);
     if (lines.part[n] > 0) of_row[lines.before[n] + 1].widen(of_line[n]);
   }
-  const float* const* mixed[kMostRows];
+  const float* const* mixed[kMaxRows];
   for (int n = 0; n < lines.row_count; ++n)
-    mixed[n] =
-        prefetch_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n] : nullptr;
+    mixed[n] = prefetch_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n]
+                                                                                             : nullptr;
   for (int n = 0; n < lines.row_count; ++n)
     if (mixed[n] != nullptr)
       mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *room.lit, room.pair[n]);
@@ -427,8 +427,8 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
 }
 
 HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
-                                        const SamplePlane& plane, float number, int width,
-                                        const MixingBuffers& room) {
+                                            const SamplePlane& plane, float number, int width,
+                                            const MixingBuffers& room) {
   const auto there = [&](int w) {
     std::uint64_t any = 0;
     for (int n = 0; n < lines.row_count; ++n)
@@ -466,15 +466,15 @@ HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnP
 }
 
 /// Processes the open ones among lines v ... v + count - 1 on a plane.
-HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plane, float number, int v, int count,
-                               int width, const AccumulatedLine* lines, const bool* is_open,
-                               const MixingBuffers& room) {
+HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plane, float number, int v,
+                                   int count, int width, const AccumulatedLine* lines, const bool* is_open,
+                                   const MixingBuffers& room) {
   LinesOnPlane near;
   for (int n = 0; n < count; ++n) {
     const double y = plane.y_per_v * (v + n) + plane.y_0;
     if (!is_open[n] || !(y > -1 && y < rows.count[1])) continue;
     const int below = static_cast<int>(y + 1) - 1;
-    if (near.line_count > 0 && below + 1 - near.first >= kMostRows) {
+    if (near.line_count > 0 && below + 1 - near.first >= kMaxRows) {
       // lines so far apart that they share few rows are processed separately
       accumulate_lines_on_plane(rows, near, plane, number, width, room);
       near.line_count = near.row_count = 0;
@@ -490,9 +490,9 @@ HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plan
 }
 
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const AccumulatedLine* lines, const MixingBuffers& room) {
+                      int width, const AccumulatedLine* lines, const MixingBuffers& room) {
   const int words = ((width + kChunk - 1) / kChunk + 63) / 64;
-  bool is_open[kMostLines];
+  bool is_open[kMaxLines];
   for (int n = 0; n < count; ++n) is_open[n] = true;
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
@@ -664,8 +664,8 @@ HWY_INLINE Leaving leaving_of(const float* pace) {
 
 /// Next plane on which the ray has left the empty cubes around a cell.
 /// @param place  voxels
-HWY_INLINE int skip_empty_cubes(const CubesView& cubes, std::ptrdiff_t index, const int* cell, const V4& place,
-                         const Leaving& leaving, int plane) {
+HWY_INLINE int skip_empty_cubes(const CubesView& cubes, std::ptrdiff_t index, const int* cell,
+                                const V4& place, const Leaving& leaving, int plane) {
   const V4 cube{static_cast<float>(cell[0] >> kCubeShift), static_cast<float>(cell[1] >> kCubeShift),
                 static_cast<float>(cell[2] >> kCubeShift), static_cast<float>(cell[2] >> kCubeShift)};
   const V4 border =
@@ -802,8 +802,8 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
   int edge_count = 0;
   const auto* pixels = reinterpret_cast<const std::int32_t*>(warp.pixels);
   const VI stride = hn::Set(di, static_cast<std::int32_t>(warp.stride)), one = hn::Set(di, 1);
-  const VF most_u = hn::Set(d, static_cast<float>(warp.width - 1) - 1e-3f),
-           most_v = hn::Set(d, static_cast<float>(warp.height - 1) - 1e-3f);
+  const VF max_u = hn::Set(d, static_cast<float>(warp.width - 1) - 1e-3f),
+           max_v = hn::Set(d, static_cast<float>(warp.height - 1) - 1e-3f);
   for (int x = begin; x < end; x += lanes()) {
     const VF number = hn::Iota(d, 0.0f);
     const auto linear = [&](double start, double step) HWY_ATTR {
@@ -811,8 +811,8 @@ int warp_row(const Warp& warp, int begin, int end, std::uint8_t* rgb, std::int32
                      hn::Mul(number, hn::Set(d, static_cast<float>(step))));
     };
     const VF w = linear(warp.w_0, warp.w_step);
-    const VF u = hn::Min(hn::Max(hn::Div(linear(warp.u_0, warp.u_step), w), hn::Zero(d)), most_u);
-    const VF v = hn::Min(hn::Max(hn::Div(linear(warp.v_0, warp.v_step), w), hn::Zero(d)), most_v);
+    const VF u = hn::Min(hn::Max(hn::Div(linear(warp.u_0, warp.u_step), w), hn::Zero(d)), max_u);
+    const VF v = hn::Min(hn::Max(hn::Div(linear(warp.v_0, warp.v_step), w), hn::Zero(d)), max_v);
     const VI column = hn::ConvertTo(di, u), row = hn::ConvertTo(di, v);
     const VF fu = hn::Sub(u, hn::ConvertTo(d, column)), fv = hn::Sub(v, hn::ConvertTo(d, row));
     const VI at = hn::Add(column, hn::Mul(row, stride));
@@ -875,7 +875,7 @@ HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const AccumulatedLine* lines, const MixingBuffers& room) {
+                      int width, const AccumulatedLine* lines, const MixingBuffers& room) {
   HWY_DYNAMIC_DISPATCH(accumulate_lines)(rows, planes, plane_count, v, count, width, lines, room);
 }
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed) {

@@ -95,20 +95,20 @@ struct AccumulatedLine {
 };
 inline constexpr float kNoPlane = 1e9f;
 /// Maximum number of lines accumulated together, and of voxel rows that they share across the lines.
-inline constexpr int kMostLines = 4, kMostRows = 6;
+inline constexpr int kMaxLines = 4, kMaxRows = 6;
 inline constexpr int kRowPadding = 32 * kBlock;
 /// Scratch memory for voxel rows with kRowPadding at either end (red, green, blue and extinction of each),
 /// and the thread's lit blocks.
 struct MixingBuffers {
   LitBlockCache* lit;
-  float* pair[kMostRows][4];
+  float* pair[kMaxRows][4];
 };
 
 /// Accumulates lines v ... v + count - 1 over all planes, front to back, with the lines interleaved on each
 /// plane, because neighbouring lines use the same blocks.
 /// @param width  pixels
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                  int width, const AccumulatedLine* lines, const MixingBuffers& room);
+                      int width, const AccumulatedLine* lines, const MixingBuffers& room);
 
 /// Packs intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed);

@@ -96,7 +96,7 @@ struct Sections {
   double width_mm = 100;
   std::string structure;
   std::set<LabelId> seen = {};
-  double most_strain = 0;
+  double max_strain = 0;
 };
 
 std::string section_figure(Sections& shown, const View& view) {
@@ -113,8 +113,8 @@ std::string section_figure(Sections& shown, const View& view) {
   std::string strain;
   if (!shown.yielded.rests()) {
     const StrainMap map = strain_map(model, shown.yielded, shown.style.moved, plane, labels);
-    shown.most_strain = std::max(shown.most_strain, map.most);
-    if (map.most >= kLeastStrain) strain = png_img("strain", encode_png(map.picture));
+    shown.max_strain = std::max(shown.max_strain, map.most);
+    if (map.most >= kMinStrain) strain = png_img("strain", encode_png(map.picture));
   }
   return "<figure class=\"section\"><div class=\"picture\">" + section_layers(model, plane, shown.style) +
          strain + section_svg(plane, shown.marks, description) + "</div><figcaption><span>" + name +
@@ -129,15 +129,15 @@ std::string yielded_html(const Sections& shown) {
       "<p class=\"yielded\">Tissue is drawn where it had gone under the tool at the largest force, ";
   html += as_mail ? "as links of a chain mail move, which says nothing of forces" : "by linear elasticity";
   html += "; the outline is the tool in its dent.";
-  if (!(shown.most_strain >= kLeastStrain))
-    return html + " Nothing in view is strained by " + number(100 * kLeastStrain, 0) + " % or more.</p>\n";
-  const bool is_known = std::isfinite(shown.most_strain) && shown.most_strain < 1;
+  if (!(shown.max_strain >= kMinStrain))
+    return html + " Nothing in view is strained by " + number(100 * kMinStrain, 0) + " % or more.</p>\n";
+  const bool is_known = std::isfinite(shown.max_strain) && shown.max_strain < 1;
   html += " Equivalent strain in view: ";
-  html += is_known ? "at most " + number(100 * shown.most_strain, 0) + " %."
+  html += is_known ? "at most " + number(100 * shown.max_strain, 0) + " %."
                    : "more than 100 % in places" +
                          std::string(as_mail ? "." : ", which is beyond linear elasticity.");
-  return html + " <span class=\"strain-key\">0 " + strain_scale_svg() + " " + number(100 * kMostStrain, 0) +
-         " % and more; less than " + number(100 * kLeastStrain, 0) + " % fades out</span></p>\n";
+  return html + " <span class=\"strain-key\">0 " + strain_scale_svg() + " " + number(100 * kMaxStrain, 0) +
+         " % and more; less than " + number(100 * kMinStrain, 0) + " % fades out</span></p>\n";
 }
 
 std::string fact(const std::string& label, const std::string& value) {

@@ -189,7 +189,7 @@ void ForceExtremes::see(const TickRecord& tick, int devices) {
   for (int d = 0; d < devices; ++d) {
     const DeviceTick& device = tick.device[static_cast<std::size_t>(d)];
     peak_N = std::max(peak_N, force_N(device));
-    most_heat = std::fmax(most_heat, device.heat);
+    max_heat = std::fmax(max_heat, device.heat);
     within_limits = within_limits && is_within_limits(device, tick.max_force_N);
     const double limit = limit_N(device);
     if (!std::isfinite(limit)) continue;

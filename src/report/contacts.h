@@ -152,7 +152,7 @@ struct ForceExtremes {
   /// Ticks whose force is larger than a limit recorded for that tick, or no number. palpate sends no such
   /// force: somebody changed the file.
   std::uint64_t above_limit = 0;
-  double most_heat = 0;  ///< of the thermal budget, 0 ... 1, of any device
+  double max_heat = 0;   ///< of the thermal budget, 0 ... 1, of any device
   bool limited = false;  ///< there was a limit
 
   void see(const TickRecord& tick, int devices);

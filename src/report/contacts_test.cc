@@ -365,7 +365,7 @@ TEST(Forces, ExtremesSkipWhatIsNotFinite) {
   EXPECT_NEAR(extremes.peak_N, 1.25, 1e-12);
   EXPECT_EQ(extremes.lowest_limit_N, 2);
   EXPECT_EQ(extremes.highest_limit_N, 3);
-  EXPECT_EQ(extremes.most_heat, 0.4);
+  EXPECT_EQ(extremes.max_heat, 0.4);
 }
 
 TEST(Forces, EachTickIsHeldAgainstItsOwnLimits) {

@@ -7,9 +7,9 @@
 #include "palpate/base/check.h"
 
 namespace palpate::report {
-Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t most_points)
-    : samples_(samples), runs_(samples <= most_points ? 0 : most_points / 2), extremes_(series) {
-  PALPATE_CHECK(most_points >= 2);
+Decimator::Decimator(std::size_t samples, std::size_t series, std::size_t max_points)
+    : samples_(samples), runs_(samples <= max_points ? 0 : max_points / 2), extremes_(series) {
+  PALPATE_CHECK(max_points >= 2);
   data_.series.resize(series);
   if (runs_ > 0) begin_run();
 }

@@ -16,13 +16,13 @@ struct PlotData {
   std::vector<std::vector<double>> series;  ///< each as long as x
 };
 
-/// At most `most_points` (>= 2) points that look the same when drawn: the samples are cut into equal
+/// At most `max_points` (>= 2) points that look the same when drawn: the samples are cut into equal
 /// runs, and of each run every series keeps its smallest and its largest value, in the order in which
 /// they occur, at the run's first and middle x. No peak is lost; a value moves by less than one run. A
 /// run that is nothing but gap stays a gap. Fewer samples come back as they are.
 class Decimator {
  public:
-  Decimator(std::size_t samples, std::size_t series, std::size_t most_points);
+  Decimator(std::size_t samples, std::size_t series, std::size_t max_points);
   /// The next sample; as many as were told.
   void add(double x, std::span<const double> values);
   /// After the last one.

@@ -22,8 +22,8 @@ PlotData random_data(std::size_t samples, unsigned seed) {
   return data;
 }
 
-PlotData decimate(const PlotData& data, std::size_t most_points) {
-  Decimator decimator(data.x.size(), data.series.size(), most_points);
+PlotData decimate(const PlotData& data, std::size_t max_points) {
+  Decimator decimator(data.x.size(), data.series.size(), max_points);
   std::vector<double> values(data.series.size());
   for (std::size_t i = 0; i < data.x.size(); ++i) {
     for (std::size_t s = 0; s < values.size(); ++s) values[s] = data.series[s][i];

@@ -45,7 +45,7 @@ namespace {
 // of a curve, in units of its picture
 constexpr double kWide = 320, kHigh = 150, kLeft = 46, kRight = 8, kTop = 8, kBottom = 20;
 // a curve of more runs is drawn by so many of them
-constexpr std::size_t kMostOfCurve = 150;
+constexpr std::size_t kMaxOfCurve = 150;
 
 std::string with_unit(double value, const std::string& unit) {
   return three_digits(value) + (unit == "1" || unit.empty() ? "" : " " + escape(unit));
@@ -99,7 +99,7 @@ Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<d
 
 /// A line through its values; it is broken where there is none.
 std::string line_html(const Axes& axes, const std::vector<double>& curve, const std::string& kind) {
-  const std::size_t stride = std::max<std::size_t>(1, (curve.size() + kMostOfCurve - 1) / kMostOfCurve);
+  const std::size_t stride = std::max<std::size_t>(1, (curve.size() + kMaxOfCurve - 1) / kMaxOfCurve);
   std::string path;
   bool is_down = false;
   std::size_t points = 0, last = 0;

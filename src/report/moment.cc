@@ -5,9 +5,9 @@
 #include <deque>
 
 #include "palpate/rendering/rendering.h"
+#include "palpate/tissue/displaced_tissue.h"
 #include "palpate/tissue/displayed_law.h"
 #include "palpate/tissue/tissue_laws.h"
-#include "palpate/tissue/displaced_tissue.h"
 #include "report/contacts.h"
 #include "report/parts.h"
 #include "report/removal_figures.h"

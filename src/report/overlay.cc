@@ -197,7 +197,7 @@ void WayFollower::see(const TimedTick& now) {
     ways_.push_back(std::move(next));
   }
   ways_.back().points.push_back(tip);
-  if (++points_ >= kMostWayPoints) thin_out();
+  if (++points_ >= kMaxWayPoints) thin_out();
 }
 
 void WayFollower::thin_out() {

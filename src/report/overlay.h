@@ -22,8 +22,8 @@ struct Way {
 
 /// The way of a contact's tip from a second before it to a second after it, cut where the contact
 /// begins and ends. A long way keeps every second, fourth, eighth ... of its points, so that it never has
-/// more than kMostWayPoints.
-inline constexpr std::size_t kMostWayPoints = 20'000;
+/// more than kMaxWayPoints.
+inline constexpr std::size_t kMaxWayPoints = 20'000;
 class WayFollower {
  public:
   explicit WayFollower(const Contact& contact) : contact_(contact) {}

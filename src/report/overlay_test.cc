@@ -136,8 +136,8 @@ TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
   const auto& points = ways[1].points;
   std::size_t all = 0;
   for (const Way& way : ways) all += way.points.size();
-  EXPECT_LE(all, kMostWayPoints);
-  EXPECT_GT(points.size(), kMostWayPoints / 4);
+  EXPECT_LE(all, kMaxWayPoints);
+  EXPECT_GT(points.size(), kMaxWayPoints / 4);
   EXPECT_NEAR(points.front().x(), 4.999, 1e-9);
   EXPECT_NEAR(points.back().x(), 289.999, 1e-9);
   for (std::size_t i = 1; i < points.size(); ++i) {

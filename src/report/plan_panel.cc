@@ -9,7 +9,7 @@
 namespace palpate::report {
 namespace {
 
-constexpr std::size_t kMostPlottedApproaches = 8;
+constexpr std::size_t kMaxPlottedApproaches = 8;
 
 std::string heading_cell(const std::string& text, const std::string& unit = "") {
   return "<th scope=\"col\">" + text + (unit.empty() ? "" : " <span class=\"unit\">" + unit + "</span>") +
@@ -80,11 +80,11 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryDone
 /// Two sections that contain the trajectory, across each other, with the trajectory and the way.
 std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryDone& done,
                                 const std::vector<Point<Patient>>& way, const SectionStyle& style) {
-  constexpr double kLeastWidth_mm = 40, kMargin = 1.5;
+  constexpr double kMinWidth_mm = 40, kMargin = 1.5;
   const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
   SectionPlane plane =
       oblique_section(middle, planned.axis(), ObliqueView::kAlong,
-                      std::max(kLeastWidth_mm, kMargin * planned.length_mm()), kSection_px, kSection_px);
+                      std::max(kMinWidth_mm, kMargin * planned.length_mm()), kSection_px, kSection_px);
   SectionMarks marks;
   marks.contact = std::isnan(done.target_error_mm.value) ? planned.target : done.nearest.at;
   marks.side = run.side();
@@ -143,10 +143,10 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
   if (made.breaches.empty()) return html;
-  constexpr std::size_t kMostShownBreaches = 50;
+  constexpr std::size_t kMaxShownBreaches = 50;
   html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
                       heading_cell("When it was nearest"));
-  for (std::size_t n = 0; n < std::min(made.breaches.size(), kMostShownBreaches); ++n) {
+  for (std::size_t n = 0; n < std::min(made.breaches.size(), kMaxShownBreaches); ++n) {
     const DistanceBreach& breach = made.breaches[n];
     html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
             "</th>" + cell(number(breach.nearest_mm, 2)) +
@@ -155,7 +155,7 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
   }
   html += kTableEnd;
   const std::uint64_t more =
-      made.more_breaches + made.breaches.size() - std::min(made.breaches.size(), kMostShownBreaches);
+      made.more_breaches + made.breaches.size() - std::min(made.breaches.size(), kMaxShownBreaches);
   return more == 0 ? html : html + "<p class=\"hint\">And " + grouped(more) + " more.</p>\n";
 }
 
@@ -168,7 +168,7 @@ std::vector<std::size_t> plotted_approaches(const PlanComparison& made) {
     const StructureApproach& approach = made.approaches[n];
     return std::pair(!approach.asked_mm, approach.nearest_mm);
   });
-  order.resize(std::min(order.size(), kMostPlottedApproaches));
+  order.resize(std::min(order.size(), kMaxPlottedApproaches));
   return order;
 }
 

@@ -33,12 +33,12 @@ const Surface* surface_of(const Model& model, LabelId label, const Point<Patient
   const ContactSurface& own = model.surfaces[place];
   if (own.surface != nullptr) return own.surface.get();
   const Surface* outermost = nullptr;
-  double least_mm = std::numeric_limits<double>::infinity();
+  double min_mm = std::numeric_limits<double>::infinity();
   for (const ContactSurface& felt : std::span(model.surfaces).subspan(labels.size())) {
     if (felt.surface == nullptr || felt.layer != own.layer) continue;
     const double distance_mm = felt.surface->distance_mm(inside);
-    if (distance_mm >= least_mm) continue;
-    least_mm = distance_mm;
+    if (distance_mm >= min_mm) continue;
+    min_mm = distance_mm;
     outermost = felt.surface.get();
   }
   return outermost;
@@ -64,11 +64,11 @@ double deepest_mm(const Surface& surface, const Sweep& sweep) {
 }  // namespace
 
 double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
-  constexpr double kLeastReach_mm = 0.5;
+  constexpr double kMinReach_mm = 0.5;
   // nearer to its end a cell may have corners beyond it
   const double reach_mm = surface.outside_mm() - surface.position().geometry().spacing_mm.norm();
   const double depth_mm = -surface.distance_mm(x);
-  if (depth_mm < reach_mm || reach_mm < kLeastReach_mm) return depth_mm;
+  if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
   // Where the distance is at its end the surface is at least so far away in every direction: each way goes on
   // by that, until what is left of it is measured.
   static const std::vector<Vector<Patient>> ways = ways_out();

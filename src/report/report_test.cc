@@ -490,15 +490,15 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
   EXPECT_EQ(count(html, "id=\"plot-layer-depth\""), 1u);
   EXPECT_THAT(html, HasSubstr("\"layers\":[{\"colour\":\"#dc8c5a\",\"name\":\"tibia\"},"));
   // of the most that the tibia was pressed with, three quarters; the femur the rest
-  double most_N = 0, deepest_mm = 0;
+  double max_N = 0, deepest_mm = 0;
   for (const TickRecord& tick : recording.ticks) {
     const DeviceTick& device = tick.device[0];
     if (device.felt_label[1] == 0) continue;
-    most_N = std::max(most_N, device.contact_N[0]);
+    max_N = std::max(max_N, device.contact_N[0]);
     deepest_mm = std::max(deepest_mm, device.depth_mm);
   }
-  ASSERT_GT(most_N, 0.5);
-  const auto most_of = [&](const std::string& plot, std::size_t series) {
+  ASSERT_GT(max_N, 0.5);
+  const auto max_of = [&](const std::string& plot, std::size_t series) {
     std::size_t at = html.find("\"" + plot + "\":[[");
     for (std::size_t n = 0; n < series; ++n) at = html.find("],[", at + 1);
     double most = 0;
@@ -509,9 +509,9 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
     return most;
   };
   const std::size_t femur = 4;  // after the four that were touched
-  EXPECT_NEAR(most_of("layerForce", femur), 0.25 * most_N, 0.002);
-  EXPECT_NEAR(most_of("layerDepth", femur), deepest_mm - 0.3, 0.002);
-  EXPECT_NEAR(most_of("layerDepth", 0), 0.3, 0.002);
+  EXPECT_NEAR(max_of("layerForce", femur), 0.25 * max_N, 0.002);
+  EXPECT_NEAR(max_of("layerDepth", femur), deepest_mm - 0.3, 0.002);
+  EXPECT_NEAR(max_of("layerDepth", 0), 0.3, 0.002);
 }
 
 TEST_F(Report, AnotherModelIsRefused) {

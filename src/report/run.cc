@@ -16,8 +16,8 @@ const RecordingHeader::Structure* find_structure(const RecordingHead& recording,
   return found == structures.end() ? nullptr : &*found;
 }
 
-constexpr std::size_t kMostPoints = 4000;
-constexpr std::size_t kMostPlotted = 12;
+constexpr std::size_t kMaxPoints = 4000;
+constexpr std::size_t kMaxPlotted = 12;
 
 double speed_mm_s(const DeviceTick& device) {
   const auto& v = device.velocity_patient_mm_s;
@@ -63,7 +63,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
   SummaryMeter summary;
   RemovalMeter removal(run.model);
   Decimator plots(static_cast<std::size_t>(head.ticks),
-                  kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMostPoints);
+                  kQuantities * static_cast<std::size_t>(run.devices) + run.real_clock(), kMaxPoints);
   std::vector<double> values;
   double begin_s = 0;
   const auto hear = [&](std::span<const RecordingEvent> events) {
@@ -104,7 +104,7 @@ Result<void> read_figures(const RecordingSource& recording, const Progress& prog
 std::vector<LabelId> felt_labels(const Run& run) {
   std::vector<LabelId> labels;
   const auto add = [&](LabelId label) {
-    if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMostPlotted)
+    if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMaxPlotted)
       labels.push_back(label);
   };
   if (!run.yields()) return labels;
@@ -136,7 +136,7 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
   std::vector<WayFollower> followers;
   for (const ShownContact& shown : run.shown) followers.emplace_back(shown.contact);
   run.layer_labels = felt_labels(run);
-  Decimator layers(static_cast<std::size_t>(run.recording.ticks), 2 * run.layer_labels.size(), kMostPoints);
+  Decimator layers(static_cast<std::size_t>(run.recording.ticks), 2 * run.layer_labels.size(), kMaxPoints);
   std::vector<double> values;
   const auto hear = [](std::span<const RecordingEvent>) {};
   const auto read =
@@ -159,7 +159,7 @@ Result<void> follow_contacts(const RecordingSource& recording, const Progress& p
 Result<Run> read_run(const RecordingSource& recording, const Model& model, const Progress& progress) {
   Run run(recording.head(), model);
   if (auto read = read_figures(recording, progress, run); !read) return read.error();
-  for (const Contact& contact : main_contacts(run.contacts, run.structures, kMostShown))
+  for (const Contact& contact : main_contacts(run.contacts, run.structures, kMaxShown))
     run.shown.push_back({contact, {}, {}});
   if (auto read = follow_contacts(recording, progress, run); !read) return read.error();
   return run;

@@ -16,7 +16,7 @@
 namespace palpate::report {
 
 /// How many structures get sections of their own.
-inline constexpr std::size_t kMostShown = 8;
+inline constexpr std::size_t kMaxShown = 8;
 
 /// Quantities of each device that are plotted.
 inline constexpr std::size_t kQuantities = 4;
@@ -42,9 +42,9 @@ struct Run {
 
   const RecordingHead& recording;
   const Model& model;
-  LawHistory laws;  ///< of soft tissue
-  int devices;         ///< 1 ... 4, whatever a damaged file says
-  TickRecord first;    ///< the first tick, where there is one
+  LawHistory laws;   ///< of soft tissue
+  int devices;       ///< 1 ... 4, whatever a damaged file says
+  TickRecord first;  ///< the first tick, where there is one
   double duration_s = 0;
   std::vector<Contact> contacts;
   std::vector<StructureFigures> structures;

@@ -128,8 +128,7 @@ std::string limits_html(const Run& run) {
     html += entry(which + " bears for ever", newtons(device.continuous_force_N));
     thermal = thermal || std::isfinite(device.continuous_force_N);
   }
-  html +=
-      entry("Thermal budget, most used", thermal ? number(100 * forces.most_heat, 0) + " %" : "none kept");
+  html += entry("Thermal budget, most used", thermal ? number(100 * forces.max_heat, 0) + " %" : "none kept");
   return html + "</dl>\n";
 }
 

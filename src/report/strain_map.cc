@@ -16,7 +16,7 @@ constexpr double kCover = 0.85;
 constexpr int kLevels = 250;
 
 std::array<std::uint8_t, 4> paint_of(double strain) {
-  const int level = static_cast<int>(std::lround(kLevels * std::clamp(strain / kMostStrain, 0.0, 1.0)));
+  const int level = static_cast<int>(std::lround(kLevels * std::clamp(strain / kMaxStrain, 0.0, 1.0)));
   const double part = static_cast<double>(level) / kLevels, at = part * (std::size(kColours) - 1);
   const std::size_t low = std::min(static_cast<std::size_t>(at), std::size(kColours) - 2);
   const double t = at - static_cast<double>(low);
@@ -24,7 +24,7 @@ std::array<std::uint8_t, 4> paint_of(double strain) {
     return static_cast<std::uint8_t>(std::lround(a + t * (b - a)));
   };
   const Rgb &a = kColours[low], &b = kColours[low + 1];
-  const double in = std::clamp(part * kMostStrain / kLeastStrain, 0.0, 1.0);
+  const double in = std::clamp(part * kMaxStrain / kMinStrain, 0.0, 1.0);
   const double cover = kCover * in * in * (3 - 2 * in);
   const auto alpha = static_cast<std::uint8_t>(std::lround(255 * cover));
   // one kind of transparent
@@ -57,7 +57,7 @@ std::string strain_scale_svg() {
     stops += "<stop offset=\"" + number(100.0 * static_cast<double>(n) / (std::size(kColours) - 1), 0) +
              "%\" stop-color=\"" + css_colour(kColours[n]) + "\"/>";
   return "<svg class=\"strain-scale\" viewBox=\"0 0 130 12\" role=\"img\" aria-label=\"Colours from 0 to " +
-         number(100 * kMostStrain, 0) + " % and more\"><defs><linearGradient id=\"strain-colours\">" + stops +
+         number(100 * kMaxStrain, 0) + " % and more\"><defs><linearGradient id=\"strain-colours\">" + stops +
          "</linearGradient></defs><rect width=\"130\" height=\"12\" fill=\"url(#strain-colours)\"/></svg>";
 }
 

@@ -21,7 +21,7 @@ TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kCoronal, {0, 0, -8}, 50, 100, 100);
   const auto labels = section_labels(*model, plane, style);
   const StrainMap map = strain_map(*model, yielded, moved, plane, labels);
-  EXPECT_GT(map.most, 5 * kLeastStrain);
+  EXPECT_GT(map.most, 5 * kMinStrain);
   EXPECT_LT(map.most, 1);
 
   // where the tool is there is a dent, at rest tissue

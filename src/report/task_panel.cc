@@ -6,7 +6,7 @@
 namespace palpate::report {
 namespace {
 
-constexpr std::size_t kMostShownEvents = 60;
+constexpr std::size_t kMaxShownEvents = 60;
 
 std::string metric_row(const TaskMetric& asked, const MetricValue& value) {
   const std::string verdict = !value.counts ? "" : value.in_band ? "in band" : "<strong>out of band</strong>";
@@ -26,7 +26,7 @@ std::string step_list(const TaskFile& task, const TaskScore& score) {
 
 std::string event_list(const TaskFile& task, const TaskScore& score) {
   std::string html;
-  const std::size_t shown = std::min(score.events.size(), kMostShownEvents);
+  const std::size_t shown = std::min(score.events.size(), kMaxShownEvents);
   for (std::size_t n = 0; n < shown; ++n) {
     const TaskEvent& event = score.events[n];
     html += "<li>" + number(event.time_s, 3) + " s, tick " + std::to_string(event.tick) + ": " +

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kVolume_px = 560, kSearch_px = 128;
 /// Of larger volumes there is no picture: a solid voxel takes 32 bytes while it is made.
-constexpr std::size_t kMostVoxels = std::size_t{1} << 28;
+constexpr std::size_t kMaxVoxels = std::size_t{1} << 28;
 /// The small picture of a contact: so much around the place.
 constexpr int kContact_px = 260;
 constexpr double kContact_mm = 70;
@@ -128,7 +128,7 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
 std::string too_large_html() {
   return "<section class=\"card\" aria-labelledby=\"volume-title\"><h2 id=\"volume-title\">Where it was "
          "touched</h2>\n<p>No picture of the whole: the volume has more than " +
-         std::to_string(kMostVoxels / 1'000'000) + " million voxels.</p></section>\n";
+         std::to_string(kMaxVoxels / 1'000'000) + " million voxels.</p></section>\n";
 }
 
 std::string figure_html(const Run& run, const Image& picture) {
@@ -153,7 +153,7 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
   VolumePictures pictures;
   pictures.of_contact.resize(run.shown.size());
   if (run.shown.empty() || run.model.labels == nullptr) return pictures;
-  if (run.model.labels->geometry().voxel_count() > kMostVoxels) {
+  if (run.model.labels->geometry().voxel_count() > kMaxVoxels) {
     pictures.html = too_large_html();
     return pictures;
   }

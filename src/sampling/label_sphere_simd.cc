@@ -103,13 +103,13 @@ struct CountedInBricks {
     return members.hit(d, stored);
   }
 
-  static constexpr int kMostRows = kCells + 1;
+  static constexpr int kMaxRows = kCells + 1;
   const Members members;
   /// Number of lanes in the first brick; first slice of the second brick.
   int lanes_of_first, first_of_second;
   /// Rows of the box in this block at slice 0, in either brick along k (extrapolated if that brick does not
   /// hold slice 0).
-  const T *here[2][kMostRows], *next[2][kMostRows];
+  const T *here[2][kMaxRows], *next[2][kMaxRows];
 };
 
 /// Counted voxels of a box within one brick, the common case for small boxes, with constant strides.

@@ -78,12 +78,12 @@ void SmoothSphere::sample(std::span<const Point<Patient>> points, std::span<Fiel
   internal::label_sphere::sample_sphere_at(voxels_, kernel, points, samples);
 }
 
-double SmoothSphere::least_sigma_mm() const {
+double SmoothSphere::min_sigma_mm() const {
   const Eigen::Vector3d& spacing_mm = voxels_.geometry().spacing_mm;
-  double least_mm = std::numeric_limits<double>::infinity();
+  double min_mm = std::numeric_limits<double>::infinity();
   for (int axis = 0; axis < 3; ++axis)
-    least_mm = std::min(least_mm, radius_voxels_[axis] * spacing_mm[axis] / kRadiusPerSigma);
-  return least_mm;
+    min_mm = std::min(min_mm, radius_voxels_[axis] * spacing_mm[axis] / kRadiusPerSigma);
+  return min_mm;
 }
 
 FieldSample SmoothSphere::sample_literal(const Point<Patient>& x) const {

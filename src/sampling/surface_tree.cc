@@ -180,17 +180,17 @@ class PieceMaker {
                                             const std::array<double, 8>& corner_mm) const {
     Eigen::Vector3d unused;
     const double here_mm = cell.at(middle, unused);
-    double off_mm = 0, most_mm = 0;
+    double off_mm = 0, max_mm = 0;
     std::array<Eigen::Vector3d, 8> way;
     std::array<double, 8> along;
     for (std::size_t n = 0; n < 8; ++n) {
       off_mm = std::max(off_mm, std::abs(corner_mm[n] - here_mm - slope.dot(corner(n) - middle)));
       way[n] = X_PatientVoxel_.linear() * (corner(n) - middle);
       along[n] = normal.dot(way[n]);
-      most_mm = std::max(most_mm, std::abs(along[n]));
+      max_mm = std::max(max_mm, std::abs(along[n]));
     }
     const double steep = (slope_map_ * slope).norm();
-    const double half_mm = std::min(most_mm, steep > 0 ? (off_mm + std::abs(here_mm)) / steep : most_mm);
+    const double half_mm = std::min(max_mm, steep > 0 ? (off_mm + std::abs(here_mm)) / steep : max_mm);
     double radius_mm = 0;
     for (std::size_t n = 0; n < 8; ++n)
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -324,7 +324,7 @@ std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
 
 // tree of a brick's pieces; null if the surface does not cross it
 std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceMaker& make,
-                                             std::size_t number, const std::array<int, 3>& brick) {
+                                          std::size_t number, const std::array<int, 3>& brick) {
   const Bricks<std::int16_t>& bricks = field.bricks();
   if (bricks.is_uniform(number)) return nullptr;
   const std::int16_t* const voxels = bricks.brick(number);
@@ -352,7 +352,7 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
 // ---- queries
 
 // lower bound of the distance to any point of a disc
-double least_mm(const Disc& disc, const Eigen::Vector3d& x) {
+double min_mm(const Disc& disc, const Eigen::Vector3d& x) {
   const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
   const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
   const double aside2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
@@ -487,7 +487,7 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
   struct Waiting {
     const DiscNode* node;
     const DiscNode* of;  // array that its child indices refer to
-    double least_mm;
+    double min_mm;
   };
   // one sibling is pending at every level of both trees
   constexpr std::size_t kDeepest = 96;
@@ -498,26 +498,26 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
   bool found = false;
   const bool inside = surface_->distance_mm(x) < 0;
   double best_mm = inside ? std::numeric_limits<double>::infinity() : within_mm;
-  waiting[count++] = {top_.data(), top_.data(), least_mm(top_.front().disc, x.eigen())};
-  for (int looked = 0; count > 0 && looked < kMostNodes; ++looked) {
+  waiting[count++] = {top_.data(), top_.data(), min_mm(top_.front().disc, x.eigen())};
+  for (int looked = 0; count > 0 && looked < kMaxNodes; ++looked) {
     const Waiting now = waiting[--count];
-    if (!(now.least_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
+    if (!(now.min_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
     const DiscNode& node = *now.node;
     if (node.first >= 0) {
       const DiscNode* const a = now.of + node.first;
       const DiscNode* const b = a + 1;
-      const double a_mm = least_mm(a->disc, x.eigen()), b_mm = least_mm(b->disc, x.eigen());
+      const double a_mm = min_mm(a->disc, x.eigen()), b_mm = min_mm(b->disc, x.eigen());
       // the nearer child is visited first
       const bool swap = a_mm < b_mm;
       waiting[count++] = {swap ? b : a, now.of, swap ? b_mm : a_mm};
       waiting[count++] = {swap ? a : b, now.of, swap ? a_mm : b_mm};
     } else if (now.of == top_.data()) {
       const DiscNode* const brick = of_top_[static_cast<std::size_t>(~node.first)]->nodes.data();
-      waiting[count++] = {brick, brick, now.least_mm};
+      waiting[count++] = {brick, brick, now.min_mm};
     } else {
       Point<Patient> here(middle_of(node.disc));
       double here_mm = (x - here).norm();
-      if (now.least_mm < here_mm - kSlack_mm) here_mm = slide_nearer(position, x, here);
+      if (now.min_mm < here_mm - kSlack_mm) here_mm = slide_nearer(position, x, here);
       if (!(here_mm < best_mm)) continue;
       best_mm = here_mm;
       place = here;

@@ -20,9 +20,9 @@ TEST(MostForce, RisesAtTheSurfaceWithTheStiffness) {
   for (const double stiffness : {0.02, 1.5}) {
     for (const double sigma_mm : {0.5, 1.0, 3.0}) {
       tissue.stiffness_N_per_mm = stiffness;
-      const double most_N = most_force_N(tissue, sigma_mm, grid_of(0.3, 0.3, 0.3));
+      const double max_N = most_force_N(tissue, sigma_mm, grid_of(0.3, 0.3, 0.3));
       const auto force_N = [&](double depth_mm) {
-        return most_N * 0.5 * std::erfc(-depth_mm / (sigma_mm * std::sqrt(2)));
+        return max_N * 0.5 * std::erfc(-depth_mm / (sigma_mm * std::sqrt(2)));
       };
       constexpr double kStep_mm = 1e-4;
       EXPECT_NEAR((force_N(kStep_mm) - force_N(-kStep_mm)) / (2 * kStep_mm), stiffness, 1e-6 * stiffness);

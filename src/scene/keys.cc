@@ -662,7 +662,7 @@ SceneKeys declared_keys() {
             .default_text = "1",
             .unit = "mm",
             .min = 0,
-            .max = kMostKeepAway_mm,
+            .max = kMaxKeepAway_mm,
             .meaning = "So far before the region the force begins, from the tool's outline."},
            {.name = "stiffness",
             .type = kNumber,

@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kSplitPlan = "split the plan";
-constexpr double kLeastTurn_deg = 5;  // between a box's `across` and its trajectory
+constexpr double kMinTurn_deg = 5;  // between a box's `across` and its trajectory
 
 struct ShapeWord {
   PlanShape shape;
@@ -49,10 +49,10 @@ void read_trajectories(const TableReader& top, PlanFile& plan, Problems& problem
                              "add " + std::string(key) + " = [x, y, z], LPS in millimetres");
     if (entry) trajectory.entry = Point<Patient>(*entry);
     if (target) trajectory.target = Point<Patient>(*target);
-    if (entry && target && trajectory.length_mm() < kLeastTrajectory_mm)
+    if (entry && target && trajectory.length_mm() < kMinTrajectory_mm)
       problems.add(reader.line("target"), "entry and target are the same place",
                    "they have to be at least 0.1 mm apart");
-    if (entry && target && trajectory.length_mm() > kMostTrajectory_mm)
+    if (entry && target && trajectory.length_mm() > kMaxTrajectory_mm)
       problems.add(reader.line("target"),
                    "entry and target are " + number_text(std::round(trajectory.length_mm())) + " mm apart",
                    "a trajectory is at most 1000 mm long");
@@ -106,7 +106,7 @@ std::optional<Vector<Patient>> made_across(const Vector<Patient>& direction, con
       std::abs(direction.norm() - 1) < kRounding ? direction : direction.normalized();
   if (std::abs(unit.dot(axis)) < kRounding) return unit;
   const Vector<Patient> across = unit - axis * unit.dot(axis);
-  if (across.norm() < std::sin(kLeastTurn_deg * std::numbers::pi / 180)) return std::nullopt;
+  if (across.norm() < std::sin(kMinTurn_deg * std::numbers::pi / 180)) return std::nullopt;
   return across.normalized();
 }
 

@@ -11,8 +11,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   for (const auto& trajectory : plan->trajectories)
-    PALPATE_CHECK(trajectory.length_mm() >= palpate::kLeastTrajectory_mm &&
-                  trajectory.length_mm() <= palpate::kMostTrajectory_mm);
+    PALPATE_CHECK(trajectory.length_mm() >= palpate::kMinTrajectory_mm &&
+                  trajectory.length_mm() <= palpate::kMaxTrajectory_mm);
   for (const auto& region : plan->regions) {
     const bool is_shape = region.shape != palpate::PlanShape::kStructures;
     PALPATE_CHECK(is_shape ? region.trajectory < plan->trajectories.size() : !region.structures.empty());

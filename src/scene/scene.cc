@@ -67,9 +67,9 @@ void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems
   const auto wrong = [&](const std::string& what, std::string remedy) {
     problems.add(reader.line("relaxation"), "tissue \"" + tissue.name + "\" " + what, std::move(remedy));
   };
-  if (terms->size() > kMostRelaxationTerms)
+  if (terms->size() > kMaxRelaxationTerms)
     return wrong("relaxes by " + std::to_string(terms->size()) + " terms",
-                 "a relaxation has at most " + std::to_string(kMostRelaxationTerms) + " pairs [part, time]");
+                 "a relaxation has at most " + std::to_string(kMaxRelaxationTerms) + " pairs [part, time]");
   for (std::size_t n = 0; n < terms->size(); ++n) {
     const auto [part, time_s] = (*terms)[n];
     if (!(part > 0)) return wrong("relaxes by a part of " + number_text(part), "a part is above 0");
@@ -213,8 +213,8 @@ void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Pro
       problems.add_missing(reader.line(), std::string("a capsule without `") + end + "`",
                            std::string("add: ") + end + " = [x, y, z], in millimetres from the tip");
   if (!from || !to) return;
-  constexpr double kLeastLength_mm = 0.1;
-  if ((*to - *from).norm() < kLeastLength_mm) {
+  constexpr double kMinLength_mm = 0.1;
+  if ((*to - *from).norm() < kMinLength_mm) {
     problems.add(reader.line("to"), "a capsule whose ends are less than 0.1 mm apart",
                  "move one end, or write a point");
     return;
@@ -463,9 +463,9 @@ NoGoSettings read_no_go(const TableReader& reader, Problems& problems) {
 
 void read_regions(const TableReader& top, Scene& scene, Problems& problems) {
   const auto tables = top.tables("no_go");
-  if (tables.size() > kMostNoGo) {
-    problems.add(tables[kMostNoGo]->line,
-                 std::to_string(tables.size()) + " no-go regions, more than " + std::to_string(kMostNoGo),
+  if (tables.size() > kMaxNoGo) {
+    problems.add(tables[kMaxNoGo]->line,
+                 std::to_string(tables.size()) + " no-go regions, more than " + std::to_string(kMaxNoGo),
                  "leave some out");
     return;
   }

@@ -17,8 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                   tool.points_mm.size() + tool.capsules.size() <= palpate::kMaxToolParts);
   const auto& workspace = scene->workspace;
   PALPATE_CHECK(workspace.scale >= palpate::kMinScale && workspace.scale <= palpate::kMaxScale);
-  PALPATE_CHECK(workspace.force_gain >= palpate::kMinScale &&
-                workspace.force_gain <= palpate::kMaxScale);
+  PALPATE_CHECK(workspace.force_gain >= palpate::kMinScale && workspace.force_gain <= palpate::kMaxScale);
   PALPATE_CHECK(workspace.clutch_button >= -1 && workspace.clutch_button < 32);
   PALPATE_CHECK(!workspace.home || workspace.home->all_finite());
   for (const auto& tissue : scene->tissues) {

@@ -10,11 +10,11 @@ std::string told_structure(const Segment& segment) {
 }
 
 std::string structures_there(const Model& model) {
-  constexpr std::size_t kMostStructuresReported = 30;
+  constexpr std::size_t kMaxStructuresReported = 30;
   std::string text = "its structures are ";
   std::size_t told = 0;
   for (const Segment& segment : model.segments) {
-    if (told == kMostStructuresReported) return text + ", ...";
+    if (told == kMaxStructuresReported) return text + ", ...";
     text += (told++ ? ", " : "") + told_structure(segment);
   }
   return text;

@@ -18,8 +18,9 @@ constexpr auto kBareLoopPoll = std::chrono::milliseconds(5);
 
 }  // namespace
 
-Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s, const RealtimeRequest& request,
-                               LatencyHistogram& lateness, const Progress& progress) {
+Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s,
+                                    const RealtimeRequest& request, LatencyHistogram& lateness,
+                                    const Progress& progress) {
   PALPATE_CHECK(std::isfinite(seconds) && seconds >= 0);
   const auto points = static_cast<std::uint64_t>(std::llround(seconds * rate_hz));
   BareLoop loop;

@@ -101,8 +101,8 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
     const bool edited = n % 20 == 0 && led.carve();
     edits += edited;
     led.lead_to(led.device.tip, 1);
-    double& most_N = edited ? edit_N : tick_N;
-    most_N = std::max(most_N, (led.wrench.force_N - before_N).norm());
+    double& max_N = edited ? edit_N : tick_N;
+    max_N = std::max(max_N, (led.wrench.force_N - before_N).norm());
     before_N = led.wrench.force_N;
     EXPECT_EQ(led.record.device[0].flags & kFlagBlend, 0u);
     if (before_N.norm() > 0.1) {

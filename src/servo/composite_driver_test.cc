@@ -156,16 +156,16 @@ TEST(CompositeDriver, NoDeviceWithoutStatedStiffnessIsStifferThanIsCareful) {
   std::vector<TickRecord> records(4096);
   records.resize(loop->ring().pop(records));
   ASSERT_FALSE(records.empty());
-  double most_N = 0;
+  double max_N = 0;
   for (const TickRecord& record : records)
     for (std::size_t d = 0; d < 2; ++d) {
       const DeviceTick& device = record.device[d];
       ASSERT_EQ(device.max_stiffness_N_per_mm, loop->parameters().device[d].max_stiffness_N_per_mm);
-      most_N = std::max(most_N, std::abs(device.force_N[0]));
+      max_N = std::max(max_N, std::abs(device.force_N[0]));
     }
   // the ball's field yields at most 4 N per 2 mm times its fraction: at a millimetre's depth, the bound
-  EXPECT_GT(most_N, 0);
-  EXPECT_LT(most_N, 1.5);
+  EXPECT_GT(max_N, 0);
+  EXPECT_LT(max_N, 1.5);
 }
 
 TEST(CompositeDriver, AFollowerThatHangsLosesItsForceAndNobodyElseDoes) {

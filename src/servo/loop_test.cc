@@ -674,9 +674,9 @@ TEST(Loop, ATipInThePatientStaysThere) {
   loop.change([](Parameters& parameters) {
     parameters.rotation_target = Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 3).normalized());
   });
-  double most_mm = 0;
-  for (int n = 0; n < 3000; ++n) most_mm = std::max(most_mm, off_mm());
-  EXPECT_LT(most_mm, 0.1) << "a tick behind while it turns";
+  double max_mm = 0;
+  for (int n = 0; n < 3000; ++n) max_mm = std::max(max_mm, off_mm());
+  EXPECT_LT(max_mm, 0.1) << "a tick behind while it turns";
   EXPECT_LT(off_mm(), 1e-9);
   EXPECT_LT(std::abs(loop.snapshot().rotation_felt_wxyz[0] - std::cos(0.25)), 1e-6) << "it has turned";
 }

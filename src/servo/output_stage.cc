@@ -22,9 +22,9 @@ bool all_finite(const Wrench& w) {
 
 // vector norm without overflow or underflow of the square
 double magnitude(const Vector<World>& v) {
-  constexpr double kLeastSquare = 1e-200, kMostSquare = 1e200;
+  constexpr double kMinSquare = 1e-200, kMaxSquare = 1e200;
   const double square = v.squared_norm();
-  if (square > kLeastSquare && square < kMostSquare) return std::sqrt(square);
+  if (square > kMinSquare && square < kMaxSquare) return std::sqrt(square);
   const double largest = v.eigen().cwiseAbs().maxCoeff();
   return largest > 0 ? largest * (v / largest).norm() : 0;
 }
@@ -43,7 +43,7 @@ double factor_to(double limit, double magnitude) {
   return magnitude > limit ? limit / magnitude * (1 - 0x1p-50) : 1;
 }
 
-double least_limit_N(const OutputLimits& limits, double max_force_N) {
+double min_limit_N(const OutputLimits& limits, double max_force_N) {
   return std::isnan(limits.peak_force_N) ? allowed(max_force_N)
                                          : std::min(allowed(max_force_N), allowed(limits.peak_force_N));
 }
@@ -146,9 +146,9 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   }
 
   // force limit
-  const double least_N = least_limit_N(limits, max_force_N);
+  const double min_N = min_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
-  if (out.limit_N < least_N) out.flags |= kFlagThermal;
+  if (out.limit_N < min_N) out.flags |= kFlagThermal;
   const Wrench asked = within_reach_of(limits, request.asked);
   const Wrench kept = clamped(asked, limits, out.limit_N);
   if (magnitude(kept.force_N) < magnitude(asked.force_N) ||
@@ -173,7 +173,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
 }
 
 double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state) {
-  return std::min(least_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
+  return std::min(min_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
 }
 
 }  // namespace palpate

@@ -60,8 +60,8 @@ TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
   Pacer pacer(rate_hz_, spin_s_, stop);
   // a shared machine may delay this thread exactly when wait() reads the clock, which skips more points, but
   // not in every trial
-  std::int64_t least_excess = 1000;
-  for (int trial = 0; trial < 20 && least_excess > 1; ++trial) {
+  std::int64_t min_excess = 1000;
+  for (int trial = 0; trial < 20 && min_excess > 1; ++trial) {
     ASSERT_TRUE(pacer.wait());
     const std::uint64_t skipped_before = pacer.skipped();
     const std::int64_t stalled_ns = pacer.scheduled_ns();
@@ -75,7 +75,7 @@ TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
         static_cast<std::int64_t>(static_cast<double>(resumed_ns - stalled_ns) * rate_hz_ * 1e-9);
     ASSERT_GE(passed, 24);
     ASSERT_GE(skipped, passed);
-    least_excess = std::min(least_excess, skipped - passed);
+    min_excess = std::min(min_excess, skipped - passed);
     ASSERT_GT(pacer.scheduled_ns(), resumed_ns);
     ASSERT_EQ(grid_index(pacer.scheduled_ns() - stalled_ns, rate_hz_), skipped + 1);
 
@@ -89,7 +89,7 @@ TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
       last_ns = pacer.scheduled_ns();
     }
   }
-  EXPECT_LE(least_excess, 1);
+  EXPECT_LE(min_excess, 1);
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, PacerAt,

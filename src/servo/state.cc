@@ -55,13 +55,14 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
     const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
     const std::uint64_t of =
         static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere);
-    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.part, contact.multiplier_mm);
+    hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.part,
+             contact.multiplier_mm);
   }
 }
 
 void hash_burr(HashOfWords& hash, const BurrState& burr) {
-  hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s, burr.front_mm2,
-           burr.energy_mJ_per_mm3, burr.work_mJ, burr.taken_mm3, burr.open_s);
+  hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s,
+           burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.taken_mm3, burr.open_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
            static_cast<std::uint64_t>(burr.full));
   if (burr.began_axis_mm != Vector<Patient>()) hash_place(hash, burr.began_axis_mm);

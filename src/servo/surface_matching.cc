@@ -30,8 +30,9 @@ std::size_t place_where(std::size_t places, std::size_t stood, const Fits& fits)
 
 }  // namespace
 
-std::span<const SurfaceCorrespondence> match_surfaces(const Model& model, const SessionState::Surfaces& remembered,
-                                           SurfaceMatches& before) {
+std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
+                                                      const SessionState::Surfaces& remembered,
+                                                      SurfaceMatches& before) {
   const auto places = static_cast<std::size_t>(remembered.count);
   const std::size_t count = count_of(model);
   // after local edits alone every surface, common ones included, corresponds to the one at the same index

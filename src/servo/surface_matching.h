@@ -14,8 +14,9 @@ using SurfaceMatches = std::array<SurfaceCorrespondence, kMaxSurfaces>;
 /// Matches the model's surfaces to the remembered ones; returns one entry per surface of `model`. A structure
 /// is first compared at its previous index, so that an edit that reorders nothing costs one comparison per
 /// surface.
-std::span<const SurfaceCorrespondence> match_surfaces(const Model& model, const SessionState::Surfaces& remembered,
-                                           SurfaceMatches& before);
+std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
+                                                      const SessionState::Surfaces& remembered,
+                                                      SurfaceMatches& before);
 
 /// Replaces the remembered surfaces by those of `model`.
 void remember_surfaces(const Model& model, SessionState::Surfaces& remembered);

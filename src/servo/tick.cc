@@ -4,8 +4,8 @@
 #include "palpate/base/hash.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
-#include "servo/surface_matching.h"
 #include "servo/output_stage.h"
+#include "servo/surface_matching.h"
 #include "servo/tick_record.h"
 #include "servo/tool_tick.h"
 #include "servo/turning.h"
@@ -71,14 +71,14 @@ Wrench blended(const Wrench& asked, bool changed, double dt_s, SessionState::Han
 /// Change of surfaces between two versions of the model.
 struct Changed {
   std::span<const SurfaceCorrespondence> before;  // correspondence to the previous surfaces; empty: unknown
-  bool layers = false;                    // structures belong to other layers
+  bool layers = false;                            // structures belong to other layers
 };
 
 // Prepares contact for this tick. After a jump, or while the output is off and faded out, the tip's path is
 // unknown and so is the side of each surface on which it lies: the proxy is reset. While the force still
 // fades out the path is known.
 ProxyChange prepare_contact(const Model& model, std::size_t device, const Changed& surfaces,
-                               const OutputRequest& request, SessionState::Hand& hand) {
+                            const OutputRequest& request, SessionState::Hand& hand) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
   const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(device) : 0;
   const ProxyChange change{hand.proxy_version != model.version, surfaces.before, surfaces.layers,
@@ -96,7 +96,7 @@ ProxyChange prepare_contact(const Model& model, std::size_t device, const Change
 // at any other time. The unsupported hand accelerates towards the surface meanwhile: the damper stops it
 // sooner than the contact stiffness alone and prevents a rebound.
 double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
-                   const SessionState::Hand& hand, const OutputRequest& request) {
+                               const SessionState::Hand& hand, const OutputRequest& request) {
   const double force_N = request.asked.force_N.norm();
   const bool returns = (hand.output.away || hand.output.returning) && request.age_s <= kOutputFeel.fresh_s;
   if (!returns || !(force_N > 0) || !std::isfinite(force_N)) return 1;
@@ -114,9 +114,9 @@ double recovery_damping_factor(const DeviceParameters& own, const Vector<World>&
 // @param most           factor that another damper leaves of the force; the smaller factor applies, not the
 //                       product
 void apply_passivity(const ToolContact& tool, const Parameters& parameters, const DeviceParameters& own,
-                 const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
-                 double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
-                 DeviceTick& out) {
+                     const Vector<World>& way_mm, const Vector<World>& velocity_mm_s, double most,
+                     double max_force_N, double dt_s, SessionState::Hand& hand, OutputRequest& request,
+                     DeviceTick& out) {
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivityFeel.coarse_step_mm;
   detect_oscillation(request.asked.force_N, way_mm, step_mm, dt_s, hand.swing);
   // a long tick holds the force longer, which counts as additional delay
@@ -157,8 +157,9 @@ bool outside(const Field& field, const Point<Patient>& x) {
 }
 
 // A motor runs only while the force is rendered in full, so that the operator can feel the tool.
-MotorState motor_of(const TickContext& tick, const DeviceContext& context, bool switched_on, double max_force_N,
-                    const OutputRequest& request, const OutputState& output, std::uint32_t stroke) {
+MotorState motor_of(const TickContext& tick, const DeviceContext& context, bool switched_on,
+                    double max_force_N, const OutputRequest& request, const OutputState& output,
+                    std::uint32_t stroke) {
   if (!context.tool.burr) return {};
   const bool force = !request.off && request.faults == 0 && output.gain == 1 && !output.away;
   const double limit_N = next_limit_N(context.device.limits, max_force_N, tick.dt_s, output);
@@ -213,11 +214,11 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
     const Vector<Patient> way_mm = hand.seen ? tip - hand.previous_tip : Vector<Patient>();
     const bool jumped = (request.faults & kFlagJump) != 0;
     const DeviceContext context{model.tool_of(number),
-                              own,
-                              device.R_WorldTool.normalized().toRotationMatrix(),
-                              tip,
-                              follow_tip(device, tip, tick.dt_s, jumped, hand),
-                              number};
+                                own,
+                                device.R_WorldTool.normalized().toRotationMatrix(),
+                                tip,
+                                follow_tip(device, tip, tick.dt_s, jumped, hand),
+                                number};
     if (tick.method == ForceMethod::kProxy && model.has(ForceMethod::kProxy)) {
       const ProxyChange change = prepare_contact(model, number, surfaces, request, hand);
       const MotorState motor =
@@ -244,7 +245,7 @@ void tick_device(const TickContext& tick, const SharedInputs& shared, std::size_
       request.asked.torque_Nmm = request.asked.torque_Nmm * stop;
     }
     apply_passivity(tool, parameters, own, tick.X_WorldPatient * way_mm / own.scale, velocity_mm_s,
-                std::min(stop, 1.0), max_force_N, tick.dt_s, hand, request, out);
+                    std::min(stop, 1.0), max_force_N, tick.dt_s, hand, request, out);
     if (outside(*model.field, tip)) out.flags |= kFlagOutside;
     if (hand.blend_elapsed_s < kOutputFeel.blend_s) out.flags |= kFlagBlend;
   }
@@ -288,8 +289,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const Transform<World, Patient> X_WorldPatient = turned_object(model.X_WorldPatient, state.rotation_felt);
   const bool yields = is_elastic(model.tissue_law);
   if (!yields) state.last_ignored_yield_frame = parameters.yields.number;
-  const bool is_felt =
-      yields && (state.last_ignored_yield_frame == 0 || parameters.yields.number > state.last_ignored_yield_frame);
+  const bool is_felt = yields && (state.last_ignored_yield_frame == 0 ||
+                                  parameters.yields.number > state.last_ignored_yield_frame);
   const TickContext context{
       model,       parameters.method, parameters.friction,      parameters.viscosity,
       dt_s,        X_WorldPatient,    X_WorldPatient.inverse(), is_felt ? &parameters.yields : nullptr,
@@ -304,8 +305,8 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   // proxies stay on surfaces that a new version of the model shares with the old one
   SurfaceMatches before;
   const bool other_surfaces = state.surfaces.version != model.version;
-  const auto surfaces_before =
-      other_surfaces ? match_surfaces(model, state.surfaces, before) : std::span<const SurfaceCorrespondence>();
+  const auto surfaces_before = other_surfaces ? match_surfaces(model, state.surfaces, before)
+                                              : std::span<const SurfaceCorrespondence>();
 
   const bool other_layers = other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != yields;
 

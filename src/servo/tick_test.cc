@@ -740,10 +740,10 @@ TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
     return largest_N;
   };
   const auto resting = [&](int) { return below(5, 1); };
-  const auto expect_no_step = [](const char* what, double largest_N, double most_N) {
+  const auto expect_no_step = [](const char* what, double largest_N, double max_N) {
     RecordProperty(what, std::to_string(largest_N));
     std::printf("largest change of force in a tick, %s: %.4f N\n", what, largest_N);
-    EXPECT_LT(largest_N, most_N) << what;
+    EXPECT_LT(largest_N, max_N) << what;
   };
   largest_step_N(200, [&](int n) { return below(-5, -1 + 0.01 * n); });
   ASSERT_NEAR(previous.norm(), 1.5, 0.05) << "1 mm below bone";
@@ -983,13 +983,13 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
   loop.at(outside);
   ASSERT_EQ(loop.state.holes.all().size(), 1u);
   EXPECT_EQ(loop.state.holes.all()[0].structure, 0);
-  double most_N = 0;
+  double max_N = 0;
   for (int n = 0; n < 200; ++n) {
     loop.at(outside + (within - outside) * (n / 200.0));
     ASSERT_FALSE(loop.record.device[0].flags & kFlagRuptured) << n;
-    most_N = std::max(most_N, loop.wrench.force_N.norm());
+    max_N = std::max(max_N, loop.wrench.force_N.norm());
   }
-  EXPECT_LT(most_N, 0.1);
+  EXPECT_LT(max_N, 0.1);
   // elsewhere the shell still resists
   loop.lead(within, outside, 200);
   loop.lead(outside, {0, kBoneRadius_mm + 6, 0}, 400);

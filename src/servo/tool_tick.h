@@ -8,9 +8,9 @@ namespace palpate {
 
 /// Changes since the proxy's last tick.
 struct ProxyChange {
-  bool surfaces = false;                  ///< The proxy is on surfaces of another version of the model
+  bool surfaces = false;  ///< The proxy is on surfaces of another version of the model
   std::span<const SurfaceCorrespondence> before;  ///< Correspondence of each of the model's surfaces to those
-  bool layers = false;                    ///< Structures belong to other layers
+  bool layers = false;                            ///< Structures belong to other layers
   /// A direct method pushed in the last tick: initialise the proxy if the tip is inside
   bool method = false;
   std::uint64_t carved = 0;  ///< Number of the tool's sweeps that have been carved from the surfaces
@@ -19,7 +19,7 @@ struct ProxyChange {
 /// State of a burr's motor in one tick.
 struct MotorState {
   bool runs = false;
-  double max_press_N = 0;   ///< Largest press force that the burr may assume, in the patient
+  double max_press_N = 0;    ///< Largest press force that the burr may assume, in the patient
   std::uint32_t stroke = 0;  ///< Stroke that its sweeps belong to
 };
 

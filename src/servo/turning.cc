@@ -47,7 +47,7 @@ Vector<World> way_of(const Held& held, const Eigen::Quaterniond& from, const Eig
 // the work is F s + K s^2 / 2.
 double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) {
   const double length_mm = way_mm.norm(), force_N = held.sent_N.norm();
-  const double most_mJ = kTurningFeel.max_power_mW * dt_s;
+  const double max_mJ = kTurningFeel.max_power_mW * dt_s;
   double longest_mm = kTurningFeel.max_speed_mm_s * dt_s;
   if (held.stiffest_N_per_mm > 0)
     longest_mm = std::min(longest_mm, kTurningFeel.max_step_N / held.stiffest_N_per_mm);
@@ -56,8 +56,8 @@ double allowed_part(const Held& held, const Vector<World>& way_mm, double dt_s) 
   const double along_mm = held.sent_N.dot(way_mm) / force_N;
   if (along_mm == 0) return part;
   const double stiffness = along_mm > 0 ? held.stiffness_N_per_mm : 0;
-  const double most_mm = 2 * most_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * most_mJ));
-  return std::min(part, most_mm / std::abs(along_mm));
+  const double max_mm = 2 * max_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * max_mJ));
+  return std::min(part, max_mm / std::abs(along_mm));
 }
 
 }  // namespace

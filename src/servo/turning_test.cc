@@ -98,8 +98,8 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
   wall.turn_to(-0.3);
   for (int n = 1; n <= 60; ++n) {
     wall.at(resting);
-    EXPECT_NEAR(wall.force(),
-                std::sqrt(1 - 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * n * kTurnTick_s), 0.03)
+    EXPECT_NEAR(wall.force(), std::sqrt(1 - 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * n * kTurnTick_s),
+                0.03)
         << n;
   }
 }
@@ -126,7 +126,7 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(1));
   const Point<World> resting = TurningWall::tip_at(-1 / kWall_N_per_mm);
-  double before_N = wall.force(), before_mJ = 0, largest_step_N = 0, least_N = before_N, most_N = before_N;
+  double before_N = wall.force(), before_mJ = 0, largest_step_N = 0, min_N = before_N, max_N = before_N;
   for (int n = 0; n < 3000; ++n) {
     if (n % 75 == 0) wall.turn_to(n / 75 % 2 == 0 ? 0.436 : -0.436);
     wall.at(resting);
@@ -134,15 +134,15 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
     EXPECT_LE(std::abs(device.turned_mJ - before_mJ), kTurningFeel.max_power_mW * kTurnTick_s * (1 + 1e-6))
         << n;
     largest_step_N = std::max(largest_step_N, std::abs(wall.force() - before_N));
-    least_N = std::min(least_N, wall.force());
-    most_N = std::max(most_N, wall.force());
+    min_N = std::min(min_N, wall.force());
+    max_N = std::max(max_N, wall.force());
     before_N = wall.force();
     before_mJ = device.turned_mJ;
   }
   EXPECT_LE(largest_step_N, kTurningFeel.max_step_N * 1.01);
   // the energy of half a period
-  EXPECT_LE(most_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * 0.075) + 0.05);
-  EXPECT_GE(least_N, 0);
+  EXPECT_LE(max_N, std::sqrt(1 + 2 * kWall_N_per_mm * kTurningFeel.max_power_mW * 0.075) + 0.05);
+  EXPECT_GE(min_N, 0);
 }
 
 TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {

@@ -52,7 +52,7 @@ bool ArmingCode::take(std::uint32_t stop, std::string_view code, Clock::time_poi
     wrong_ = 0;
     return true;
   }
-  if (++wrong_ >= kMostWrong) {
+  if (++wrong_ >= kMaxWrong) {
     wrong_ = 0;
     code_.clear();
     paused_until_ = now + kPause;

@@ -13,15 +13,15 @@ namespace palpate {
 /// for one rearm after one stop, so that whoever enters it is in touch with somebody who sees the device.
 ///
 ///    shown() ── code for this stop, valid for kLasts ──► take() ── correct: used up
-///                                                            └─ kMostWrong wrong ones: none for kPause
+///                                                            └─ kMaxWrong wrong ones: none for kPause
 ///
-/// At kMostWrong guesses per kPause, each at a fresh code, a guesser needs 27 days for an even chance.
+/// At kMaxWrong guesses per kPause, each at a fresh code, a guesser needs 27 days for an even chance.
 /// Thread-safe.
 class ArmingCode {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds kLasts{60}, kPause{10};
-  static constexpr int kMostWrong = 3;
+  static constexpr int kMaxWrong = 3;
 
   /// Code for this stop; empty if none is available.
   std::string shown(std::uint32_t stop, Clock::time_point now = Clock::now());

@@ -41,7 +41,7 @@ TEST_F(ArmingCodes, AreOfOneStopAndOfOneMinute) {
 }
 
 TEST_F(ArmingCodes, GuessesAreFewWhateverCodeTheyAreAt) {
-  for (int n = 0; n < ArmingCode::kMostWrong; ++n)
+  for (int n = 0; n < ArmingCode::kMaxWrong; ++n)
     EXPECT_FALSE(code_.take(1, wrong(code_.shown(1, now_)), now_));
   EXPECT_EQ(code_.shown(1, now_), "");
   EXPECT_FALSE(code_.take(1, "", now_));

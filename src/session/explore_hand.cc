@@ -15,7 +15,7 @@ constexpr std::chrono::nanoseconds kHandPeriod = std::chrono::milliseconds(2);
 // rest
 constexpr std::int64_t kLead_ns = 2 * kHandPeriod.count();
 // upper bound of a step: a hand whose thread was delayed longer continues from where it was
-constexpr double kMostStep_s = 0.02;
+constexpr double kMaxStep_s = 0.02;
 constexpr std::uint32_t kForceIsOff = kFaultFlags | kFlagRamp | kFlagStale;
 constexpr double kLeaving_mm_s = 50, kComingBack_mm_s = 20;
 // more than the amplitude of the tremor
@@ -53,7 +53,7 @@ void HandThread::run() {
     next = std::max(next + kHandPeriod, std::chrono::steady_clock::now());
     std::this_thread::sleep_until(next);
     const std::int64_t now_ns = monotonic_ns();
-    move(std::min(static_cast<double>(now_ns - last_ns) * 1e-9, kMostStep_s));
+    move(std::min(static_cast<double>(now_ns - last_ns) * 1e-9, kMaxStep_s));
     last_ns = now_ns;
   }
 }

@@ -75,7 +75,7 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
 }  // namespace
 
 CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
-                                double most_frame_s) {
+                                 double max_frame_s) {
   if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_coarsened > 1)
     return {std::move(model), {}};
   // one of several spread-out points suffices
@@ -87,13 +87,13 @@ CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t
     place = places[(2 * n + 1) * places.size() / (2 * kTries)];
     made_s = frame_s(*model, place, devices);
   }
-  if (!made_s || *made_s <= most_frame_s) return {std::move(model), {}};
+  if (!made_s || *made_s <= max_frame_s) return {std::move(model), {}};
 
   auto coarser = std::make_shared<Model>(*model);
   for (const double factor : kCoarser) {
     coarser->tissue_coarsened = factor;
     const auto time_s = frame_s(*coarser, place, devices);
-    if (time_s && *time_s <= most_frame_s) break;
+    if (time_s && *time_s <= max_frame_s) break;
   }
   char told[256];
   std::snprintf(told, sizeof told,
@@ -104,7 +104,7 @@ CarriedCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t
 }
 
 Result<CarriedCells> measured_under_law(const Model& felt, TissueLaw law, std::size_t devices,
-                                       const Progress& progress) {
+                                        const Progress& progress) {
   const auto preparing = kept_preparing();
   if (has_other_surfaces(felt, law)) {
     // the current surfaces stay in memory meanwhile

@@ -12,7 +12,8 @@ void NearestLine::see(std::span<const TickRecord> ticks, std::span<const Recordi
       meter_.see(cut_of(waiting_.front().sweep).sweep);
     meter_.see(tick);
     for (const auto& [label, mm] : meter_.nearest_mm()) {
-      double& told_mm = reported_mm_.try_emplace(label, std::numeric_limits<double>::infinity()).first->second;
+      double& told_mm =
+          reported_mm_.try_emplace(label, std::numeric_limits<double>::infinity()).first->second;
       const bool touches = mm == 0 && told_mm > 0;
       if (!touches && !(mm <= told_mm - kStep_mm)) continue;
       told_mm = mm;

@@ -80,7 +80,7 @@ void PlayedYields::run() {
 PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
   const Progress progress({}, &ending_);
   Shown shown;
-  auto some = index_.up_to(number, kMostOn);
+  auto some = index_.up_to(number, kMaxOn);
   // continue from the last solution, or start a few solutions earlier
   const auto last = std::ranges::find(some, solver_.frame().number, &YieldIndex::Solution::number);
   const bool goes_on = last != some.end() && last + 1 != some.end();

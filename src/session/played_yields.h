@@ -34,7 +34,7 @@ class PlayedYields {
   /// as then.
   static constexpr std::size_t kLeadIn = 3;
   /// Largest number of intermediate solutions for which the requested one is continued from the last one.
-  static constexpr std::size_t kMostOn = 8;
+  static constexpr std::size_t kMaxOn = 8;
 
   /// Returns the tick in a row of the recording; empty if it cannot be read. Called on the solver's thread.
   using TickAt = std::function<std::optional<TickRecord>(std::uint64_t row, const Progress& progress)>;

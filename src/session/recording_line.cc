@@ -102,7 +102,7 @@ void RecordingLine::see(const RecordingEvent& event) {
   if (cut || event.kind == RecordingEvent::Kind::kSweep || event.kind == RecordingEvent::Kind::kYield) return;
   const bool always = event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm;
   // stops and rearms have a separate quota
-  if (events_.size() >= (always ? 2 * kMostEvents : kMostEvents)) {
+  if (events_.size() >= (always ? 2 * kMaxEvents : kMaxEvents)) {
     ++line_.events_left_out;
     return;
   }
@@ -131,12 +131,12 @@ void RecordingLine::see(int device, const DeviceTick& tick, double time_s) {
     contact = {time_s, time_s, tick.label, 0, device};
   }
   contact.end_s = time_s + 1 / rate_hz_;
-  contact.most_N = std::max(contact.most_N, force_N(tick));
+  contact.max_N = std::max(contact.max_N, force_N(tick));
 }
 
 void RecordingLine::end(Contact& contact) {
   if (contact.label == 0) return;
-  if (line_.contacts.size() == 2 * kMostContacts) drop_short_contacts();
+  if (line_.contacts.size() == 2 * kMaxContacts) drop_short_contacts();
   line_.contacts.push_back(contact);
 }
 
@@ -144,11 +144,11 @@ void RecordingLine::drop_short_contacts() {
   auto& contacts = line_.contacts;
   std::vector<double> lengths;
   for (const Contact& contact : contacts) lengths.push_back(length_s(contact));
-  std::ranges::nth_element(lengths, lengths.begin() + kMostContacts, std::greater());
-  const double least = lengths[kMostContacts];
-  std::size_t equal = kMostContacts - static_cast<std::size_t>(std::ranges::count_if(
-                                          contacts, [&](const Contact& c) { return length_s(c) > least; }));
-  line_.contacts_left_out += contacts.size() - kMostContacts;
+  std::ranges::nth_element(lengths, lengths.begin() + kMaxContacts, std::greater());
+  const double least = lengths[kMaxContacts];
+  std::size_t equal = kMaxContacts - static_cast<std::size_t>(std::ranges::count_if(
+                                         contacts, [&](const Contact& c) { return length_s(c) > least; }));
+  line_.contacts_left_out += contacts.size() - kMaxContacts;
   std::erase_if(contacts, [&](const Contact& contact) {
     if (length_s(contact) != least) return length_s(contact) < least;
     return equal == 0 || equal-- == 0;
@@ -157,7 +157,7 @@ void RecordingLine::drop_short_contacts() {
 
 ViewedRecording RecordingLine::take() {
   for (Contact& contact : open_) end(contact);
-  if (line_.contacts.size() > kMostContacts) drop_short_contacts();
+  if (line_.contacts.size() > kMaxContacts) drop_short_contacts();
   // a contact of one device may have begun before another device's contact that ended earlier
   std::ranges::stable_sort(line_.contacts, {}, &Contact::begin_s);
   // events after the last tick

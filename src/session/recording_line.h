@@ -15,7 +15,7 @@ class RecordingLine {
  public:
   /// Maximum gap within a contact; shorter gaps would not be visible on the time line.
   static constexpr double kBreak_s = 0.05;
-  static constexpr std::size_t kMostContacts = 2000, kMostEvents = 2000, kForces = 1000;
+  static constexpr std::size_t kMaxContacts = 2000, kMaxEvents = 2000, kForces = 1000;
 
   /// @param head  header of the recording whose ticks follow
   explicit RecordingLine(const RecordingHead& head);

@@ -45,7 +45,7 @@ TEST(RecordingLine, HasTheContactsAndTheirGreatestForces) {
   EXPECT_NEAR(line.contacts[0].begin_s, 0, 1e-12);
   EXPECT_NEAR(line.contacts[0].end_s, 0.2, 1e-12);
   EXPECT_EQ(line.contacts[1].label, 2);
-  EXPECT_EQ(line.contacts[1].most_N, 2);
+  EXPECT_EQ(line.contacts[1].max_N, 2);
   EXPECT_NEAR(line.contacts[2].begin_s, 0.35, 1e-12);
   EXPECT_NEAR(line.end_s, 0.359, 1e-12);
   ASSERT_EQ(line.force_N.size(), labels.size());
@@ -75,12 +75,12 @@ TEST(RecordingLine, HasTheContactsOfAllDevices) {
   EXPECT_EQ(line.contacts[0].device, 0);
   EXPECT_NEAR(line.contacts[0].begin_s, 0.02, 1e-12);
   EXPECT_NEAR(line.contacts[0].end_s, 0.38, 1e-12);
-  EXPECT_EQ(line.contacts[0].most_N, 1);
+  EXPECT_EQ(line.contacts[0].max_N, 1);
   for (const std::size_t n : {1u, 2u}) {
     EXPECT_EQ(line.contacts[n].device, 1);
     EXPECT_EQ(line.contacts[n].label, 2);
     EXPECT_NEAR(line.contacts[n].begin_s, n == 1 ? 0.05 : 0.25, 1e-12);
-    EXPECT_EQ(line.contacts[n].most_N, n == 1 ? 3 : 0.5);
+    EXPECT_EQ(line.contacts[n].max_N, n == 1 ? 3 : 0.5);
   }
   EXPECT_EQ(line.force_N[10], 3);
   EXPECT_EQ(line.force_N[300], 1);
@@ -95,7 +95,7 @@ TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
     labels.insert(labels.end(), 60, 0);
   }
   const ViewedRecording line = line_of(labels);
-  EXPECT_EQ(line.contacts.size(), RecordingLine::kMostContacts);
+  EXPECT_EQ(line.contacts.size(), RecordingLine::kMaxContacts);
   EXPECT_EQ(line.contacts.size() + line.contacts_left_out, all);
   // 1286 contacts of seven ticks, the rest of six
   for (const auto& contact : line.contacts) EXPECT_GT(contact.end_s - contact.begin_s, 0.0055);
@@ -139,13 +139,13 @@ TEST(RecordingLine, HasStrokesThatWereUndoneAndNoCuts) {
 
 TEST(RecordingLine, HasRoomForStopsBesideAllTheRest) {
   std::vector<RecordingEvent> events;
-  for (std::size_t i = 0; i < 3 * RecordingLine::kMostEvents; ++i)
+  for (std::size_t i = 0; i < 3 * RecordingLine::kMaxEvents; ++i)
     events.push_back(event(RecordingEvent::Kind::kSettings, 1));
   events.push_back(event(RecordingEvent::Kind::kStop, 2));
   const ViewedRecording line = line_of(std::vector<LabelId>(4, 0), events);
-  EXPECT_EQ(line.events.size(), RecordingLine::kMostEvents + 1);
+  EXPECT_EQ(line.events.size(), RecordingLine::kMaxEvents + 1);
   EXPECT_EQ(line.events.back().kind, "stop");
-  EXPECT_EQ(line.events_left_out, 2 * RecordingLine::kMostEvents);
+  EXPECT_EQ(line.events_left_out, 2 * RecordingLine::kMaxEvents);
 }
 
 }  // namespace

@@ -132,7 +132,7 @@ Result<void> SharedPlan::change(const PlanRequest& request) {
     auto next = request.back_to ? as_it_was(*request.back_to) : changed_plan(plan_, request);
     if (!next) return next.error();
     before_.emplace_back(viewed_->version, std::exchange(plan_, *std::move(next)));
-    if (before_.size() > kMostBefore) before_.pop_front();
+    if (before_.size() > kMaxBefore) before_.pop_front();
   }
   show();
   return {};

@@ -115,7 +115,7 @@ void TickBlocks::read() {
       continue;
     }
     kept_.push_front({*block, *std::move(ticks)});
-    if (kept_.size() > kMostKept) kept_.pop_back();
+    if (kept_.size() > kMaxKept) kept_.pop_back();
   }
 }
 

@@ -26,7 +26,7 @@ class TickBlocks {
 
   /// Ticks per block and number of cached blocks: about 40 MB.
   static constexpr std::uint64_t kTicks = 4096;
-  static constexpr std::size_t kMostKept = 4;
+  static constexpr std::size_t kMaxKept = 4;
 
   /// @param begins_s  time of each block's first tick, ascending; not empty
   /// @throws std::system_error  if no thread can be created

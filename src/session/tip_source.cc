@@ -256,7 +256,8 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
     all = std::move(sources[0]);
   else
     all = std::make_unique<CombinedSources>(
-        std::move(sources), CompositeDriverSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
+        std::move(sources),
+        CompositeDriverSettings{setup.script.rate_hz, options.loop.realtime, options.loop.cpu});
   const DeviceDriver& driver = all->driver();
   const auto devices = driver.devices();
   // a session without a script ticks at the rate of its clock device

@@ -102,7 +102,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
   if (ending_) return cannot_train("the session is over", "", "");
   if (live_) return cannot_train("a run is under way", "begin", "end it first");
   if (keeping_) return cannot_train("the last run is still being kept", "begin", "ask again in a moment");
-  if (runs_ == kMostRunsOfSession)
+  if (runs_ == kMaxRunsOfSession)
     return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
                         "start another one");
   if (!lesson_.task.empty() && name != lesson_.task)
@@ -250,9 +250,9 @@ void Training::keep() {
       told = std::make_shared<const ViewedDebriefing>(
           debriefed(over.live->evaluator, over.live->trace, finished));
       std::vector<TaskEvent>& events = finished.run.score.events;
-      if (events.size() > ViewedDebriefing::kMostEvents) {
-        finished.run.score.more_events += events.size() - ViewedDebriefing::kMostEvents;
-        events.resize(ViewedDebriefing::kMostEvents);
+      if (events.size() > ViewedDebriefing::kMaxEvents) {
+        finished.run.score.more_events += events.size() - ViewedDebriefing::kMaxEvents;
+        events.resize(ViewedDebriefing::kMaxEvents);
       }
     } catch (const std::exception&) {
       // out of memory: the run has no debriefing

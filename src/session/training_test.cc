@@ -328,7 +328,7 @@ TEST_F(HandMade, IsToldAsItGoes) {
   for (std::uint64_t n = 200; n < 400; ++n) training->see(tick(n, n % 2 ? 0.6 : 0.4));
   now = training->state();
   EXPECT_TRUE(now.done[0]);
-  EXPECT_EQ(now.events.size(), ViewedTraining::kMostEvents) << "the last ones";
+  EXPECT_EQ(now.events.size(), ViewedTraining::kMaxEvents) << "the last ones";
   EXPECT_GT(now.events_before, 80u);
   EXPECT_EQ(now.missing_s, 0);
 }

@@ -6,8 +6,8 @@
 
 #include "loading/test_loading.h"
 #include "palpate/model/changed_model.h"
-#include "palpate/palpation/palpation.h"
 #include "palpate/palpation/logged_loop.h"
+#include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
 #include "palpate/tissue/carving.h"
 

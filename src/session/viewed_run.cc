@@ -161,7 +161,7 @@ void RunTrace::thin_out() {
 }
 
 void tell_events(std::span<const TaskEvent> events, std::uint64_t more, ViewedTraining& to) {
-  const auto last = events.last(std::min(events.size(), ViewedTraining::kMostEvents));
+  const auto last = events.last(std::min(events.size(), ViewedTraining::kMaxEvents));
   to.events.clear();
   for (const TaskEvent& event : last) to.events.push_back(viewed_event(event));
   to.events_before = events.size() - last.size() + more;
@@ -203,10 +203,10 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   for (const MetricValue& value : score.metrics)
     told.metrics.push_back({value.value, finished.history.best[value.part], value.in_band});
   told.done = score.done;
-  const std::size_t events = std::min(score.events.size(), ViewedDebriefing::kMostEvents);
+  const std::size_t events = std::min(score.events.size(), ViewedDebriefing::kMaxEvents);
   for (std::size_t n = 0; n < events; ++n) told.events.push_back(viewed_event(score.events[n]));
   told.more_events = score.events.size() - events + score.more_events;
-  told.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMostForces);
+  told.forces = std::min(evaluator.task().file.forces.size(), ViewedDebriefing::kMaxForces);
   told.samples = trace.samples();
 
   // subsample the patches if there are too many
@@ -214,7 +214,7 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   for (const RegionInScene& region : evaluator.task().regions)
     for (const SurfacePatches::Patch& patch : region.patches.all()) patches.push_back(patch);
   const std::size_t step =
-      (patches.size() + ViewedDebriefing::kMostPatches - 1) / ViewedDebriefing::kMostPatches;
+      (patches.size() + ViewedDebriefing::kMaxPatches - 1) / ViewedDebriefing::kMaxPatches;
   for (std::size_t n = 0; n < patches.size(); n += step)
     told.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
   told.patches_left_out = patches.size() - told.patches.size();

@@ -17,7 +17,7 @@ class RunTrace {
  public:
   static constexpr std::size_t kMost = 1200;  ///< Maximum number of samples, not counting the last one
 
-  explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMostForces)) {}
+  explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMaxForces)) {}
   void see(const TaskEvaluator& run);
   /// Adds the last tick as the last sample.
   void finish(const TaskEvaluator& run);

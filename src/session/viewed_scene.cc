@@ -110,7 +110,8 @@ ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality said)
                              tissue.rests_on, name_of(tissue.protection)});
   }
   for (std::size_t d = 0; d < devices; ++d) scene.tools.push_back(viewed_tool(model.tool_of(d)));
-  if (!model.reported_distances.structures.empty()) scene.distance_reach_mm = model.reported_distances.reach_mm;
+  if (!model.reported_distances.structures.empty())
+    scene.distance_reach_mm = model.reported_distances.reach_mm;
   for (const NoGoRegion& region : model.no_go) scene.no_go.push_back(viewed_no_go(region));
   return scene;
 }

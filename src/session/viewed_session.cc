@@ -14,8 +14,8 @@
 #include "palpate/base/reading.h"
 #include "palpate/base/reason.h"
 #include "palpate/device/felt_stiffness.h"
-#include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/logged_loop.h"
+#include "palpate/palpation/plain_vectors.h"
 #include "session/viewed_scene.h"
 
 namespace palpate {
@@ -309,8 +309,8 @@ ViewedScene ViewedSession::make_scene() const {
   scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
   const double most = parts_.parameters.device[0].max_stiffness_N_per_mm;
   scene.max_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
-  scene.least_max_force_N = max_force_range_N()[0];
-  scene.most_max_force_N = most_force_N();
+  scene.min_max_force_N = max_force_range_N()[0];
+  scene.max_max_force_N = most_force_N();
   scene.stiffness_N_per_mm = tissue_key_range("stiffness");
   scene.friction = tissue_key_range("friction");
   scene.rate_hz = parts_.rate_hz;
@@ -324,9 +324,9 @@ bool ViewedSession::physical() const {
 }
 
 double ViewedSession::most_force_N() const {
-  double most_N = std::min(max_force_range_N()[1], parts_.model->scene_max_force_N);
-  for (const DeviceInfo& info : parts_.devices) most_N = std::min(most_N, info.peak_force_N.value_or(most_N));
-  return most_N;
+  double max_N = std::min(max_force_range_N()[1], parts_.model->scene_max_force_N);
+  for (const DeviceInfo& info : parts_.devices) max_N = std::min(max_N, info.peak_force_N.value_or(max_N));
+  return max_N;
 }
 
 // Stiffness that this tick rendered. The proxy scales each tissue by itself; a direct method scales all
@@ -494,9 +494,9 @@ Result<void> ViewedSession::check(const SettingsRequest& request, const Paramete
       return refused(fine.error().what, "law", fine.error().remedy);
   }
   if (request.max_force_N) {
-    const double asked_N = *request.max_force_N, least_N = max_force_range_N()[0];
-    if (!(asked_N >= least_N && asked_N <= most_force_N()))
-      return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(least_N) + " ... " +
+    const double asked_N = *request.max_force_N, min_N = max_force_range_N()[0];
+    if (!(asked_N >= min_N && asked_N <= most_force_N()))
+      return bad("a limit of " + number_text(asked_N) + " N is outside " + number_text(min_N) + " ... " +
                      number_text(most_force_N()) + " N",
                  "max_force_N", "the device and the scene allow no more");
   }
@@ -691,7 +691,8 @@ std::optional<std::uint32_t> ViewedSession::script_stroke_version() const {
 }
 
 // strong exception guarantee: either both the loop and model_ change or neither does
-void ViewedSession::apply_version(ModelVersions next, const ModelChange& change, AskedBy by, ServoLoop& loop) {
+void ViewedSession::apply_version(ModelVersions next, const ModelChange& change, AskedBy by,
+                                  ServoLoop& loop) {
   set_model_logged(loop, told_, by, next.felt, change);
   model_ = std::move(next);
 }
@@ -835,7 +836,7 @@ void ViewedSession::stop_unsupervised() {
 void ViewedSession::pause_here() {
   if (ServoLoop* loop = loop_.load())
     change_logged(*loop, told_, {Asker::kKey},
-                [](Parameters& parameters) { parameters.paused = !parameters.paused; });
+                  [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
 void ViewedSession::next_method() {
@@ -854,7 +855,7 @@ Result<void> ViewedSession::motor_here() {
   if (!loop) return not_running();
   if (!cuts()) return bad("no device has a tool with a motor", "", "");
   change_logged(*loop, told_, {Asker::kKey},
-              [](Parameters& parameters) { parameters.motor = !parameters.motor; });
+                [](Parameters& parameters) { parameters.motor = !parameters.motor; });
   return {};
 }
 
@@ -1088,7 +1089,7 @@ std::optional<ViewedNavigation> ViewedSession::navigation() const {
                        {}};
   const Point<Patient> tip(device.tip_patient_mm[0], device.tip_patient_mm[1], device.tip_patient_mm[2]);
   if (const auto error = error_of_tip(*parts_.navigation, tip))
-    out.tip = ViewedNavigation::Error{error->rms_mm, error->most_mm, error->is_far};
+    out.tip = ViewedNavigation::Error{error->rms_mm, error->max_mm, error->is_far};
   return out;
 }
 

@@ -72,7 +72,7 @@ class HeldDriver final : public DeviceDriver {
 class Viewed : public ::testing::Test {
  protected:
   void start(bool simulated = true, const WorkspaceSettings& workspace = {},
-             double most_stiffness = std::numeric_limits<double>::infinity(), bool ramps = false) {
+             double max_stiffness = std::numeric_limits<double>::infinity(), bool ramps = false) {
     Model ball = testing::ball_model({1, 1, 1}, 1.0, kCartilage_mm);
     if (ramps) ball = testing::with_ramps(std::move(ball), 6, kCartilage_mm);
     if (every_method_) ball = testing::with_every_method(std::move(ball));
@@ -90,7 +90,7 @@ class Viewed : public ::testing::Test {
     parameters.passivity = false;
     parameters.max_force_N = 3;
     parameters.device[0] = device_parameters(driver_->devices()[0], workspace);
-    parameters.device[0].max_stiffness_N_per_mm = most_stiffness;
+    parameters.device[0].max_stiffness_N_per_mm = max_stiffness;
     const auto devices = driver_->devices();
     viewed_.emplace(ViewedParts{model_,
                                 {devices.begin(), devices.end()},
@@ -217,8 +217,8 @@ TEST_F(Viewed, WhatIsShownNamesNobody) {
   EXPECT_FALSE(scene.tissues[2].felt);
   EXPECT_EQ(scene.methods.size(), kForceMethods.size());
   EXPECT_EQ(scene.peak_force_N, 8);
-  EXPECT_EQ(scene.least_max_force_N, 0.1);
-  EXPECT_EQ(scene.most_max_force_N, 5) << "the scene's";
+  EXPECT_EQ(scene.min_max_force_N, 0.1);
+  EXPECT_EQ(scene.max_max_force_N, 5) << "the scene's";
   EXPECT_EQ(scene.stiffness_N_per_mm, (std::array{0.001, 20.0}));
   // patient (1, 2, 3): the display's right is the patient's left, forward is superior, up is anterior
   const auto& X = scene.world_from_patient;
@@ -372,10 +372,10 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   const auto felt = ticks();
   for (std::size_t t = 1; t < felt.size(); ++t) {
     // a step of at most 1.3 N is blended in like a seam; a delayed thread renders none
-    const double most_N = 1.3 * felt[t].dt_s * (1 / kTouchFeel.seam_s + 1.5 / kOutputFeel.blend_s) + 0.005;
+    const double max_N = 1.3 * felt[t].dt_s * (1 / kTouchFeel.seam_s + 1.5 / kOutputFeel.blend_s) + 0.005;
     const std::uint32_t flags = felt[t].device[0].flags | felt[t - 1].device[0].flags;
     if ((flags & (kFaultFlags | kFlagStale | kFlagRamp | kFlagSlew)) != 0) continue;
-    EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), most_N) << felt[t].tick;
+    EXPECT_LE(std::abs(sent_N(felt[t]) - sent_N(felt[t - 1])), max_N) << felt[t].tick;
   }
   EXPECT_EQ(felt.back().model_version, 6u);
   EXPECT_TRUE(soon([&] { return loop_->collect() == 1; })) << "older versions are freed";
@@ -561,7 +561,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   EXPECT_EQ(viewed_->state().method, "proxy");
   EXPECT_EQ(viewed_->state().method_awaited, "");
   // the memory limit is respected
-  set_reading_limits({.most_memory_bytes = 1});
+  set_reading_limits({.max_memory_bytes = 1});
   ASSERT_EQ(error_of(spline).what, "no error");
   ASSERT_TRUE(soon([&] { return viewed_->method_failure().has_value(); }));
   set_reading_limits({});
@@ -657,7 +657,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   EXPECT_EQ(viewed_->state().law, "layers");
   EXPECT_EQ(viewed_->state().law_awaited, "");
   // the memory limit is respected
-  set_reading_limits({.most_memory_bytes = 1});
+  set_reading_limits({.max_memory_bytes = 1});
   ASSERT_EQ(error_of(elastic).what, "no error");
   ASSERT_TRUE(soon([&] { return viewed_->state().law_failure.has_value(); }));
   set_reading_limits({});

@@ -9,7 +9,7 @@ namespace palpate {
 void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
     if (event.kind == RecordingEvent::Kind::kModel) laws_.hear(event.change);
-    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMostStructuresReported)
+    if (event.kind == RecordingEvent::Kind::kYield && told_.size() < kMaxStructuresReported)
       told_.push_back({event.number, event.input_tick});
   }
   // a solution is reported with ticks that follow its input tick
@@ -32,7 +32,7 @@ void YieldIndex::see(const RecordingPart& part, std::uint64_t row) {
 void YieldIndex::take(const Told& told, const TickRecord& input, std::uint64_t row) {
   const bool rises =
       solutions_.empty() || (told.number > solutions_.back().number && row > solutions_.back().row);
-  if (!rises || solutions_.size() >= kMostSolutions) return;
+  if (!rises || solutions_.size() >= kMaxSolutions) return;
   Boxes boxes;
   if (!solutions_.empty()) boxes = boxes_.back();
   const auto devices = static_cast<std::size_t>(std::clamp(input.devices, 0, kMaxDevices));

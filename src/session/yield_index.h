@@ -25,7 +25,7 @@ class YieldIndex {
     std::uint64_t row = 0;     ///< Row of its input tick
   };
   /// Four hours of solutions; later ones are not indexed.
-  static constexpr std::size_t kMostSolutions = 1'000'000;
+  static constexpr std::size_t kMaxSolutions = 1'000'000;
 
   /// @param model  at the beginning of the recording, with the proxy's surfaces; outlives the index. A box in
   /// a cut region is placed by the surface before the cut: it may differ by a few cells from the original box
@@ -45,7 +45,7 @@ class YieldIndex {
 
  private:
   // bound on pending solutions; a few are normal
-  static constexpr std::size_t kMostStructuresReported = 10'000;
+  static constexpr std::size_t kMaxStructuresReported = 10'000;
   struct Told {
     std::uint32_t number;
     std::uint64_t input_tick;

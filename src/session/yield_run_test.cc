@@ -80,8 +80,8 @@ class YieldRun : public ::testing::Test {
   }
   // Seeks to rows of the recording and waits for their deformation. Returns the largest node error divided by
   // the largest displacement there.
-  double most_off(ViewerHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
-                  std::span<const std::size_t> rows) const {
+  double max_off(ViewerHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
+                 std::span<const std::size_t> rows) const {
     double worst = 0;
     std::array<double, kMaxDevices> N_per_mm{};
     for (const std::size_t row : rows) {
@@ -101,14 +101,14 @@ class YieldRun : public ::testing::Test {
       if (wanted == nullptr || shown == nullptr) continue;
       EXPECT_EQ(shown->nodes, wanted->nodes);
       EXPECT_EQ(shown->first_patient_mm, wanted->first_patient_mm);
-      double off_mm = 0, most_mm = 0;
+      double off_mm = 0, max_mm = 0;
       for (std::size_t n = 0; n < wanted->moved_mm.size() && n < shown->moved_mm.size(); ++n) {
         off_mm = std::max(off_mm, static_cast<double>(std::abs(shown->moved_mm[n] - wanted->moved_mm[n])));
-        most_mm = std::max(most_mm, static_cast<double>(std::abs(wanted->moved_mm[n])));
+        max_mm = std::max(max_mm, static_cast<double>(std::abs(wanted->moved_mm[n])));
       }
-      EXPECT_GT(most_mm, 0);
-      EXPECT_LT(off_mm, 0.01 * most_mm);
-      worst = std::max(worst, off_mm / most_mm);
+      EXPECT_GT(max_mm, 0);
+      EXPECT_LT(off_mm, 0.01 * max_mm);
+      worst = std::max(worst, off_mm / max_mm);
     }
     EXPECT_EQ(playback.yielded(kMaxDevices), nullptr);
     return worst;
@@ -554,7 +554,7 @@ TEST_F(YieldRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
   EXPECT_GT(std::ranges::count_if(live, [](const auto& yield) { return yield != nullptr; }), 40);
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
-  RecordProperty("most_off", std::to_string(most_off(**opened, live, some_rows())));
+  RecordProperty("max_off", std::to_string(max_off(**opened, live, some_rows())));
 }
 
 TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
@@ -588,7 +588,7 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
   const std::vector<std::size_t> rows{half + 200, half - 100, half + 400, late + 60, half + 210};
-  RecordProperty("most_off", std::to_string(most_off(**opened, live, rows)));
+  RecordProperty("max_off", std::to_string(max_off(**opened, live, rows)));
   // the deformation shows the cut
   const std::uint32_t frame = recording_.ticks[half + 200].yield_frame;
   EXPECT_NE(live[frame - 1]->moved_mm, uncut[frame - 1]->moved_mm);

@@ -30,7 +30,7 @@ namespace {
 constexpr auto kFindEvery = std::chrono::milliseconds(100);
 constexpr int kPoll_ms = 20;
 // a stall of the servo is no way that somebody led
-constexpr double kMostStep_s = 0.02;
+constexpr double kMaxStep_s = 0.02;
 // of the cap's way, within which it rests
 constexpr double kRest = 0.125;
 constexpr std::uint16_t k3Dconnexion = 0x256f, kLogitech = 0x046d;
@@ -153,7 +153,7 @@ class SpaceMouseDriver::Core {
     std::int64_t last_ns = monotonic_ns();
     while (clock.wait()) {
       const std::int64_t now_ns = monotonic_ns();
-      const double passed_s = std::min(1e-9 * static_cast<double>(now_ns - last_ns), kMostStep_s);
+      const double passed_s = std::min(1e-9 * static_cast<double>(now_ns - last_ns), kMaxStep_s);
       last_ns = now_ns;
       go_on(passed_s, now_ns);
       servo.update({&sample_, 1}, {&none, 1});
@@ -229,7 +229,7 @@ class SpaceMouseDriver::Core {
     if (!axis) return;
     tells_changes_.store(event.type == EV_REL);
     told_ns_.store(monotonic_ns());
-    deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMostDeflection, -1.0, 1.0));
+    deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMaxDeflection, -1.0, 1.0));
   }
 
   void let_go() {

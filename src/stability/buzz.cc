@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kLowest_Hz = 20, kHighest_Hz = 500;
 // rounding level: lower power counts as none
-constexpr double kLeastPower_mm2 = 1e-12;
+constexpr double kMinPower_mm2 = 1e-12;
 
 // power spectrum of one axis up to the Nyquist frequency, without the mean; the Hann window reduces leakage
 // of drift into higher frequencies
@@ -62,7 +62,7 @@ Buzz buzz_of(std::span<const Eigen::Vector3d> tip_mm, std::span<const Eigen::Vec
   }
 
   const double step_Hz = rate_hz / static_cast<double>(ticks.size());
-  double in_band = 0, most = kLeastPower_mm2;
+  double in_band = 0, most = kMinPower_mm2;
   for (std::size_t k = 1; k < power.size(); ++k) {
     const double frequency_Hz = static_cast<double>(k) * step_Hz;
     if (frequency_Hz >= kLowest_Hz && frequency_Hz <= kHighest_Hz) in_band += power[k];

@@ -61,8 +61,8 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
     progress.report("how stiff a wall the device holds", 1);
     by_hand = *most;
   }
-  held.most_N_per_mm = std::min(by_hand, vouched);
-  if (held.asked_N_per_mm <= held.most_N_per_mm) return held;
+  held.max_N_per_mm = std::min(by_hand, vouched);
+  if (held.asked_N_per_mm <= held.max_N_per_mm) return held;
 
   const auto points = static_cast<int>(std::lround(held.asked_N_per_mm / one_point));
   char text[400];
@@ -71,7 +71,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
       "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): felt as "
       "%.3g, the most that %s",
       stiffest.name.c_str(), held.asked_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
-      workspace.force_gain, points, points == 1 ? "" : "s", held.most_N_per_mm,
+      workspace.force_gain, points, points == 1 ? "" : "s", held.max_N_per_mm,
       (vouched < by_hand ? "the maker of " + device.name + " vouches for"
                          : held_by_hand(device, rate_hz, delay_s))
           .c_str());
@@ -82,7 +82,7 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
 HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
                          double rate_hz, double delay_s) {
   HeldDamping held;
-  held.most_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
+  held.max_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
   std::string of = "the proxy's coupling";
   double asked_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
   for (const Tissue& tissue : model.tissues)
@@ -91,7 +91,7 @@ HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace,
       asked_N_s_per_mm = tissue.viscosity_N_s_per_mm;
     }
   const double felt_N_s_per_mm = RenderedStiffness(workspace).at_device(asked_N_s_per_mm);
-  if (felt_N_s_per_mm <= held.most_N_s_per_mm) return held;
+  if (felt_N_s_per_mm <= held.max_N_s_per_mm) return held;
 
   char text[400];
   std::snprintf(text, sizeof text,
@@ -99,7 +99,7 @@ HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace,
                 "most that %s "
                 "bears%s, %.1f of where it begins to swing by itself",
                 of.c_str(), felt_N_s_per_mm, asked_N_s_per_mm, workspace.scale, workspace.force_gain,
-                held.most_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
+                held.max_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
                 kStiffnessMargin);
   held.clamped = text;
   return held;

@@ -23,7 +23,7 @@ TEST(HeldStiffness, OfASoftSceneIsNotClamped) {
       held_stiffness(*ball_of(1).model, {}, ForceMethod::kProxy, *find_plant_device("premium-1.5"), 1000, 0);
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(held->asked_N_per_mm, 1);
-  EXPECT_GT(held->most_N_per_mm, 1);
+  EXPECT_GT(held->max_N_per_mm, 1);
   EXPECT_EQ(held->clamped, "");
 }
 
@@ -35,7 +35,7 @@ TEST(HeldStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) 
   const auto held = held_stiffness(*ball_of(6).model, workspace, ForceMethod::kProxy, premium, 1000, 1e-3);
   ASSERT_TRUE(held.ok());
   EXPECT_EQ(held->asked_N_per_mm, 6);
-  EXPECT_EQ(held->most_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
+  EXPECT_EQ(held->max_N_per_mm, *recommended_stiffness_N_per_mm(premium, 1000, 1e-3));
   for (const char* part : {"'bone' asks for 6 N/mm", "scale 2 x force gain 0.5", "felt as 0.713",
                            "premium-1.5 at 1000 Hz with 1 ms of delay", "any hand: 0.01"})
     EXPECT_NE(held->clamped.find(part), std::string::npos) << held->clamped;
@@ -52,7 +52,7 @@ TEST(HeldStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   EXPECT_NE(directly->clamped.find("4 points): felt as 2.04"), std::string::npos) << directly->clamped;
   EXPECT_EQ(by_proxy->asked_N_per_mm, 1.5);
   EXPECT_EQ(by_proxy->clamped, "");
-  EXPECT_EQ(by_proxy->most_N_per_mm, directly->most_N_per_mm) << "the method may change";
+  EXPECT_EQ(by_proxy->max_N_per_mm, directly->max_N_per_mm) << "the method may change";
 }
 
 TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
@@ -73,11 +73,11 @@ TEST(HeldStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
     for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
       const auto held = held_stiffness(*ball_of(one.asked).model, {}, method, premium, 1000, 1e-3);
       ASSERT_TRUE(held.ok());
-      EXPECT_LE(held->most_N_per_mm, one.most);
+      EXPECT_LE(held->max_N_per_mm, one.most);
       if (one.says == nullptr) {
         EXPECT_EQ(held->clamped, "");
       } else {
-        EXPECT_EQ(held->most_N_per_mm, one.most);
+        EXPECT_EQ(held->max_N_per_mm, one.most);
         EXPECT_NE(held->clamped.find(one.says), std::string::npos) << held->clamped;
       }
     }
@@ -91,7 +91,7 @@ TEST(HeldStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
       const PlantDevice device = *find_plant_device(name);
       const auto held = held_stiffness(*ball_of(1e-3).model, {}, ForceMethod::kProxy, device, rate_hz, 1e-3);
       ASSERT_TRUE(held.ok());
-      EXPECT_LT(held->most_N_per_mm, *recommended_stiffness_N_per_mm(device, rate_hz, 1e-3));
+      EXPECT_LT(held->max_N_per_mm, *recommended_stiffness_N_per_mm(device, rate_hz, 1e-3));
     }
 }
 
@@ -101,7 +101,7 @@ TEST(HeldDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
   WorkspaceSettings workspace;
   workspace.scale = 2;
   const auto held = [&] { return held_damping(model, workspace, premium, 1000, 1e-3); };
-  EXPECT_EQ(held().most_N_s_per_mm, recommended_damping_N_s_per_mm(premium, 1000, 1e-3));
+  EXPECT_EQ(held().max_N_s_per_mm, recommended_damping_N_s_per_mm(premium, 1000, 1e-3));
   EXPECT_EQ(held().clamped, "");
   model.tissues[0].viscosity_N_s_per_mm = 0.05;
   for (const char* part : {"'bone' asks for 0.1 N s/mm", "0.05 x scale 2 x force gain 1", "felt as 0.014",
@@ -152,16 +152,16 @@ TEST(HeldStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
     EXPECT_NE(result->trouble.front().find("felt as 0.713"), std::string::npos) << result->trouble.front();
     const auto recording = read_recording(folder / "stiff.h5");
     ASSERT_TRUE(recording.ok());
-    double deepest_mm = 0, most_N = 0;
+    double deepest_mm = 0, max_N = 0;
     for (const TickRecord& record : recording->ticks) {
       const DeviceTick& device = record.device[0];
       EXPECT_NEAR(device.max_stiffness_N_per_mm, 0.713, 0.01);
       if (!(device.depth_mm > 0.2)) continue;
       deepest_mm = std::max(deepest_mm, device.depth_mm);
-      most_N = std::max(most_N, device.unclamped_force_N / device.depth_mm);
+      max_N = std::max(max_N, device.unclamped_force_N / device.depth_mm);
     }
     if (method == ForceMethod::kProxy) {
-      EXPECT_NEAR(most_N, 0.713, 0.02);
+      EXPECT_NEAR(max_N, 0.713, 0.02);
     }
     EXPECT_GT(deepest_mm, 0.2);
     EXPECT_TRUE(replay(*recording, loaded.model)->identical);

@@ -16,7 +16,7 @@ using force_arrows::number, force_arrows::pair, force_arrows::path, force_arrows
 constexpr double kWidth_px = 760, kLeft_px = 66, kPlot_px = 480, kTop_px = 76, kPanel_px = 92, kApart_px = 14;
 constexpr double kFigures_px = kLeft_px + kPlot_px + 16;
 // minimum range of the axis in encoder steps, so that a quiet tip's steps are visible
-constexpr double kLeastSteps = 4;
+constexpr double kMinSteps = 4;
 
 constexpr const char* kStyle =
     "<style>\n"
@@ -77,10 +77,10 @@ double round_up(double value) {
 }
 
 double scale_of(std::span<const Trace> traces) {
-  double most_mm = kLeastSteps * 1e-3 * traces.front().held->encoder_step_um;
+  double max_mm = kMinSteps * 1e-3 * traces.front().held->encoder_step_um;
   for (const Trace& trace : traces)
-    for (const double way_mm : trace.way_mm) most_mm = std::max(most_mm, std::abs(way_mm));
-  return round_up(most_mm);
+    for (const double way_mm : trace.way_mm) max_mm = std::max(max_mm, std::abs(way_mm));
+  return round_up(max_mm);
 }
 
 std::string length_text(double length_mm) {

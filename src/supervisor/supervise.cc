@@ -28,7 +28,7 @@ namespace {
 constexpr timespec kLook{0, 1'000'000};
 // upper bound of what one poll adds to the time without observations: if the whole machine stalled, the
 // session is not to blame
-constexpr std::int64_t kMostPerLook_ns = 5'000'000;
+constexpr std::int64_t kMaxPerLook_ns = 5'000'000;
 constexpr std::int64_t kFrozen_ns = 500'000'000;
 // above the loop's watchdog, whose priority is above the servo's
 constexpr int kPriority = 95;
@@ -96,11 +96,11 @@ class RecordWriter {
       last = ending_.load();
       const std::uint32_t count = block_.event_count.load(std::memory_order_acquire);
       // older events have been overwritten
-      if (count - written_ > SharedBlock::kMostEvents) {
+      if (count - written_ > SharedBlock::kMaxEvents) {
         fail(EOVERFLOW);
-        written_ = count - SharedBlock::kMostEvents;
+        written_ = count - SharedBlock::kMaxEvents;
       }
-      for (; written_ != count; ++written_) write_down(block_.events[written_ % SharedBlock::kMostEvents]);
+      for (; written_ != count; ++written_) write_down(block_.events[written_ % SharedBlock::kMaxEvents]);
       constexpr timespec kPause{0, 10'000'000};
       if (!last) ::nanosleep(&kPause, nullptr);
     }
@@ -199,7 +199,7 @@ class Supervision {
     const std::int64_t seen_ns = std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
     const bool lives = seen_ns == Heartbeat::kResting || seen_ns != last_seen_ns_;
     last_seen_ns_ = seen_ns;
-    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMostPerLook_ns);
+    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMaxPerLook_ns);
     if (still_ns_ < kFrozen_ns) return;
     ::syscall(SYS_pidfd_send_signal, kSessionFile, SIGKILL, nullptr, 0);
     note(SupervisorEvent::Kind::kKilled, now_ns, monotonic_ns());
@@ -209,7 +209,7 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
-  std::array<std::uint64_t, kMostHaltFiles> told_{};  // last halt written to each file
+  std::array<std::uint64_t, kMaxHaltFiles> told_{};  // last halt written to each file
   std::int64_t last_look_ns_ = 0, last_seen_ns_ = 0, still_ns_ = 0;
 };
 
@@ -234,7 +234,7 @@ std::optional<std::array<int, 5>> numbers_in(const std::vector<std::string>& arg
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), numbers[n]);
     if (error != std::errc() || end != text.data() + text.size() || numbers[n] < 0) return std::nullopt;
   }
-  if (numbers[0] > static_cast<int>(kMostHaltFiles)) return std::nullopt;
+  if (numbers[0] > static_cast<int>(kMaxHaltFiles)) return std::nullopt;
   return numbers;
 }
 

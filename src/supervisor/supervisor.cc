@@ -95,7 +95,7 @@ Result<void> SupervisorProcess::begin() {
 
   // duplicate above all target numbers, so that no descriptor is overwritten before it is duplicated
   std::vector<File> files;
-  const int above = kFirstHaltFile + static_cast<int>(kMostHaltFiles) + 1;
+  const int above = kFirstHaltFile + static_cast<int>(kMaxHaltFiles) + 1;
   const auto copy = [&](int file) {
     files.emplace_back(::fcntl(file, F_DUPFD_CLOEXEC, above));
     return files.back().number() >= 0;
@@ -155,7 +155,7 @@ Result<void> SupervisorProcess::begin() {
 }  // namespace
 
 Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& settings) {
-  PALPATE_CHECK(!settings.command.empty() && settings.halt_files.size() <= kMostHaltFiles);
+  PALPATE_CHECK(!settings.command.empty() && settings.halt_files.size() <= kMaxHaltFiles);
   File file(::memfd_create("palpate-supervisor", MFD_CLOEXEC));
   if (file.number() < 0 || ::ftruncate(file.number(), sizeof(SharedBlock)) != 0)
     return refused("memory to share");

@@ -32,7 +32,7 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
   Pieces pieces;
   if (box.empty()) return pieces;
   constexpr double kPiece_bytes = 1 << 30, kAll_bytes = 2.0 * (1 << 30);
-  constexpr int kLeastRows = 64;
+  constexpr int kMinRows = 64;
   // bytes per voxel: 1 for the source, 4 for data filtered along k, 16 for filtered data
   const int slices = std::min(slices_of_piece(margins), box.size(2));
   const auto with = [](int voxels, int margin) { return voxels + 2.0 * margin; };
@@ -44,7 +44,7 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
     return seen_bytes * with(rows, s[1]) + filtered_bytes * with(rows, f[1]);
   };
   const double most = (kPiece_bytes - bytes(0)) / (seen_bytes + filtered_bytes);
-  const int at_most = std::max(kLeastRows, static_cast<int>(std::min(1e6, most)));
+  const int at_most = std::max(kMinRows, static_cast<int>(std::min(1e6, most)));
   const int strips = (box.size(1) + at_most - 1) / at_most, rows = (box.size(1) + strips - 1) / strips;
   for (int k = box.low[2]; k < box.high[2]; k += slices) {
     for (int j = box.low[1]; j < box.high[1]; j += rows) {

@@ -84,8 +84,8 @@ std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
 class ChainTraversal {
  public:
   ChainTraversal(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
-            const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
-            const Progress& progress, double full_force_N, internal::RaisedField& field)
+                 const std::vector<Span3>& spans, const Touching& touching, const RampOptions& options,
+                 const Progress& progress, double full_force_N, internal::RaisedField& field)
       : labels_(labels),
         structures_(structures),
         spans_(spans),
@@ -142,9 +142,8 @@ class ChainTraversal {
 
   Result<void> climb(std::size_t structure, const ProgressSpan& stage) {
     if (++chains_ > kMaxRampChains)
-      return bad_input(
-          text_of("more than ", kMaxRampChains, " chains of structures that rest on each other"),
-          "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
+      return bad_input(text_of("more than ", kMaxRampChains, " chains of structures that rest on each other"),
+                       "let fewer rest on each other (rests_on), or prepare by method = \"union-gaussian\"");
     const DepthOptions depth{std::min(full_force_N_ / stiffness(structure), kDeepestRamp_mm), sigma_mm_,
                              options_.threads};
     const Span3 box = box_of(structure, depth);
@@ -290,7 +289,7 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
                                         progress, work.part(0.95, 1));
   if (!greatest) return greatest.error();
   for (RampFigures& figures : ramps.structures)
-    figures.most_N =
+    figures.max_N =
         ramps.full_force_N * (*greatest)[static_cast<std::size_t>(index[figures.label])] / kFullScale;
   return ramps;
 }

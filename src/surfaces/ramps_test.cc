@@ -202,8 +202,8 @@ TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
           EXPECT_GT(ramps.full_force_N * sample.value, 0.05);
           EXPECT_GT(-side * sample.gradient.normalized()[axis], 0.99);
         }
-        EXPECT_LE(ramps.structures[0].most_N, kBone_N_per_mm * thick * spacing[axis] + 1e-3);
-        EXPECT_GT(ramps.structures[0].most_N, 0.25 * kBone_N_per_mm * thick * spacing[axis]);
+        EXPECT_LE(ramps.structures[0].max_N, kBone_N_per_mm * thick * spacing[axis] + 1e-3);
+        EXPECT_GT(ramps.structures[0].max_N, 0.25 * kBone_N_per_mm * thick * spacing[axis]);
         EXPECT_NEAR(ramps.structures[0].half_thickness_mm, spacing[axis], 0.03);
       }
     }
@@ -307,8 +307,8 @@ TEST(Ramps, BesideCartilageBoneIsFeltFromItsBareSurface) {
 }
 
 // minimum over paths between voxel centres, from free space to a structure, of length times stiffness
-std::vector<double> least_over_paths(const Volume<LabelId>& labels, const std::array<LabelId, 2>& passable,
-                                     const std::array<double, 2>& stiffness) {
+std::vector<double> min_over_paths(const Volume<LabelId>& labels, const std::array<LabelId, 2>& passable,
+                                   const std::array<double, 2>& stiffness) {
   const GridGeometry& grid = labels.geometry();
   const auto stiffness_at = [&](std::size_t v) {
     const LabelId label = labels.voxels()[v];
@@ -365,7 +365,7 @@ TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
     }
     const Ramps ramps = prepared(labels);
     const auto most =
-        least_over_paths(labels, {kBoneLabel, kCartilageLabel}, {kBone_N_per_mm, kCartilage_N_per_mm});
+        min_over_paths(labels, {kBoneLabel, kCartilageLabel}, {kBone_N_per_mm, kCartilage_N_per_mm});
     const std::vector<std::uint16_t> field = ramps.field.dense().voxels();
     for (std::size_t v = 0; v < most.size(); ++v) {
       if (labels.voxels()[v] != kBoneLabel && labels.voxels()[v] != kCartilageLabel) continue;

@@ -75,7 +75,7 @@ void distance_to_class(const Block<std::uint8_t>& mask, std::uint8_t other, cons
   const Span3& span = distance.span();
   Block<float> nearest(span.grown({window[0], window[1], 0})), squared(span);
   nearest_along_k(mask, other, kernel.axis[2], far, nearest);
-  filter_slices(nearest, kernel, least_of_rows, squared);
+  filter_slices(nearest, kernel, min_of_rows, squared);
 
   const auto mine = static_cast<std::uint8_t>(1 - other);
   const auto length = static_cast<std::size_t>(span.size(0));

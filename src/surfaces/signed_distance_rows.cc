@@ -14,7 +14,7 @@ namespace palpate::internal::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 template <class D>
-HWY_INLINE void least_vector(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
+HWY_INLINE void min_vector(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
   auto now = hn::LoadU(d, rows.centre + x);
   for (std::size_t t = 0; t < rows.pair_count; ++t) {
     const RowPair<float>& pair = rows.pairs[t];
@@ -26,7 +26,7 @@ HWY_INLINE void least_vector(D d, const WeightedRows<float>& rows, std::size_t x
 
 /// Processes four adjacent vectors, whose dependency chains are independent.
 template <class D>
-HWY_INLINE void least_four_vectors(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
+HWY_INLINE void min_four_vectors(D d, const WeightedRows<float>& rows, std::size_t x, float* least) {
   const std::size_t x1 = x + hn::Lanes(d), x2 = x1 + hn::Lanes(d), x3 = x2 + hn::Lanes(d);
   auto now0 = hn::LoadU(d, rows.centre + x);
   auto now1 = hn::LoadU(d, rows.centre + x1);
@@ -49,21 +49,21 @@ HWY_INLINE void least_four_vectors(D d, const WeightedRows<float>& rows, std::si
 
 /// The last vector may overlap the one before it, computing the same values again.
 template <class D>
-HWY_INLINE void least_by_vectors(D d, const WeightedRows<float>& rows, std::size_t length, float* least) {
+HWY_INLINE void min_by_vectors(D d, const WeightedRows<float>& rows, std::size_t length, float* least) {
   const std::size_t lanes = hn::Lanes(d);
   std::size_t x = 0;
-  for (; x + 4 * lanes <= length; x += 4 * lanes) least_four_vectors(d, rows, x, least);
-  for (; x + lanes <= length; x += lanes) least_vector(d, rows, x, least);
-  if (x < length) least_vector(d, rows, length - lanes, least);
+  for (; x + 4 * lanes <= length; x += 4 * lanes) min_four_vectors(d, rows, x, least);
+  for (; x + lanes <= length; x += lanes) min_vector(d, rows, x, least);
+  if (x < length) min_vector(d, rows, length - lanes, least);
 }
 
 void least(const WeightedRows<float>& rows, std::size_t length, float* out) {
   const hn::ScalableTag<float> full;
   const hn::CappedTag<float, 1> single;
   if (length >= hn::Lanes(full)) {
-    least_by_vectors(full, rows, length, out);
+    min_by_vectors(full, rows, length, out);
   } else {
-    least_by_vectors(single, rows, length, out);
+    min_by_vectors(single, rows, length, out);
   }
 }
 
@@ -75,7 +75,7 @@ namespace palpate::internal {
 
 HWY_EXPORT(least);
 
-void least_of_rows(const WeightedRows<float>& rows, std::size_t length, float* out) {
+void min_of_rows(const WeightedRows<float>& rows, std::size_t length, float* out) {
   HWY_DYNAMIC_DISPATCH(least)(rows, length, out);
 }
 

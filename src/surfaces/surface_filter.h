@@ -18,7 +18,7 @@ BlockKernel gaussian_block_kernel(const Eigen::Vector3d& spacing_mm, double sigm
 /// quadratic functions are preserved and a sphere hardly shrinks. Truncated at 3 sigma.
 BlockKernel quadratic_block_kernel(const Eigen::Vector3d& spacing_mm, double sigma_mm);
 
-/// Operation that combines rows into one: sum_rows for a convolution, least_of_rows for a minimum.
+/// Operation that combines rows into one: sum_rows for a convolution, min_of_rows for a minimum.
 using RowOperation = void (*)(const WeightedRows<float>& rows, std::size_t length, float* out);
 
 /// Applies the operation along k, then j, then i; after the first step, slices that served only as neighbours

@@ -228,7 +228,8 @@ class NetTriangles::Search {
     const Vector high = net_.centre_mm(box.high[0] - 1, box.high[1] - 1, box.high[2] - 1);
     const Vector middle = 0.5f * (low + high);
     NearParts& near = near_[level + 1];
-    select_near(near_[level], {{middle[0], middle[1], middle[2]}, 0.5f * (high - low).norm()}, reach_mm_, near);
+    select_near(near_[level], {{middle[0], middle[1], middle[2]}, 0.5f * (high - low).norm()}, reach_mm_,
+                near);
     if (near.count == 0) {
       fill(box);
     } else if (level + 1 < kBoxes.size()) {

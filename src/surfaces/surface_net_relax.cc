@@ -30,12 +30,12 @@ constexpr float kNormal_mm = 1, kCurvature_mm = 2.5f, kEdge_mm = 1.5f;
 /// faces.
 constexpr float kEdgeCurvature = 0.15f;
 /// Distance along the surface from the volume's border within which a node's curvature is weighted down by
-/// the fourth power of the relative distance, but at least by kLeastTrust. A larger distance would affect
+/// the fourth power of the relative distance, but at least by kMinTrust. A larger distance would affect
 /// faces between an edge and the volume's border too much.
-constexpr float kBorder_mm = 5, kLeastTrust = 1e-3f;
+constexpr float kBorder_mm = 5, kMinTrust = 1e-3f;
 /// Nodes per chunk of work, and minimum number of chunks per thread.
 constexpr std::size_t kChunk = 4096;
-constexpr int kLeastChunks = 6;
+constexpr int kMinChunks = 6;
 
 /// A link whose opposite one led to a wall. It contributes to the curvature but exerts no pull: unbalanced,
 /// it would draw its node along the surface and level a tilted one.
@@ -81,7 +81,7 @@ class Relaxation {
   void over_nodes(std::size_t begin, std::size_t end, const Work& work) const {
     const auto chunks = static_cast<int>((end - begin + kChunk - 1) / kChunk);
     const auto done =
-        for_each_slice(chunks, worker_count(threads_, chunks / kLeastChunks), {}, {}, [&](int, int n) {
+        for_each_slice(chunks, worker_count(threads_, chunks / kMinChunks), {}, {}, [&](int, int n) {
           const std::size_t first = begin + static_cast<std::size_t>(n) * kChunk;
           work(first, std::min(end, first + kChunk));
         });
@@ -109,7 +109,8 @@ class Relaxation {
   std::vector<CellPlace> place_;
   NetLinks links_;
   std::vector<Unpaired> unpaired_;
-  std::vector<float> curvature_divisor_;  ///< Divisor of a node's curvature near walls; empty if there are none
+  std::vector<float>
+      curvature_divisor_;  ///< Divisor of a node's curvature near walls; empty if there are none
   /// Voxels; offset of the links minus the node's target offset from their mean
   std::vector<CellPlace> rest_;
 };
@@ -201,7 +202,7 @@ void Relaxation::compute_border_divisors() {
   curvature_divisor_.resize(place_.size());
   for (std::size_t n = 0; n < place_.size(); ++n) {
     const float part = apart_mm[n] / kBorder_mm;
-    curvature_divisor_[n] = 1 / std::max(part * part * part * part, kLeastTrust);
+    curvature_divisor_[n] = 1 / std::max(part * part * part * part, kMinTrust);
   }
 }
 

@@ -14,8 +14,8 @@ constexpr double kNearby_mm = 1.5;
 /// Distance from the surface within which a voxel contributes to it.
 constexpr float kBand_mm = 1;
 /// Heights up to the first leave the broad distance unchanged: a sphere of 5 mm radius is below it. From the
-/// second on the position has the share kMostShare.
-constexpr float kThick_mm = 0.8f, kThin_mm = 1.2f, kMostShare = 0.9f;
+/// second on the position has the share kMaxShare.
+constexpr float kThick_mm = 0.8f, kThin_mm = 1.2f, kMaxShare = 0.9f;
 
 }  // namespace
 
@@ -57,7 +57,7 @@ void NormalFilter::apply(const Block<float>& broad, const Block<float>& position
 
   const PositionShare share{.low_mm = kThick_mm,
                             .high_mm = kThin_mm,
-                            .most = kMostShare,
+                            .most = kMaxShare,
                             .slope = slope,
                             .limit_mm = static_cast<float>(kBroadReach_mm)};
   const auto length = static_cast<std::size_t>(normal.span().size(0));

@@ -28,7 +28,7 @@ Index3 sum(const Index3& a, const Index3& b) {
   return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
 }
 
-/// Distance on the wrong side, negated so that least_of_rows finds the maximum. Returns false if there is
+/// Distance on the wrong side, negated so that min_of_rows finds the maximum. Returns false if there is
 /// none.
 bool negated_wrong(const Block<float>& distance, const Block<float>& smooth, Block<float>& wrong) {
   const auto length = static_cast<std::size_t>(wrong.span().size(0));
@@ -64,7 +64,7 @@ void PositionFilter::apply(const Block<float>& distance, Block<std::int16_t>& po
   Block<float> wrong(widened), keep(span, 0);
   if (negated_wrong(distance, smoothed, wrong)) {
     Block<float> worst(softened);
-    filter_block(wrong, widen, least_of_rows, worst);
+    filter_block(wrong, widen, min_of_rows, worst);
     filter_block(worst, soften, keep);
   }
 

@@ -182,8 +182,8 @@ float steepest(const CellRows& rows, std::size_t cells) {
     const auto gj = hn::Mul(along_j, hn::Set(d, rows.per_step[1]));
     const auto gk = hn::Mul(along_k, hn::Set(d, rows.per_step[2]));
     const auto square = hn::Add(hn::Add(hn::Mul(gi, gi), hn::Mul(gj, gj)), hn::Mul(gk, gk));
-    const float most_here = hn::GetLane(hn::MaxOfLanes(d, square));
-    worst = worst < most_here ? most_here : worst;
+    const float max_here = hn::GetLane(hn::MaxOfLanes(d, square));
+    worst = worst < max_here ? max_here : worst;
   });
   return worst;
 }

@@ -130,7 +130,8 @@ class WholeSurface {
     const auto distance = StepsSource::of(w.distance);
 
     // the filtered labels are only used to build the net and are not stored
-    auto net = std::make_shared<internal::SurfaceNet>(internal::empty_net(internal::cells_of(fine), plan_.fine));
+    auto net =
+        std::make_shared<internal::SurfaceNet>(internal::empty_net(internal::cells_of(fine), plan_.fine));
     done = make_net(distance, *net);
     if (!done) return done;
     const internal::Index3& first = plan_.box.first;
@@ -547,7 +548,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 }
 
 Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<LabelId>& labels,
-                                              const VoxelBox& dirty) {
+                                       const VoxelBox& dirty) {
   const SurfacePatch patch = prepare_patch(old, labels, dirty);
   if (!patch.local) {
     auto all = prepare_surfaces(labels, {old.label}, old.options);

@@ -403,9 +403,9 @@ TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
   expect_same(*again, prepared_surfaces(labels));
 
   // all removed
-  EXPECT_FALSE(update_surface(old, *label_bricks(Volume<LabelId>(labels.geometry())),
-                                     {{0, 0, 0}, {100, 100, 100}})
-                   .ok());
+  EXPECT_FALSE(
+      update_surface(old, *label_bricks(Volume<LabelId>(labels.geometry())), {{0, 0, 0}, {100, 100, 100}})
+          .ok());
 }
 
 // ---- strays

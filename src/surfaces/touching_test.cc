@@ -15,9 +15,9 @@ namespace {
 using internal::Common;
 using internal::Touching;
 
-Volume<LabelId> random_labels(std::mt19937& random, int most_dim) {
+Volume<LabelId> random_labels(std::mt19937& random, int max_dim) {
   GridGeometry grid;
-  std::uniform_int_distribution<int> size(1, most_dim), label(0, 30);
+  std::uniform_int_distribution<int> size(1, max_dim), label(0, 30);
   for (int& dim : grid.dims) dim = size(random);
   Volume<LabelId> labels(grid);
   for (LabelId& voxel : labels.voxels()) voxel = static_cast<LabelId>(std::max(0, label(random) - 24));

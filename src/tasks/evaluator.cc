@@ -9,11 +9,11 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMostEvents = 10000;
-constexpr double kTouch_N = 0.2;      // of coverage and answers
-constexpr double kRest_mm = 1.5;      // within which a tip rests
-constexpr double kMostForce_N = 1e6;  // beyond it a number is no force
-constexpr double kLook_s = 0.1;       // so often it is looked at how much is taken off
+constexpr std::size_t kMaxEvents = 10000;
+constexpr double kTouch_N = 0.2;     // of coverage and answers
+constexpr double kRest_mm = 1.5;     // within which a tip rests
+constexpr double kMaxForce_N = 1e6;  // beyond it a number is no force
+constexpr double kLook_s = 0.1;      // so often it is looked at how much is taken off
 
 /// Part of a step from a to b, straight in between, that lies above a threshold.
 double part_above(double a, double b, double threshold) {
@@ -93,7 +93,7 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
                     {device.contact_patient_mm[3 * n], device.contact_patient_mm[3 * n + 1],
                      device.contact_patient_mm[3 * n + 2]},
                     device.contact_N[n]};
-    if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMostForce_N) continue;
+    if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMaxForce_N) continue;
     // within 45 degrees of straight below what is touched first
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
       const Eigen::Vector3d way = contact.place_mm - contacts_[0].place_mm;
@@ -118,7 +118,7 @@ double TaskEvaluator::force_on(const std::vector<bool>& labels) const {
 }
 
 void TaskEvaluator::tell(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N) {
-  if (events_.size() == kMostEvents) {
+  if (events_.size() == kMaxEvents) {
     ++more_events_;
     return;
   }

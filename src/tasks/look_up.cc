@@ -100,8 +100,8 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
     if (bounds(place)) view.radius_mm = std::max(view.radius_mm, (place - view.middle_mm).norm());
   });
   // of a closed surface all ways cancel
-  constexpr double kLeastShare = 0.05;
-  if (outward.norm() > kLeastShare * faces) view.outward = outward.normalized();
+  constexpr double kMinShare = 0.05;
+  if (outward.norm() > kMinShare * faces) view.outward = outward.normalized();
   return view;
 }
 

@@ -81,16 +81,16 @@ void MotionMeter::take_grid_point(const Eigen::Vector3d& x) {
   const Eigen::Vector3d jerk =
       (grid_[3] - 3 * grid_[2] + 3 * grid_[1] - grid_[0]) / (kGrid_s * kGrid_s * kGrid_s);
   jerk2_ += jerk.squaredNorm();
-  most_speed_mm_s_ = std::max(most_speed_mm_s_, (grid_[2] - grid_[1]).norm() / kGrid_s);
+  max_speed_mm_s_ = std::max(max_speed_mm_s_, (grid_[2] - grid_[1]).norm() / kGrid_s);
 }
 
 double MotionMeter::smoothness() const {
   const double length_s = static_cast<double>(grid_points_) * kGrid_s - kSettled_s - 3 * kGrid_s;
   constexpr double kShortest_s = 0.5;
-  if (length_s < kShortest_s || !(most_speed_mm_s_ > 0) || !(jerk2_ > 0))
+  if (length_s < kShortest_s || !(max_speed_mm_s_ > 0) || !(jerk2_ > 0))
     return std::numeric_limits<double>::quiet_NaN();
   const double integral = jerk2_ * kGrid_s;
-  return -std::log(length_s * length_s * length_s / (most_speed_mm_s_ * most_speed_mm_s_) * integral);
+  return -std::log(length_s * length_s * length_s / (max_speed_mm_s_ * max_speed_mm_s_) * integral);
 }
 
 }  // namespace palpate

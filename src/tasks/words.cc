@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMostNamed = 3;  // in an event
+constexpr std::size_t kMaxNamed = 3;  // in an event
 
 std::string short_number(double value) {
   char text[40];
@@ -69,11 +69,11 @@ std::string event_text(const TaskFile& task, const TaskEvent& event) {
       return "done: " + task.steps[event.part].name;
     case TaskEvent::Kind::kOverLimit:
       return short_number(event.force_N) + " N on " +
-             names_of_structures(task.forces[event.part].structures, kMostNamed) + ", above " +
+             names_of_structures(task.forces[event.part].structures, kMaxNamed) + ", above " +
              short_number(*task.forces[event.part].limit_N) + " N";
     case TaskEvent::Kind::kProtected:
-      return "touched " + names_of_structures(task.protections[event.part].structures, kMostNamed) +
-             " with " + short_number(event.force_N) + " N, which is protected";
+      return "touched " + names_of_structures(task.protections[event.part].structures, kMaxNamed) + " with " +
+             short_number(event.force_N) + " N, which is protected";
     case TaskEvent::Kind::kUnseen:
       return "touched out of the scope's view, with " + short_number(event.force_N) + " N";
     case TaskEvent::Kind::kEnded:

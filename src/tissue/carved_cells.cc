@@ -102,7 +102,7 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
   if (changed.empty()) return changed;
   const bool other = grid_.set_cells(changed, [&](int i, int j, int k) {
     const ElasticCell target = cells_.cell(*labels_.made, labels_.taken.get(), i, j, k);
-    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolvingFeel.most_fill_change);
+    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolvingFeel.max_fill_change);
     if (next != target) on_their_way_ = on_their_way_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
     return next;
   });

@@ -19,7 +19,7 @@ namespace palpate {
 namespace {
 
 // number of steps until a full cell that was removed has reached its target
-const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.most_fill_change)) + 2;
+const int kStepsToFollow = static_cast<int>(std::ceil(1 / kSolvingFeel.max_fill_change)) + 2;
 constexpr LabelId kSoftLabel = 1, kFirmLabel = 2, kBoneLabel = 3, kKeptLabel = 4;
 
 // A layer of two tissues on bone, with a protected cord; voxels of 1 x 0.9 x 1.1 mm, air above z = 12.
@@ -181,7 +181,7 @@ class CarvedCellsOf : public ::testing::Test {
     const ElasticGrid& grid = cells_->grid();
     for (std::size_t n = 0; n < grid.fill().size(); ++n) {
       if (grid.mu()[n] == 0 || before_->mu()[n] == 0) continue;
-      ASSERT_LE(std::abs(grid.fill()[n] - before_->fill()[n]), kSolvingFeel.most_fill_change + 1e-6);
+      ASSERT_LE(std::abs(grid.fill()[n] - before_->fill()[n]), kSolvingFeel.max_fill_change + 1e-6);
     }
   }
   void settle() {

@@ -81,13 +81,13 @@ class Nearby {
     return size() == 0 ? std::numeric_limits<float>::infinity() : ways_mm(at_mm).minCoeff();
   }
   /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
-  /// `most_mm` there.
-  Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float most_mm) const {
+  /// `max_mm` there.
+  Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
     Nearby nearest;
     if (size() == 0) return nearest;
     const Eigen::ArrayXf ways = ways_mm(at_mm);
     // margin for rounding
-    const float most = std::min(most_mm + radius_mm, ways.minCoeff() + 2 * radius_mm) + 1e-3f;
+    const float most = std::min(max_mm + radius_mm, ways.minCoeff() + 2 * radius_mm) + 1e-3f;
     const Eigen::Index count = (ways <= most).count();
     nearest.voxels_.resize(count, 4);
     for (Eigen::Index n = 0, to = 0; to < count; ++n)

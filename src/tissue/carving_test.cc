@@ -106,13 +106,13 @@ class CarvingOracle {
     return near;
   }
   int away(const std::vector<Near>& near, int i, int j, int k) const {
-    double least_mm = kReach_mm;
+    double min_mm = kReach_mm;
     for (const Near& one : near) {
       const Eigen::Vector3d way =
           Eigen::Vector3d(one.i - i, one.j - j, one.k - k).cwiseProduct(grid_.spacing_mm);
-      least_mm = std::min(least_mm, way.norm() + one.distance_mm);
+      min_mm = std::min(min_mm, way.norm() + one.distance_mm);
     }
-    return static_cast<int>(std::lround(least_mm / kStep_mm));
+    return static_cast<int>(std::lround(min_mm / kStep_mm));
   }
 
   const SignedField& made_;
@@ -227,18 +227,18 @@ TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
     const double cusp_mm = apart_mm * apart_mm / (8 * radius_mm), voxel_mm = spacing_mm.maxCoeff();
     std::mt19937 random(test::test_seed());
     std::uniform_real_distribution<double> across(-3, 3), height(-1, 2.5);
-    double most_mm = 0, most_degrees = 0;
+    double max_mm = 0, most_degrees = 0;
     for (int n = 0; n < 3000; ++n) {
       const Point<Patient> p(across(random), across(random), height(random));
-      most_mm = std::max(most_mm, std::abs(bed.distance_mm(p) - (p.z() + 1)));
+      max_mm = std::max(max_mm, std::abs(bed.distance_mm(p) - (p.z() + 1)));
       if (p.z() < 0) continue;
       most_degrees =
           std::max(most_degrees, std::acos(std::min(1.0, bed.outward(p).z())) * 180 / std::numbers::pi);
     }
-    EXPECT_LT(most_mm, cusp_mm + 0.12 * voxel_mm) << spacing_mm.transpose() << ", turned by " << turn;
+    EXPECT_LT(max_mm, cusp_mm + 0.12 * voxel_mm) << spacing_mm.transpose() << ", turned by " << turn;
     EXPECT_LT(most_degrees, 6) << spacing_mm.transpose() << ", turned by " << turn;
     std::cout << "  bed at " << spacing_mm.transpose() << " mm, turned by " << turn << ": distance within "
-              << most_mm << " mm, normal within " << most_degrees << " degrees, slope " << bed.steepest()
+              << max_mm << " mm, normal within " << most_degrees << " degrees, slope " << bed.steepest()
               << '\n';
   }
 }
@@ -253,13 +253,13 @@ TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
     const Surface& hole = *carved.surface();
     std::mt19937 random(test::test_seed());
     std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi), height(-1, 1), from(0.5, 2.5);
-    double most_mm = 0, all_degrees = 0, most_degrees = 0;
+    double max_mm = 0, all_degrees = 0, most_degrees = 0;
     int count = 0;
     for (int n = 0; n < 3000; ++n) {
       const double a = angle(random), r = from(random);
       const Vector<Patient> out(std::cos(a), std::sin(a), 0);
       const Point<Patient> p = Point<Patient>(0.2, 0.1, height(random)) + out * r;
-      most_mm = std::max(most_mm, std::abs(hole.distance_mm(p) - (radius_mm - r)));
+      max_mm = std::max(max_mm, std::abs(hole.distance_mm(p) - (radius_mm - r)));
       const double degrees =
           std::acos(std::clamp(hole.outward(p).dot(out * -1.0), -1.0, 1.0)) * 180 / std::numbers::pi;
       if (r < 1.5) continue;
@@ -268,9 +268,8 @@ TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
       ++count;
     }
     std::cout << "  hole at " << spacing_mm.transpose() << " mm, turned by " << turn << ": distance within "
-              << most_mm << " mm, normal " << all_degrees / count << " degrees, most " << most_degrees
-              << '\n';
-    EXPECT_LT(most_mm, 0.25 * spacing_mm.maxCoeff());
+              << max_mm << " mm, normal " << all_degrees / count << " degrees, most " << most_degrees << '\n';
+    EXPECT_LT(max_mm, 0.25 * spacing_mm.maxCoeff());
     EXPECT_LT(all_degrees / count, 3);
     EXPECT_LT(most_degrees, 12);
   }

@@ -40,7 +40,7 @@ bool find_dent(const Model& model, const TickRecord& felt, std::size_t device, D
   dent.outward =
       Vector<Patient>(told.normal_patient[0], told.normal_patient[1], told.normal_patient[2]).normalized();
   dent.depth_mm = told.depth_mm;
-  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldFeel.least_radius_mm);
+  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldFeel.min_radius_mm);
   return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5;
 }
 
@@ -210,7 +210,7 @@ void ChainMail::take_over(const ChainMail& other, const std::array<int, 3>& offs
   });
 }
 
-double ChainMail::most_moved_mm() const {
+double ChainMail::max_moved_mm() const {
   double most = 0;
   for (const float moved : moved_mm_.values) most = std::max(most, std::abs(static_cast<double>(moved)));
   return most;
@@ -255,7 +255,7 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& felt) {
     }
     if (region == nullptr) continue;
     region->mail.relax(kPasses);
-    if (!pressed && region->mail.most_moved_mm() < kAtRest_mm) region.reset();
+    if (!pressed && region->mail.max_moved_mm() < kAtRest_mm) region.reset();
   }
 }
 

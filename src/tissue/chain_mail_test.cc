@@ -45,7 +45,7 @@ Eigen::Vector3d moved_mm(const ChainMail& mail, int i, int j, int k) {
 }
 
 // Largest violation of a link's bounds, over links between existing nodes at least one of which was moved.
-double most_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
+double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
   double most = 0;
   const auto is_there = [&](int i, int j, int k) { return (grid.held(i, j, k) & ElasticGrid::kNoNode) == 0; };
   for_each_node({{0, 0, 0}, {kMailCells, kMailCells, kMailCells}}, [&](int i, int j, int k) {
@@ -91,7 +91,7 @@ TEST(ChainMail, NoLinkIsBeyondItsBoundsHoweverItIsPressed) {
     const double x = place(random), y = place(random), deep_mm = depth(random);
     mail.press(dent_of(deep_mm, 3, x, y));
     mail.relax(4);
-    EXPECT_LT(most_beyond_mm(mail, grid), 1e-4) << n;
+    EXPECT_LT(max_beyond_mm(mail, grid), 1e-4) << n;
   }
 }
 
@@ -101,12 +101,12 @@ TEST(ChainMail, WhatIsLetGoComesBackToRest) {
   mail.press(dent_of(2));
   mail.relax(4);
   mail.let_go();
-  double before = mail.most_moved_mm();
+  double before = mail.max_moved_mm();
   EXPECT_GT(before, 1.5);
   for (int n = 0; n < 60; ++n) {
     mail.relax(8);
-    EXPECT_LE(mail.most_moved_mm(), before);
-    before = mail.most_moved_mm();
+    EXPECT_LE(mail.max_moved_mm(), before);
+    before = mail.max_moved_mm();
   }
   EXPECT_LT(before, 0.02);
 }
@@ -163,7 +163,7 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
     boxes += mail->box().corner != corner;
     corner = mail->box().corner;
     // nodes moved by the tool are as deep as the tool
-    EXPECT_NEAR(mail->most_moved_mm(), 2, 0.35) << x;
+    EXPECT_NEAR(mail->max_moved_mm(), 2, 0.35) << x;
   }
   EXPECT_GT(boxes, 3);
   TickRecord away = testing::tool_at({x, 0, 10});

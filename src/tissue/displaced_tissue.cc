@@ -16,7 +16,7 @@ namespace palpate {
 namespace {
 
 // a stiff nodule converges slowest (docs/decisions/0034)
-constexpr int kMostIterations = 60;
+constexpr int kMaxIterations = 60;
 constexpr double kConverged = 1e-4;
 
 /// Displacements of all nodes, along the box's axes.
@@ -74,16 +74,16 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& felt) {
     const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
     const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
-    const double cell_mm = grid.box().cell_mm, least_mm = kSolvingFeel.least_patch_cells * cell_mm;
-    const double modulus = PressurePatch(grid, press.at, press.outward, least_mm).contact_modulus();
+    const double cell_mm = grid.box().cell_mm, min_mm = kSolvingFeel.min_patch_cells * cell_mm;
+    const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus();
     if (!(modulus > 0)) continue;
     const double touched_mm = cube_root(0.75 * pressed_N * press.radius_mm / modulus);
-    const double rho_mm = std::clamp(touched_mm, least_mm, kMostPatchPart * grid.box().cells[1] * cell_mm);
+    const double rho_mm = std::clamp(touched_mm, min_mm, kMaxPatchPart * grid.box().cells[1] * cell_mm);
     const PressurePatch patch(grid, press.at, press.outward, rho_mm);
     if (!patch.touches()) continue;
     ElasticField unit_mm(grid.layout()), load_N(grid.layout());
     patch.add(1, load_N);
-    ElasticSolver(grid).solve(load_N, unit_mm, kMostIterations, kConverged);
+    ElasticSolver(grid).solve(load_N, unit_mm, kMaxIterations, kConverged);
     double force_N = pressed_N;
     if (model.relaxation_times.any()) {
       LocalCompliance spot;

@@ -13,12 +13,12 @@ namespace {
 // Distance that the field is continued into empty nodes, per displacement: limits the slope to 1/3, so that
 // nothing folds.
 constexpr double kCarriedPerMoved = 3;
-constexpr int kLeastCarried = 4, kMostCarried = 24;
+constexpr int kMinCarried = 4, kMaxCarried = 24;
 
 }  // namespace
 
 DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm,
-                       const std::vector<bool>& empty, double fade_cells)
+                                     const std::vector<bool>& empty, double fade_cells)
     : box_(box), fade_cells_(fade_cells), moved_mm_(std::move(moved_mm)) {
   PALPATE_CHECK(moved_mm_.size() == node(box_, 0, 0, box_.cells[2] + 1) && empty.size() == moved_mm_.size() &&
                 fade_cells_ > 0);
@@ -28,10 +28,10 @@ DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::V
 // Layer by layer, empty nodes take the mean of their known neighbours, scaled down with each layer.
 void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& empty) {
   const auto& cells = box_.cells;
-  float most_mm = 0;
-  for (const Eigen::Vector3f& moved : moved_mm_) most_mm = std::max(most_mm, moved.norm());
-  const int layers = std::clamp(static_cast<int>(std::ceil(kCarriedPerMoved * most_mm / box_.cell_mm)),
-                                kLeastCarried, kMostCarried);
+  float max_mm = 0;
+  for (const Eigen::Vector3f& moved : moved_mm_) max_mm = std::max(max_mm, moved.norm());
+  const int layers = std::clamp(static_cast<int>(std::ceil(kCarriedPerMoved * max_mm / box_.cell_mm)),
+                                kMinCarried, kMaxCarried);
   struct Node {
     int i, j, k;
   };

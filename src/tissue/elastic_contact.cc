@@ -12,7 +12,7 @@ namespace {
 /// Number of sample points of a patch, with equal shares of the force.
 constexpr int kPatchPlaces = 128;
 /// Maximum number of iterations for the radius of a wide contact.
-constexpr int kMostRadii = 6;
+constexpr int kMaxRadii = 6;
 
 // sample point of a patch: the cell from which its displacement is interpolated, and its position in that
 // cell
@@ -218,18 +218,18 @@ Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {
 
 SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,
                            const Vector<Patient>& outward, double radius_mm, double depth_mm,
-                           ElasticField& unit_mm, ElasticField& load_N, int most_iterations,
+                           ElasticField& unit_mm, ElasticField& load_N, int max_iterations,
                            double tolerance) {
   SphereContact contact;
   if (!(depth_mm > 0)) return contact;
-  const double least_mm = 3 * grid.box().cell_mm;
-  double rho_mm = least_mm;
-  for (int n = 0; n < kMostRadii; ++n) {
+  const double min_mm = 3 * grid.box().cell_mm;
+  double rho_mm = min_mm;
+  for (int n = 0; n < kMaxRadii; ++n) {
     const PressurePatch patch(grid, at, outward, rho_mm);
     if (!patch.touches()) return contact;
     std::fill(load_N.values.begin(), load_N.values.end(), 0.0f);
     patch.add(1, load_N);
-    contact.solution = solver.solve(load_N, unit_mm, most_iterations, tolerance);
+    contact.solution = solver.solve(load_N, unit_mm, max_iterations, tolerance);
     const double w = patch.displacement(unit_mm), modulus = patch.contact_modulus();
     const double force = force_at(depth_mm, w, rho_mm, radius_mm, modulus);
     contact.force_N = force;
@@ -237,7 +237,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
     contact.contact_radius_mm = std::cbrt(3 * force * radius_mm / (4 * modulus));
     // W(rho) - 0.6 / (rho E*) depends only weakly on rho, so few iterations suffice
     contact.tangential_N = patch.change(unit_mm) * (force * force);
-    const double next_mm = std::max(contact.contact_radius_mm, least_mm);
+    const double next_mm = std::max(contact.contact_radius_mm, min_mm);
     if (std::abs(next_mm - rho_mm) <= 1e-3 * rho_mm) break;
     rho_mm = next_mm;
   }
@@ -246,7 +246,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
 
 Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const PressurePatch> patches,
                                    double tolerance, double* worst_residual) {
-  constexpr int kMostIterations = 200;
+  constexpr int kMaxIterations = 200;
   const auto count = static_cast<Eigen::Index>(patches.size());
   Eigen::MatrixXd w(count, count);
   ElasticField load(solver.layout()), u(solver.layout());
@@ -255,7 +255,7 @@ Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const Pressu
     std::fill(load.values.begin(), load.values.end(), 0.0f);
     std::fill(u.values.begin(), u.values.end(), 0.0f);
     patches[static_cast<std::size_t>(m)].add(1, load);
-    worst = std::max(worst, solver.solve(load, u, kMostIterations, tolerance).residual);
+    worst = std::max(worst, solver.solve(load, u, kMaxIterations, tolerance).residual);
     for (Eigen::Index n = 0; n < count; ++n) w(n, m) = patches[static_cast<std::size_t>(n)].displacement(u);
   }
   if (worst_residual != nullptr) *worst_residual = worst;

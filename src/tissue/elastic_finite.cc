@@ -12,7 +12,7 @@ namespace {
 
 /// Line search: maximum number of halvings, and fraction of the initial directional residual below which a
 /// step is accepted.
-constexpr int kMostHalvings = 6;
+constexpr int kMaxHalvings = 6;
 constexpr double kGoodPart = 0.9;
 
 }  // namespace
@@ -74,16 +74,16 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
     return scale > 0 ? norm / scale : norm;
   };
 
-  told.least_volume = left_over(u);
+  told.min_volume = left_over(u);
   scale += held.norm(s.q);
   told.residual = part();
-  while (told.residual > settings.tolerance && told.steps < settings.most_steps) {
+  while (told.residual > settings.tolerance && told.steps < settings.max_steps) {
     // Solves T step = r by conjugate gradients, truncated where the tangent T is not positive definite.
     std::fill(s.step.begin(), s.step.end(), 0.0f);
     s.tried = s.r;
     double rz = 0;
     const double enough = settings.step_tolerance * std::sqrt(dot(s.r, s.r));
-    for (int n = 0; n < settings.most_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
+    for (int n = 0; n < settings.max_iterations && std::sqrt(dot(s.r, s.r)) > enough; ++n) {
       // The V-cycle ignores the additional constraints. They are projected out of its result, which keeps it
       // symmetric positive definite on the remaining components.
       s.multigrid.cycle(s.r, s.z);
@@ -112,10 +112,10 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
     // longest step that inverts no cell and reduces the residual along the step
     double length = 1, least = 0;
     bool good = false;
-    for (int n = 0; n <= kMostHalvings && !good; ++n, length /= 2) {
+    for (int n = 0; n <= kMaxHalvings && !good; ++n, length /= 2) {
       for (std::size_t m = 0; m < u.size(); ++m) s.tried[m] = u[m] + static_cast<float>(length) * s.step[m];
       least = left_over(s.tried);
-      good = (least >= settings.least_volume || least > told.least_volume) &&
+      good = (least >= settings.min_volume || least > told.min_volume) &&
              std::abs(dot(s.r, s.step)) <= kGoodPart * std::abs(downhill);
     }
     if (!good) {
@@ -124,7 +124,7 @@ FiniteSolution ElasticSolver::solve_finite(const ElasticField& force_N, ElasticF
       break;
     }
     u = s.tried;
-    told.least_volume = least;
+    told.min_volume = least;
     told.residual = part();
     ++told.steps;
   }

@@ -118,7 +118,7 @@ TEST(ElasticFinite, TurningAsFarAsItMayMakesNoForce) {
   const Eigen::Matrix3d turn =
       Eigen::AngleAxisd(2.2, Eigen::Vector3d(1, 2, -0.5).normalized()).toRotationMatrix();
   const SlowElastic slow(grid);
-  const auto most_force = [&](double stretch) {
+  const auto max_force = [&](double stretch) {
     slow.for_each_node([&](int i, int j, int k) {
       const Eigen::Vector3d x = 0.9 * Eigen::Vector3d(i, j, k), moved = stretch * turn * x - x;
       for (int c = 0; c < 3; ++c) u.values[grid.layout().node(i, j, k, c)] = static_cast<float>(moved[c]);
@@ -126,7 +126,7 @@ TEST(ElasticFinite, TurningAsFarAsItMayMakesNoForce) {
     solver.finite_forces(u, force);
     return slow.from(force).cwiseAbs().maxCoeff();
   };
-  EXPECT_LE(most_force(1), 1e-4 * most_force(1.1));
+  EXPECT_LE(max_force(1), 1e-4 * max_force(1.1));
 }
 
 TEST(ElasticFinite, SmallStrainsAreLinear) {
@@ -161,8 +161,8 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
     }
   ElasticField by_grid = besides;
   FiniteSettings settings;
-  settings.most_steps = 40;
-  settings.most_iterations = 60;
+  settings.max_steps = 40;
+  settings.max_iterations = 60;
   settings.tolerance = 2e-5;  // about the precision of floats
   EXPECT_TRUE(solver.solve_finite(load, besides, settings, held).converged);
   EXPECT_TRUE(ElasticSolver(grid).solve_finite(load, by_grid, settings).converged);
@@ -181,14 +181,14 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
     load.values[grid.layout().node(7, 6, 6, 2)] = -force_N;
     for (int frame = 0; frame < 10; ++frame) {
       const FiniteSolution told = solver.solve_finite(load, u, settings);
-      EXPECT_GE(told.least_volume, settings.least_volume);
+      EXPECT_GE(told.min_volume, settings.min_volume);
       ASSERT_TRUE(
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
     }
   }
   // back to rest
   std::fill(load.values.begin(), load.values.end(), 0.0f);
-  settings.most_steps = 60;
+  settings.max_steps = 60;
   settings.tolerance = 1e-6;
   EXPECT_TRUE(solver.solve_finite(load, u, settings).converged);
   for (const float one : u.values) EXPECT_LE(std::abs(one), 1e-3f);

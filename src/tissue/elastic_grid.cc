@@ -60,11 +60,11 @@ CellBox CellBox::clipped(const std::array<int, 3>& cells) const {
   return box;
 }
 
-ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_change) {
+ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_change) {
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
   const double way = static_cast<double>(to.fill) - from.fill;
-  if (std::abs(way) <= most_change) return to;
-  const double fill = std::max(from.fill + (way > 0 ? most_change : -most_change), kMinFill);
+  if (std::abs(way) <= max_change) return to;
+  const double fill = std::max(from.fill + (way > 0 ? max_change : -max_change), kMinFill);
   // if the remaining change is larger, at least one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
   const double part = fill / solid.fill;

@@ -9,7 +9,7 @@ namespace palpate::internal::elastic {
 namespace {
 
 /// Grids with at most this number of free values are factorised.
-constexpr std::size_t kMostFactorized = 400;
+constexpr std::size_t kMaxFactorized = 400;
 constexpr int kDegree = 3;
 /// The smoother damps eigenvalues between this fraction of the greatest and the greatest.
 constexpr double kSmoothedFrom = 0.1;
@@ -17,7 +17,7 @@ constexpr double kSmoothedFrom = 0.1;
 constexpr int kPowerIterations = 15;
 constexpr double kPowerMargin = 1.1;
 /// Relative diagonal shift, so that a coarse body with nearly disconnected parts can be factorised.
-constexpr double kLeastPivot = 1e-6;
+constexpr double kMinPivot = 1e-6;
 
 std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
   return layout.node(0, j, k, 0) / 3 + static_cast<std::size_t>(i);
@@ -300,7 +300,7 @@ Multigrid::Level::Level(Operator with) : k(std::move(with)) {
 
 Multigrid::Multigrid(Operator finest) {
   levels_.emplace_back(std::move(finest));
-  while (levels_.back().k.free_values() > kMostFactorized && levels_.back().k.can_be_coarser())
+  while (levels_.back().k.free_values() > kMaxFactorized && levels_.back().k.can_be_coarser())
     levels_.emplace_back(levels_.back().k.coarser());
   for (Level& level : levels_) level.most = kPowerMargin * greatest_eigenvalue(level);
   factorize();
@@ -360,7 +360,7 @@ void Multigrid::factorize() {
     level.x[coarsest_[column]] = 0;
     for (Eigen::Index row = 0; row < size; ++row) coarsest_k_(row, column) = level.product[coarsest_[row]];
   }
-  coarsest_k_.diagonal() *= 1 + kLeastPivot;
+  coarsest_k_.diagonal() *= 1 + kMinPivot;
   factors_.compute(coarsest_k_);
   coarsest_x_.resize(size);
 }

@@ -72,7 +72,7 @@ void ElasticSolver::forces(const ElasticField& displacement_mm, ElasticField& fo
 }
 
 ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& displacement_mm,
-                                     int most_iterations, double tolerance) {
+                                     int max_iterations, double tolerance) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
@@ -95,7 +95,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   };
 
   double rz = 0;
-  for (told.residual = part(); !(told.residual <= tolerance) && told.iterations < most_iterations;
+  for (told.residual = part(); !(told.residual <= tolerance) && told.iterations < max_iterations;
        told.residual = part()) {
     s.multigrid.cycle(s.r, s.z);
     const double next = dot(s.r, s.z);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kN_per_mm2_of_kPa = 1e-3;
 /// A cell counts as rigid if less than this fraction of its solid matter is soft.
-constexpr double kLeastSoftPart = 0.05;
+constexpr double kMinSoftPart = 0.05;
 /// Value of a voxel that is completely removed.
 constexpr double kAllTaken = 255;
 
@@ -45,7 +45,7 @@ void ElasticMixture::add(const ElasticMaterial& material, int samples, double so
 
 ElasticCell ElasticMixture::cell() const {
   const double solid = soft_ + rigid_, fill = solid / samples_;
-  const bool is_rigid = soft_ == 0 ? 2 * rigid_ >= samples_ : soft_ < kLeastSoftPart * solid;
+  const bool is_rigid = soft_ == 0 ? 2 * rigid_ >= samples_ : soft_ < kMinSoftPart * solid;
   if (is_rigid) return {Matter::kRigid, static_cast<float>(fill), 0, 0};
   if (!(soft_ > 0) || fill < kMinFill) return {};
   const double mu = fill * solid / per_mu_;

@@ -211,19 +211,19 @@ class Ahead {
   }
 
   Material before(const Point<Patient>& place, double counts_mm) const {
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
     for (std::size_t n = 0; n < count_; ++n) {
       const double distance_mm = surfaces_[static_cast<std::size_t>(near_[n])].surface->distance_mm(place);
-      if (distance_mm < least_mm) {
-        least_mm = distance_mm;
+      if (distance_mm < min_mm) {
+        min_mm = distance_mm;
         surface = near_[n];
       }
     }
-    if (!(least_mm < 0)) return {};
+    if (!(min_mm < 0)) return {};
     for (std::size_t n = 0; n < swept_count_; ++n) {
-      least_mm = std::max(least_mm, swept_[n]->depth_mm(place));
-      if (!(least_mm < 0)) return {};
+      min_mm = std::max(min_mm, swept_[n]->depth_mm(place));
+      if (!(min_mm < 0)) return {};
     }
     double cut = 0, energy = 0;  // shares of structures that are not protected
     for (const OwnerShare& share : owners_at(surfaces_, surface, place).all()) {
@@ -233,7 +233,7 @@ class Ahead {
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
-    const double deep = counts_mm > 0 ? std::clamp(-least_mm / counts_mm - 1, 0.0, 1.0) : 1;
+    const double deep = counts_mm > 0 ? std::clamp(-min_mm / counts_mm - 1, 0.0, 1.0) : 1;
     return {cut * deep, energy / cut};
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
@@ -279,7 +279,8 @@ bool sweep(const HeldBurr& burr, const HeadPose& from, const HeadPose& to, BurrS
 }
 
 // largest penetration of a burr with its full radii into the surfaces that its proxies are in contact with
-double penetration_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr, const ProxyState& proxy) {
+double penetration_mm(std::span<const ContactSurface> surfaces, const HeldBurr& burr,
+                      const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
   double sunk = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
@@ -350,17 +351,17 @@ HeadPose outside_protected(const HeldBurr& burr, const HeadPose& from, const Hea
   if (burr->spared.empty()) return to;
   const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
   Point<Patient> place = to.at;
-  for (int n = 0; n < kCuttingFeel.most_tries; ++n) {
+  for (int n = 0; n < kCuttingFeel.max_tries; ++n) {
     bool clear = true;
     for (const ProtectedStructure& structure : burr->spared) {
       const Surface& kept = *structure.surface;
       if (!structure.kept || is_known_beyond(kept, is, place, burr->widest_mm())) continue;
       const NearestPart nearest = nearest_part(kept, is, place, burr->radius_mm);
       if (nearest.distance_mm >= burr->radius_mm) continue;
-      const double least_mm =
+      const double min_mm =
           std::min(burr->radius_mm,
                    nearest_part(kept, was, from.at, burr->radius_mm).distance_mm + kCuttingFeel.regained_mm);
-      const double in_mm = least_mm - nearest.distance_mm;
+      const double in_mm = min_mm - nearest.distance_mm;
       if (in_mm <= kCuttingFeel.touching_mm) continue;
       clear = false;
       place += kept.outward(place + is.along_mm * nearest.part) * in_mm;
@@ -410,9 +411,11 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
   state.inset_mm = state.penetration_mm;
   if (in_material) {
-    const double feed_mm = sinking.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
-    state.inset_mm = std::min(state.penetration_mm + std::min(feed_mm, kCuttingFeel.most_feed_mm),
-                              std::max(state.penetration_mm, kCuttingFeel.most_inset_part * burr.thinnest_mm()));
+    const double feed_mm =
+        sinking.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
+    state.inset_mm =
+        std::min(state.penetration_mm + std::min(feed_mm, kCuttingFeel.max_feed_mm),
+                 std::max(state.penetration_mm, kCuttingFeel.max_inset_part * burr.thinnest_mm()));
   }
   // a burr that does not cut must be able to leave by the path on which it entered
   if (!cuts) state.inset_mm = std::max(state.inset_mm, short_of_room_mm(surfaces, held, proxy));
@@ -428,7 +431,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const ToolSphere head = burr.head(state.inset_mm);
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions led = options;
-  led.most_slip_N_per_s = std::numeric_limits<double>::infinity();
+  led.max_slip_N_per_s = std::numeric_limits<double>::infinity();
   if (cuts) led.away = kCuttingFeel.away;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
   for (std::size_t n = 0; n < before.size(); ++n) {
@@ -451,12 +454,12 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
     return result;
   }
   // The proxy does not follow every thousandth of a millimetre: unspent work is stored, up to what moves the
-  // burr by most_feed_mm in one tick.
+  // burr by max_feed_mm in one tick.
   if (in_material) {
     const double now_N = std::min(result.force_N.norm(), burr.max_press_N);
     const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
     const double unspent_work_mJ =
-        std::min(state.unspent_work_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.most_feed_mm));
+        std::min(state.unspent_work_mJ + work_mJ, energy * sinking.volume_mm3(kCuttingFeel.max_feed_mm));
     state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
     state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
   }

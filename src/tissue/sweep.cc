@@ -33,10 +33,10 @@ SweptShape::SweptShape(const Sweep& sweep)
   sine_ = std::abs(slope_) < 1 ? std::sqrt(1 - slope_ * slope_) : 0;
 
   // a path along the axis, or a zero one, spans no plane with it
-  constexpr double kLeastSine = 1e-6;
+  constexpr double kMinSine = 1e-6;
   const Vector<Patient> across = way_.cross(sweep.axis_mm);
   determinant_ = across.squared_norm();
-  if (!(determinant_ > kLeastSine * kLeastSine * way_squared_ * axis_squared_)) return;
+  if (!(determinant_ > kMinSine * kMinSine * way_squared_ * axis_squared_)) return;
   normal_ = across / std::sqrt(determinant_);
   dot_ = way_.dot(sweep.axis_mm);
   // the gradient is orthogonal to the path, along which the radius is constant

@@ -13,7 +13,7 @@
 namespace palpate {
 
 /// Upper limit of a patch's radius, as a fraction of the box's width.
-inline constexpr double kMostPatchPart = 0.25;
+inline constexpr double kMaxPatchPart = 0.25;
 
 /// Middle of the box for a tool that presses on a surface point: far enough below the surface that most of
 /// the box is tissue. In cells of the lattice over the whole volume, with which every box is aligned.

@@ -11,8 +11,8 @@
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/elastic_multigrid.h"
-#include "tissue/yield_cells.h"
 #include "tissue/relaxation_weights.h"
+#include "tissue/yield_cells.h"
 
 namespace palpate {
 namespace {
@@ -59,7 +59,7 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
   Vector<Patient> way =
       tagged<Vector<Patient>>(felt.velocity_patient_mm_s) * (kSolvingFeel.lead_frames * kYieldFrame_s);
   if (!tip.all_finite() || !way.all_finite()) return std::nullopt;
-  if (way.norm() > kSolvingFeel.most_lead_mm) way = way.normalized() * kSolvingFeel.most_lead_mm;
+  if (way.norm() > kSolvingFeel.max_lead_mm) way = way.normalized() * kSolvingFeel.max_lead_mm;
   if (felt.contact_label[0] == 0) return find_surface(model, tip + way);
   const auto normal = tagged<Vector<Patient>>(felt.normal_patient);
   const Point<Patient> place(felt.contact_patient_mm[0], felt.contact_patient_mm[1],
@@ -77,7 +77,7 @@ double expected_depth_mm(const DeviceTick& felt, const OnSurface& contact, doubl
   const double sinks_mm = -tagged<Vector<Patient>>(felt.velocity_patient_mm_s).dot(contact.outward) *
                           kSolvingFeel.lead_frames * kYieldFrame_s;
   const double now_mm = presses(felt) ? felt.depth_mm : radius_mm - above.dot(contact.outward);
-  return now_mm + std::min(sinks_mm, kSolvingFeel.most_lead_mm);
+  return now_mm + std::min(sinks_mm, kSolvingFeel.max_lead_mm);
 }
 
 // Contact radius at a depth: Hertz's, and while in contact no more than the force implies.
@@ -127,9 +127,9 @@ struct YieldSolver::Finite {
   ElasticField turning_mm;     ///< y - F u1
   ElasticField u_mm, force_N;  ///< Scratch
   double give_mm = 0;          ///< s W of the last frame; 0: none
-  double most_give = kSolvingFeel.most_give;
+  double max_give = kSolvingFeel.max_give;
   double depth_mm = 0;   ///< Depth of the tool in the last frame; 0: none
-  double failed_mm = 0;  ///< Depth of a resting tool at which more than most_give had no solution; 0: none
+  double failed_mm = 0;  ///< Depth of a resting tool at which more than max_give had no solution; 0: none
   double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Values last published
 
   explicit Finite(const ElasticLayout& layout)
@@ -149,10 +149,10 @@ struct YieldSolver::Region {
   ElasticSolver solver;
   ElasticField unit_mm, load_N;
   std::optional<RelaxationWeights> shares;  ///< If any tissue relaxes
-  double modulus = 0;                 ///< Contact modulus under the patch in the last frame
-  double radius_mm = 0;               ///< Radius of the tool
-  bool is_new = true;                 ///< Nothing has been solved in it yet
-  std::unique_ptr<Finite> finite;     ///< For the neo-Hookean law
+  double modulus = 0;                       ///< Contact modulus under the patch in the last frame
+  double radius_mm = 0;                     ///< Radius of the tool
+  bool is_new = true;                       ///< Nothing has been solved in it yet
+  std::unique_ptr<Finite> finite;           ///< For the neo-Hookean law
 
   /// @param before  box that it replaces; may be null
   Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
@@ -201,7 +201,7 @@ struct YieldSolver::Region {
     take_over(before, before.finite->correction_mm, finite->correction_mm);
     take_over(before, before.finite->turning_mm, finite->turning_mm);
     finite->give_mm = before.finite->give_mm;
-    finite->most_give = before.finite->most_give;
+    finite->max_give = before.finite->max_give;
     finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
     finite->finite_N = before.finite->finite_N;
   }
@@ -240,7 +240,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
-  const HeldMeans surface = patch.columns(kSolvingFeel.least_bearing);
+  const HeldMeans surface = patch.columns(kSolvingFeel.min_bearing);
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
   ContactLaw tissue;
   tissue.beyond_mm_per_N = spot.beyond_half_space_mm_per_N();
@@ -250,7 +250,7 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
   const double straight_N = std::max(0.0, expected_N - f.finite_N), curved_N = expected_N - straight_N;
   const double expected_mm = w * expected_N - f.stiffening_mm_per_N2 * curved_N * (curved_N + 2 * straight_N);
-  const double give_mm = std::clamp(expected_mm, kSolvingFeel.least_give * rho_mm, f.most_give * rho_mm);
+  const double give_mm = std::clamp(expected_mm, kSolvingFeel.min_give * rho_mm, f.max_give * rho_mm);
   const double s = give_mm / w;
 
   // initial guess from the previous correction, which grows with the square of the depth
@@ -265,16 +265,16 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
   // load_N is the linear load of 1 N; it acts on nodes of the patch that are not constrained
   for (float& value : load_N.values) value *= force_by;
   FiniteSettings settings;
-  settings.most_steps = kSolvingFeel.finite_steps;
-  settings.most_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
-  settings.least_volume = kSolvingFeel.least_volume;
+  settings.max_steps = kSolvingFeel.finite_steps;
+  settings.max_iterations = anew ? kSolvingFeel.first_iterations : kSolvingFeel.finite_iterations;
+  settings.min_volume = kSolvingFeel.min_volume;
   const FiniteSolution found = solver.solve_finite(load_N, f.u_mm, settings, surface);
   solver.finite_forces(f.u_mm, f.force_N);
   const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
   const double stiffer = (force_N - s) / force_N;
-  if (!(found.least_volume >= kSolvingFeel.least_volume) || found.stuck ||
-      !(std::abs(stiffer) <= kYieldFeel.most_stiffening) || !(force_N > 0)) {
-    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.least_give);
+  if (!(found.min_volume >= kSolvingFeel.min_volume) || found.stuck ||
+      !(std::abs(stiffer) <= kYieldFeel.max_stiffening) || !(force_N > 0)) {
+    const double less = std::max(kSlower * give_mm / rho_mm, kSolvingFeel.min_give);
     if (at_rest && f.finite_N > 0) {
       // The previous result stays in effect, and no greater depth is attempted until the tool moves:
       // otherwise the force on a resting hand would oscillate with every attempt.
@@ -286,13 +286,13 @@ void YieldSolver::Region::solve_finite(const PressurePatch& patch, double depth_
       // falls back to the linear law; the next attempt is shallower and starts from it
       f.forget();
     }
-    f.most_give = less;
+    f.max_give = less;
     return;
   }
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
   f.give_mm = give_mm;
-  if (f.failed_mm == 0) f.most_give = std::min(kFaster * f.most_give, kSolvingFeel.most_give);
+  if (f.failed_mm == 0) f.max_give = std::min(kFaster * f.max_give, kSolvingFeel.max_give);
 
   // forces in excess of the linear body's
   patch.add(-force_N, f.force_N);
@@ -333,17 +333,17 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;
-    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.least_radius_mm);
+    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldFeel.min_radius_mm);
     region->radius_mm = radius_mm;
-    const double least_mm = kSolvingFeel.least_patch_cells * cell_mm;
+    const double min_mm = kSolvingFeel.min_patch_cells * cell_mm;
     if (!(region->modulus > 0))
       region->modulus =
-          PressurePatch(region->grid(), contact->at, contact->outward, least_mm).contact_modulus();
+          PressurePatch(region->grid(), contact->at, contact->outward, min_mm).contact_modulus();
     const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
     const double touched_mm =
         region->modulus > 0 ? radius_at_depth_mm(device, force_N, depth_mm, radius_mm, region->modulus) : 0;
     const double rho_mm =
-        std::clamp(touched_mm, least_mm, kMostPatchPart * region->grid().box().cells[1] * cell_mm);
+        std::clamp(touched_mm, min_mm, kMaxPatchPart * region->grid().box().cells[1] * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
     region->modulus = patch.contact_modulus();
     if (!patch.touches()) continue;

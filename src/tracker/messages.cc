@@ -13,9 +13,9 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::size_t kMostBody_bytes = std::size_t{1} << 16;
+constexpr std::size_t kMaxBody_bytes = std::size_t{1} << 16;
 // maximum size of skipped bodies: images of volumes, and everything else
-constexpr std::uint64_t kMostImage_bytes = std::uint64_t{1} << 28, kMostOther_bytes = std::uint64_t{1} << 24;
+constexpr std::uint64_t kMaxImage_bytes = std::uint64_t{1} << 28, kMaxOther_bytes = std::uint64_t{1} << 24;
 // beyond the range of any tracking system
 constexpr double kFarthest_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
@@ -157,10 +157,8 @@ Result<void> Reader::begin_body() {
   is_kept_ = is_pose(type);
   const bool is_image = type == "IMAGE" || type == "VIDEO" || type == "NDARRAY" || type == "POLYDATA";
   // bounds the length, since a wrong one would swallow the following poses
-  const std::uint64_t most_bytes = is_kept_   ? kMostBody_bytes
-                                   : is_image ? kMostImage_bytes
-                                              : kMostOther_bytes;
-  if (version < 1 || version > 3 || !is_type || missing_ > most_bytes)
+  const std::uint64_t max_bytes = is_kept_ ? kMaxBody_bytes : is_image ? kMaxImage_bytes : kMaxOther_bytes;
+  if (version < 1 || version > 3 || !is_type || missing_ > max_bytes)
     return Error{ErrorKind::kBadInput, "sends what is no OpenIGTLink", "",
                  "look whether the address is that of a tracker's server (PLUS: port 18944)"};
   is_in_body_ = true;

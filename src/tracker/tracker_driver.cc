@@ -68,7 +68,7 @@ class TrackerDriver::Core {
     const Transform<Patient, TrackedTool> in_patient = patient_ * pose.tracker_from_tool;
     const Point<Patient> tip = in_patient * tip_;
     // written such that NaN counts as far
-    is_far_ = registered_ && !((tip - *registered_).norm() <= TrackerDriver::kMostFromPatient_mm);
+    is_far_ = registered_ && !((tip - *registered_).norm() <= TrackerDriver::kMaxFromPatient_mm);
     if (is_far_) return;
     const Eigen::Quaterniond turn(in_patient.linear());
     told_.tell(Point<Device>(tip.eigen()), (turn * shaft_.quaternion()).normalized(), pose.at_ns);

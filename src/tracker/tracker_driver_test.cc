@@ -154,8 +154,8 @@ TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
 TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
   Eigen::Isometry3d far = kToolPose, near = kToolPose;
   settings_.navigation.patient.error.emplace().about = Point<Patient>(tip_of(kToolPose));
-  near.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMostFromPatient_mm - 1);
-  far.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMostFromPatient_mm + 1);
+  near.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMaxFromPatient_mm - 1);
+  far.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMaxFromPatient_mm + 1);
   server_.move(kTool, {near});
   begin();
   ASSERT_TRUE(comes_to(tip_of(near)));

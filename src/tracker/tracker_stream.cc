@@ -33,7 +33,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kRetry_ns = kSecond_ns / 5, kConnecting_ns = 3 * kSecond_ns,
                        kSilent_ns = 5 * kSecond_ns;
 constexpr std::int64_t kUnseen_ns = static_cast<std::int64_t>(TrackerStream::kUnseen_s * 1e9);
-constexpr std::size_t kMostHeard = 64, kLongestHeard = 128;
+constexpr std::size_t kMaxHeard = 64, kLongestHeard = 128;
 // size of a device name field in a message
 constexpr std::size_t kShortName = 20;
 
@@ -265,7 +265,7 @@ class TrackerStream::Core {
       const auto taken = messages.take(std::span(bytes).first(static_cast<std::size_t>(got)),
                                        [&](const igtl::PoseMessage& message) { take(message, now_ns); });
       if (!taken) return not_connected(taken.error().what, taken.error().remedy);
-      if (messages.damaged() > damaged_before && messages.damaged() >= kMostDamaged)
+      if (messages.damaged() > damaged_before && messages.damaged() >= kMaxDamaged)
         return not_connected("sends damaged messages: their checksums are wrong",
                              "look at its connection; begin its server anew");
     }
@@ -275,7 +275,7 @@ class TrackerStream::Core {
     MarkersPose told;
     {
       const std::lock_guard lock(mutex_);
-      if (heard_.size() < kMostHeard) heard_.insert(message.name.substr(0, kLongestHeard));
+      if (heard_.size() < kMaxHeard) heard_.insert(message.name.substr(0, kLongestHeard));
       if (!message.seen) return;
       const bool is_tool = !settings_.transform.empty() && is_called(message.name, settings_.transform),
                  is_reference = !settings_.reference.empty() && is_called(message.name, settings_.reference);
@@ -289,7 +289,7 @@ class TrackerStream::Core {
         if (now_ns - tool_.at_ns > kUnseen_ns || now_ns - reference_.at_ns > kUnseen_ns) return;
         const std::uint64_t apart =
             std::max(tool_.stamp, reference_.stamp) - std::min(tool_.stamp, reference_.stamp);
-        if (apart > kMostApart) return;
+        if (apart > kMaxApart) return;
         const Transform<Cameras, Tracker> reference(reference_.rotation, reference_.shift_mm);
         told.tracker_from_tool = reference.inverse() * tool;
       }
@@ -300,8 +300,8 @@ class TrackerStream::Core {
   }
 
   // 5 ms in 2^-32 s
-  static constexpr std::uint64_t kMostApart = (std::uint64_t{1} << 32) / 200;
-  static constexpr std::uint64_t kMostDamaged = 10;
+  static constexpr std::uint64_t kMaxApart = (std::uint64_t{1} << 32) / 200;
+  static constexpr std::uint64_t kMaxDamaged = 10;
 
   const TrackerSettings settings_;
   const std::function<void(const MarkersPose&)> told_;

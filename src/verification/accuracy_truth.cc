@@ -37,11 +37,11 @@ double crossing(const Distance& distance, double a, double at_a, double b, doubl
 // Integral of the weight over the part of the line that lies inside.
 template <class Distance>
 double weight_inside(const Distance& distance, const AxisWeight& weight) {
-  const double reach = weight.reach_mm(), least_step = reach / 256;
+  const double reach = weight.reach_mm(), min_step = reach / 256;
   double sum = 0, x = -reach, at_x = distance(x);
   while (x < reach) {
     // nothing is crossed within the distance
-    const double next = std::min(x + std::max(std::abs(at_x), least_step), reach), at_next = distance(next);
+    const double next = std::min(x + std::max(std::abs(at_x), min_step), reach), at_next = distance(next);
     if ((at_x < 0) != (at_next < 0)) {
       const double passed = weight.integral(crossing(distance, x, at_x, next, at_next));
       sum += at_x < 0 ? passed : -passed;

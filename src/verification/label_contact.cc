@@ -48,7 +48,7 @@ Volume<LabelId> labelled(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& 
 
 // what a scene feels of labels 1, 2, ..., prepared as a scene is
 Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
-                                             const std::vector<double>& stiffness_N_per_mm) {
+                                                const std::vector<double>& stiffness_N_per_mm) {
   auto model = std::make_shared<Model>();
   model->labels = label_bricks(labels);
   model->tissue_of_label.resize(stiffness_N_per_mm.size() + 1, -1);

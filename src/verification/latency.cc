@@ -8,15 +8,15 @@ namespace palpate {
 namespace {
 
 constexpr double kRates_hz[] = {1000, 2000, 4000, 8000, 10000};
-constexpr double kDefaultSeconds = 3, kLeastSeconds = 0.05, kMostSeconds = 3600;
+constexpr double kDefaultSeconds = 3, kMinSeconds = 0.05, kMaxSeconds = 3600;
 // who else runs changes less within two of these than it does from second to second
-constexpr double kMostBlock_s = 0.25;
+constexpr double kMaxBlock_s = 0.25;
 
-constexpr double kMostLatenessRatio = 1.2;
+constexpr double kMaxLatenessRatio = 1.2;
 // fewer ticks tell of a p99 by fewer than ten of them
-constexpr std::uint64_t kLeastTicksForLimits = 1000;
+constexpr std::uint64_t kMinTicksForLimits = 1000;
 // of the founding force alone, written out plainly
-constexpr double kMostTickRatio = 15;
+constexpr double kMaxTickRatio = 15;
 
 constexpr int kRounds = 9;
 constexpr double kFoundingR4400_kHz = 4.8, kFoundingPentiumPro_kHz = 6.5;
@@ -46,15 +46,15 @@ void add_ratio(std::vector<Figure>& figures, const std::string& name, const Late
 // the servo loop refuses a rate and a spin by itself, once the scene is loaded
 std::optional<Error> out_of_range(const SuiteOptions& options) {
   const double seconds = options.seconds.value_or(kDefaultSeconds);
-  if (seconds >= kLeastSeconds && seconds <= kMostSeconds) return std::nullopt;
+  if (seconds >= kMinSeconds && seconds <= kMaxSeconds) return std::nullopt;
   return Error{ErrorKind::kUsage, number(seconds) + " s of measuring", "",
-               "choose from " + number(kLeastSeconds) + " to " + number(kMostSeconds)};
+               "choose from " + number(kMinSeconds) + " to " + number(kMaxSeconds)};
 }
 
 Result<PaceFigures> measure_pace(const LoadedScene& loaded, const PalpationPath& path,
                                  const PaceSettings& settings, double seconds, const Progress& progress) {
   const auto meter = PaceMeter::create(loaded.model, path, settings);
-  const int blocks = static_cast<int>(std::ceil(seconds / kMostBlock_s));
+  const int blocks = static_cast<int>(std::ceil(seconds / kMaxBlock_s));
   const std::string stage = number(settings.rate_hz / 1000) + " kHz beside a bare loop";
   for (int block = 0; block < blocks; ++block) {
     progress.report(stage, static_cast<double>(block) / blocks);
@@ -101,9 +101,8 @@ Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, cons
     const double tick_kHz = 1e6 / cost.tick_ns, update_kHz = 1e6 / update_ns;
     add("/time", cost.tick_ns, update_ns, "ns");
     figures.push_back({base + "/time/bare", cost.bare_ns, "ns", n, {}});
-    figures.push_back(
-        {base + "/of-bare/tick", cost.ratio, "times", n,
-         info.method == ForceMethod::kTrilinear ? std::optional(kMostTickRatio) : std::nullopt});
+    figures.push_back({base + "/of-bare/tick", cost.ratio, "times", n,
+                       info.method == ForceMethod::kTrilinear ? std::optional(kMaxTickRatio) : std::nullopt});
     add("/rate", tick_kHz, update_kHz, "kHz");
     add("/of-R4400", tick_kHz / kFoundingR4400_kHz, update_kHz / kFoundingR4400_kHz, "times");
     add("/of-Pentium-Pro", tick_kHz / kFoundingPentiumPro_kHz, update_kHz / kFoundingPentiumPro_kHz, "times");
@@ -127,12 +126,12 @@ std::vector<Figure> sorted_by_kind(const std::vector<Figure>& figures) {
 }  // namespace
 
 double lateness_ratio_limit(double bare_us, double compute_us) {
-  return std::max(kMostLatenessRatio, 1 + compute_us / bare_us);
+  return std::max(kMaxLatenessRatio, 1 + compute_us / bare_us);
 }
 
 std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
   const std::string base = number(rate_hz / 1000) + "-kHz";
-  const bool limited = std::min(pace.ticks, pace.bare_ticks) >= kLeastTicksForLimits;
+  const bool limited = std::min(pace.ticks, pace.bare_ticks) >= kMinTicksForLimits;
   // what an ordinary thread gets depends on who else runs
   const bool lateness_limited = limited && pace.scheduling.realtime;
   std::vector<Figure> figures;
@@ -145,8 +144,8 @@ std::vector<Figure> pace_figures(double rate_hz, const PaceFigures& pace) {
   add_ratio(figures, base + "/lateness/ratio/p99", pace.typical_p99, both);
   std::optional<double> compute_us;
   if (lateness_limited) compute_us = pace.compute.p50_us;
-  add_ratio(figures, base + "/lateness/least-ratio/p50", pace.least_p50, both, compute_us);
-  add_ratio(figures, base + "/lateness/least-ratio/p99", pace.least_p99, both, compute_us);
+  add_ratio(figures, base + "/lateness/least-ratio/p50", pace.min_p50, both, compute_us);
+  add_ratio(figures, base + "/lateness/least-ratio/p99", pace.min_p99, both, compute_us);
 
   figures.push_back({base + "/share/on-time", 100 * pace.on_time, "percent", pace.ticks, {}});
   figures.push_back({base + "/share/contact", 100 * pace.in_contact, "percent", pace.ticks, {}});

@@ -26,8 +26,8 @@ bool keeps_up(const PaceFigures& pace) {
       "a quarter of them below %.2f and %.2f, %s\n",
       static_cast<unsigned long long>(pace.ticks), pace.lateness.p50_us, pace.bare_lateness.p50_us,
       pace.lateness.p99_us, pace.bare_lateness.p99_us, ratio(pace.typical_p50), ratio(pace.typical_p99),
-      ratio(pace.least_p50), ratio(pace.least_p99), pace.scheduling.scheduler.c_str());
-  return within(pace.least_p50) && (!pace.scheduling.realtime || within(pace.least_p99));
+      ratio(pace.min_p50), ratio(pace.min_p99), pace.scheduling.scheduler.c_str());
+  return within(pace.min_p50) && (!pace.scheduling.realtime || within(pace.min_p99));
 }
 
 TEST(LatencyGate, TheServoIsNoLaterThanALoopWithNothingInIt) {

@@ -206,8 +206,8 @@ PaceFigures Meter::figures() const {
   figures.bare_lateness = percentiles_of(bare_lateness_);
   figures.typical_p50 = pair_at(pairs_p50_, 0.5);
   figures.typical_p99 = pair_at(pairs_p99_, 0.5);
-  figures.least_p50 = pair_at(pairs_p50_, 0.25);
-  figures.least_p99 = pair_at(pairs_p99_, 0.25);
+  figures.min_p50 = pair_at(pairs_p50_, 0.25);
+  figures.min_p99 = pair_at(pairs_p99_, 0.25);
   figures.ticks = ticks_;
   if (ticks_ > 0) figures.in_contact = static_cast<double>(touching_) / static_cast<double>(ticks_);
   if (due_ticks_ > 0) figures.on_time = on_time_ticks_ / due_ticks_;

@@ -6,7 +6,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostPathSeconds = 600;
+constexpr double kMaxPathSeconds = 600;
 
 // the scene's own script; the object is not turned, so that a path is a list of points; every structure is
 // stroked before it is left
@@ -66,11 +66,11 @@ Result<PalpationPath> palpate_once(const LoadedScene& loaded, const Progress& pr
                      .parameters = setup->parameters,
                      .states = {},
                      .intended = {}};
-  const auto most_ticks = static_cast<std::size_t>(kMostPathSeconds * path.rate_hz);
+  const auto max_ticks = static_cast<std::size_t>(kMaxPathSeconds * path.rate_hz);
   VirtualRun run(setup->model, *setup, std::move(*hand));
   LongestTouch touch;
   std::size_t touching = 0;
-  while (path.states.size() < most_ticks) {
+  while (path.states.size() < max_ticks) {
     if (progress.stopped()) return Progress::interrupted();
     const bool contact = (run.tick().device[0].flags & kFlagContact) != 0;
     if (!run.act()) break;

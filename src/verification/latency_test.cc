@@ -96,8 +96,8 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
   EXPECT_GT(figures.typical_p99.bare_us, 0);
   EXPECT_LE(figures.typical_p99.servo_us, figures.lateness.max_us);
   EXPECT_LE(figures.typical_p99.bare_us, figures.bare_lateness.max_us);
-  EXPECT_LE(figures.least_p50.servo_us * figures.typical_p50.bare_us,
-            figures.typical_p50.servo_us * figures.least_p50.bare_us);
+  EXPECT_LE(figures.min_p50.servo_us * figures.typical_p50.bare_us,
+            figures.typical_p50.servo_us * figures.min_p50.bare_us);
   EXPECT_GE(figures.on_time, 0);
   EXPECT_LE(figures.on_time, 1);
   EXPECT_FALSE(figures.scheduling.scheduler.empty());
@@ -111,7 +111,7 @@ TEST(PaceMeter, ABlockOfEachIsAPairInWhicheverOrder) {
   ASSERT_TRUE(meter->servo_block(kSeconds).ok());
   const PaceFigures first = meter->figures();
   EXPECT_GT(first.typical_p50.bare_us, 0);
-  EXPECT_EQ(first.least_p50.servo_us, first.typical_p50.servo_us) << "of one pair";
+  EXPECT_EQ(first.min_p50.servo_us, first.typical_p50.servo_us) << "of one pair";
   ASSERT_TRUE(meter->servo_block(kSeconds).ok());
   const PaceFigures half = meter->figures();
   EXPECT_EQ(half.typical_p50.servo_us, first.typical_p50.servo_us);
@@ -198,8 +198,8 @@ PaceFigures well_kept() {
   pace.compute = {1, 2, 3, 4};
   pace.lateness = {22, 44, 60, 90};
   pace.bare_lateness = {20, 40, 50, 80};
-  pace.typical_p50 = pace.least_p50 = {22, 20};
-  pace.typical_p99 = pace.least_p99 = {44, 40};
+  pace.typical_p50 = pace.min_p50 = {22, 20};
+  pace.typical_p99 = pace.min_p99 = {44, 40};
   pace.ticks = pace.bare_ticks = 3000;
   pace.scheduling.realtime = true;
   return pace;
@@ -223,8 +223,8 @@ TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
     return all_kept(pace);
   };
   EXPECT_FALSE(with([](PaceFigures& p) { p.dropped = 1; }));
-  EXPECT_FALSE(with([](PaceFigures& p) { p.least_p50.servo_us = 25; }));
-  EXPECT_FALSE(with([](PaceFigures& p) { p.least_p99.servo_us = 49; }));
+  EXPECT_FALSE(with([](PaceFigures& p) { p.min_p50.servo_us = 25; }));
+  EXPECT_FALSE(with([](PaceFigures& p) { p.min_p99.servo_us = 49; }));
 
   // the machine's doing
   EXPECT_TRUE(with([](PaceFigures& p) { p.lateness.p999_us = p.lateness.max_us = 1e5; }));
@@ -233,30 +233,30 @@ TEST(PaceFigures, BreakALimitForTheProgramsOwnDoingOnly) {
   EXPECT_TRUE(with([](PaceFigures& p) { p.lateness.p99_us = 4000; })) << "in other blocks than most";
   EXPECT_TRUE(with([](PaceFigures& p) { p.typical_p99.servo_us = 4000; })) << "in some pairs alone";
   EXPECT_TRUE(with([](PaceFigures& p) {
-    p.least_p50 = {0.1, 0.06};
-    p.least_p99 = {1.9, 1};
+    p.min_p50 = {0.1, 0.06};
+    p.min_p99 = {1.9, 1};
   })) << "less than a tick takes is no difference";
   // a machine of a hundredth of the speed
   EXPECT_TRUE(with([](PaceFigures& p) {
     for (Percentiles* of : {&p.compute, &p.lateness, &p.bare_lateness})
       for (double* us : {&of->p50_us, &of->p99_us, &of->p999_us, &of->max_us}) *us *= 100;
-    for (LatenessPair* pair : {&p.typical_p50, &p.typical_p99, &p.least_p50, &p.least_p99})
+    for (LatenessPair* pair : {&p.typical_p50, &p.typical_p99, &p.min_p50, &p.min_p99})
       *pair = {100 * pair->servo_us, 100 * pair->bare_us};
   }));
   EXPECT_TRUE(with([](PaceFigures& p) {
     p.scheduling.realtime = false;
-    p.least_p99.servo_us = 4000;
+    p.min_p99.servo_us = 4000;
   })) << "an ordinary thread";
   EXPECT_TRUE(with([](PaceFigures& p) {
     p.ticks = 200;
-    p.least_p99.servo_us = 4000;
+    p.min_p99.servo_us = 4000;
   })) << "too few ticks for a p99";
 }
 
 TEST(PaceFigures, AreFiniteWithoutABareBlock) {
   PaceFigures pace = well_kept();
   pace.bare_lateness = {};
-  pace.typical_p50 = pace.typical_p99 = pace.least_p50 = pace.least_p99 = {};
+  pace.typical_p50 = pace.typical_p99 = pace.min_p50 = pace.min_p99 = {};
   for (const Figure& figure : pace_figures(1000, pace))
     EXPECT_TRUE(std::isfinite(figure.value)) << figure.name;
 }

@@ -62,8 +62,7 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     const double step_mm = exploration.device.encoder_step_m * 1e3;
     // what an encoder step hides
     const double hidden_mJ = explored.largest_force_N * 2 * step_mm;
-    energies.push_back(
-        {path + "/given-out", 0 - explored.least_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
+    energies.push_back({path + "/given-out", 0 - explored.min_mJ, "mJ", ticks(times.explored_s), hidden_mJ});
     energies.push_back({path + "/put-in", explored.last_mJ, "mJ", ticks(times.explored_s), {}});
     const auto swing = [&](const char* name, const ExploredEnergy& of, double seconds,
                            std::optional<double> limit_mm) {

@@ -30,8 +30,8 @@ struct LedThrough {
   LedHead head;
   std::vector<Point<Patient>> corners;
   double expected_mm3;
-  double most_off_percent;              // of the carved surface
-  double most_counted_off_percent = 1;  // of RemovedVolume
+  double max_off_percent;              // of the carved surface
+  double max_counted_off_percent = 1;  // of RemovedVolume
 };
 
 // a ball whose middle goes along in the surface: half of its way
@@ -291,9 +291,9 @@ Result<std::vector<Figure>> led_volumes_figures(const LedVolumes& which, const P
     }
     const std::string of = "removal/" + name;
     figures.push_back(
-        {of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.most_off_percent});
+        {of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.max_off_percent});
     figures.push_back({of + "/counted-off-geometry", counted_off_percent, "percent",
-                       rates.count() + grids.count(), led.most_counted_off_percent});
+                       rates.count() + grids.count(), led.max_counted_off_percent});
     figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
     if (which.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
   }

@@ -265,14 +265,14 @@ struct Pressed {
 /// towards it and then aside, never harder than a random force nor faster than kFastest_mm a tick.
 Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
-  constexpr double kBefore_mm = 0.5, kMostAskew = 0.6, kFurther_mm = 6;
+  constexpr double kBefore_mm = 0.5, kMaxAskew = 0.6, kFurther_mm = 6;
   const ToolSphere tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
   const auto clearance_mm = [&](const Point<Patient>& at) { return oracle.distance_mm(at) - tool.radius_mm; };
   const Vector<Patient> inward = random_direction(random);
   const Vector<Patient> aside = inward.cross(random_direction(random)).normalized();
-  const double most_mm = random.between(0.5, kMost_N) / felt.stiffness_N_per_mm;
+  const double max_mm = random.between(0.5, kMost_N) / felt.stiffness_N_per_mm;
   const double speed_mm = random.between(0.1, kFastest_mm);
-  const Vector<Patient> askew = (inward + aside * random.between(0, kMostAskew)).normalized();
+  const Vector<Patient> askew = (inward + aside * random.between(0, kMaxAskew)).normalized();
   Point<Patient> tip = target;
   while (clearance_mm(tip) < kBefore_mm) tip = tip - inward * kBefore_mm;
 
@@ -295,12 +295,12 @@ Pressed press(const ContactSurface& felt, const DistanceOracle& oracle, const Po
   const auto lead = [&](const Vector<Patient>& direction, double way_mm) {
     for (double gone_mm = 0; gone_mm < way_mm; gone_mm += speed_mm) {
       const Vector<Patient> pull = tip + direction * speed_mm - state.position;
-      tip = state.position + pull * std::min(1.0, most_mm / pull.norm());
+      tip = state.position + pull * std::min(1.0, max_mm / pull.norm());
       follow();
     }
   };
   follow();
-  lead(askew, most_mm + kFurther_mm);
+  lead(askew, max_mm + kFurther_mm);
   lead(aside, kFurther_mm);
   return pressed;
 }
@@ -367,7 +367,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     }
     const std::string path = "stability/pop-through/" + part_of_name(names[s]);
     const auto n = static_cast<std::uint64_t>(presses);
-    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxyFeel.most_dip_mm});
+    depths.push_back({path + "/deepest", all.deepest_mm, "mm", n, kProxyFeel.max_dip_mm});
     parts.push_back({path + "/missed", 100.0 * missed / presses, "percent", n, kMissedLimit_percent});
   }
   depths.insert(depths.end(), parts.begin(), parts.end());

@@ -68,7 +68,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
     if (lost && age_s >= kSilent_s) result.silent = result.silent && sent.force_N == Vector<World>();
     if (dropout.by != Return::kTick && n >= pressed + dropped) {
       const double asked_N = record.device[0].unclamped_force_N;
-      sent.force_N = up * (dropout.by == Return::kAtOnce ? asked_N : last_N + kMostKick_N);
+      sent.force_N = up * (dropout.by == Return::kAtOnce ? asked_N : last_N + kMaxKick_N);
       // it has turned, and sinks no more by what it gained in its fall
       if (out.dot(plant.true_velocity_mm_s()) > 0) break;
     }
@@ -87,7 +87,7 @@ DroppedOut drop_out(const Model& wall, const Dropout& dropout) {
 }
 
 Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
-  constexpr double kDelay_s = 1e-3, kMostSink_mm = 0.6, kMostBack_ms = 100;
+  constexpr double kDelay_s = 1e-3, kMaxSink_mm = 0.6, kMaxBack_ms = 100;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   // one unit after the other, as tables want them
@@ -106,15 +106,15 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
       dropout.by = Return::kWithoutKick;
       const DroppedOut without_kick = drop_out(**wall, dropout);
       // a hand whose floor is above it cannot keep it
-      const bool can = without_kick.sink_mm <= kMostSink_mm;
+      const bool can = without_kick.sink_mm <= kMaxSink_mm;
       const std::string path =
           "stability/dropout/" + device.name + "/" + hand.name + "/" + loop_name(1 / kDropTick_s, kDelay_s);
       lengths.push_back(
-          {path + "/sink", lost.sink_mm, "mm", 1, can ? std::optional(kMostSink_mm) : std::nullopt});
+          {path + "/sink", lost.sink_mm, "mm", 1, can ? std::optional(kMaxSink_mm) : std::nullopt});
       lengths.push_back({path + "/floor", without_kick.sink_mm, "mm", 1, {}});
       lengths.push_back({path + "/floor-at-once", at_once.sink_mm, "mm", 1, {}});
-      times.push_back({path + "/back", lost.back_s * 1e3, "ms", 1, kMostBack_ms});
-      forces.push_back({path + "/kick", lost.kick_N, "N", 1, kMostKick_N});
+      times.push_back({path + "/back", lost.back_s * 1e3, "ms", 1, kMaxBack_ms});
+      forces.push_back({path + "/kick", lost.kick_N, "N", 1, kMaxKick_N});
     }
   }
   lengths.insert(lengths.end(), times.begin(), times.end());

@@ -14,10 +14,10 @@ enum class Return {
   kTick,
   /// nobody could do more than a wall does: all of its force at once
   kAtOnce,
-  /// nobody could do more without a kick: kMostKick_N more in each tick, whatever the wall asks for
+  /// nobody could do more without a kick: kMaxKick_N more in each tick, whatever the wall asks for
   kWithoutKick,
 };
-inline constexpr double kMostKick_N = 0.2;
+inline constexpr double kMaxKick_N = 0.2;
 
 /// A hand that presses on flat_wall(), and poses that fail to come for a while, at 1 kHz through the real
 /// tick.

@@ -17,17 +17,17 @@ DroppedOut dropped_out(const std::string& device, const std::string& hand, doubl
 TEST(StabilityDropout, AHandThatPressesIsHeldAgainSoonAfterAShortOne) {
   const struct {
     const char* hand;
-    double most_sink_mm, most_back_s;
+    double max_sink_mm, max_back_s;
   } hands[] = {{"light-grip", 1.25, 0.1}, {"firm-grip", 0.95, 0.1}, {"whole-arm", 0.6, 0.1}};
   for (const char* device : {"premium-1.5", "touch"})
-    for (const auto& [hand, most_sink_mm, most_back_s] : hands) {
+    for (const auto& [hand, max_sink_mm, max_back_s] : hands) {
       SCOPED_TRACE(std::string(device) + ", " + hand);
       const DroppedOut lost = dropped_out(device, hand, 20e-3);
       EXPECT_NEAR(lost.before_N, 1, 0.2);
       EXPECT_TRUE(lost.silent);
-      EXPECT_LT(lost.sink_mm, most_sink_mm);
-      EXPECT_LT(lost.back_s, most_back_s);
-      EXPECT_LE(lost.kick_N, kMostKick_N);
+      EXPECT_LT(lost.sink_mm, max_sink_mm);
+      EXPECT_LT(lost.back_s, max_back_s);
+      EXPECT_LE(lost.kick_N, kMaxKick_N);
     }
 }
 

@@ -23,7 +23,7 @@ namespace {
 constexpr double kEnergyRate_hz = 1000;
 constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
 // where the hand wants to be next: so far from the surface, that much to the side of where it was
-constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMostAside_rad = 0.6;
+constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMaxAside_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
 // before that it waits for the force to have come in
 constexpr double kBegin_s = 0.6;
@@ -31,12 +31,12 @@ constexpr double kPressed_N = 1, kSwingMean_s = 0.04;
 // how often what a burr swept is cut away
 constexpr double kCutEvery_s = 0.02;
 // on a plane, so far from its middle
-constexpr double kMostOnPlane_mm = 6;
+constexpr double kMaxOnPlane_mm = 6;
 // the object turns to another random rotation ten times a second
 constexpr double kTurning_s = 0.1;
-constexpr double kMostObjectTurn_rad = 0.03;
+constexpr double kMaxObjectTurn_rad = 0.03;
 // of what is given out without the controller
-constexpr double kMostGivenOut_percent = 5;
+constexpr double kMaxGivenOut_percent = 5;
 // ticks that come at any time, for so long; the stiffest of the presets' tissues
 constexpr double kJitter = 0.5, kUnpunctual_s = 20, kTissue_N_per_mm = 1.5;
 
@@ -98,11 +98,11 @@ class RandomHand {
     time_s_ = between(random_, kShortest_s, kLongest_s);
     if (flat_) {
       const double x = between(random_, kDeepest_mm, kHighest_mm);
-      const double y = between(random_, -kMostOnPlane_mm, kMostOnPlane_mm);
-      to_ = Point<Patient>(x, y, between(random_, -kMostOnPlane_mm, kMostOnPlane_mm));
+      const double y = between(random_, -kMaxOnPlane_mm, kMaxOnPlane_mm);
+      to_ = Point<Patient>(x, y, between(random_, -kMaxOnPlane_mm, kMaxOnPlane_mm));
       return;
     }
-    const Eigen::AngleAxisd aside(between(random_, 0, kMostAside_rad), any_direction(random_));
+    const Eigen::AngleAxisd aside(between(random_, 0, kMaxAside_rad), any_direction(random_));
     direction_ = aside * direction_;
     to_ = Point<Patient>(direction_ * (kBallRadius_mm + between(random_, kDeepest_mm, kHighest_mm)));
   }
@@ -248,7 +248,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
   for (long n = 0; n < ticks; ++n) {
     if (exploration.turning && n % ticks_a_turning == 0)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
-                                       between(random, 0, kMostObjectTurn_rad), any_direction(random))) *
+                                       between(random, 0, kMaxObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
     if (n == ticks_to_stop) {
       parameters.motor = false;
@@ -269,7 +269,7 @@ ExploredEnergy explore_energy(const Model& ball, const Exploration& exploration)
     energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
     X_PatientWorld = X_PatientWorld_turned;
     if (exploration.presses) places_mm.push_back(now.x());
-    result.least_mJ = std::min(result.least_mJ, energy_mJ);
+    result.min_mJ = std::min(result.min_mJ, energy_mJ);
     const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();
     result.deepest_mm = std::max(result.deepest_mm, depth_mm);
 
@@ -317,11 +317,11 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     // what an encoder step hides
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
     const auto limit = [](bool holds, double most) { return holds ? std::optional(most) : std::nullopt; };
-    energies.push_back({path + "/given-out/without", 0 - without.least_mJ, "mJ", n, {}});
-    energies.push_back({path + "/given-out/with", 0 - with.least_mJ, "mJ", n, limit(bound, hidden_mJ)});
+    energies.push_back({path + "/given-out/without", 0 - without.min_mJ, "mJ", n, {}});
+    energies.push_back({path + "/given-out/with", 0 - with.min_mJ, "mJ", n, limit(bound, hidden_mJ)});
     energies.push_back({path + "/given-out/hidden", hidden_mJ, "mJ", n, {}});
-    const double part = with.least_mJ < 0 ? 100 * with.least_mJ / without.least_mJ : 0;
-    parts.push_back({path + "/part-given-out", part, "percent", n, limit(limited, kMostGivenOut_percent)});
+    const double part = with.min_mJ < 0 ? 100 * with.min_mJ / without.min_mJ : 0;
+    parts.push_back({path + "/part-given-out", part, "percent", n, limit(limited, kMaxGivenOut_percent)});
     parts.push_back({path + "/damped-of-contact", 100 * with.damped, "percent", n, {}});
     depths.push_back({path + "/deepest/without", without.deepest_mm, "mm", n, {}});
     depths.push_back({path + "/deepest/with", with.deepest_mm, "mm", n, {}});

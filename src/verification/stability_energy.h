@@ -52,8 +52,8 @@ struct Exploration {
 /// What the virtual world did with it. The energy is the true one: of the force that acted over the way of
 /// the true tip, relative to the object.
 struct ExploredEnergy {
-  double least_mJ = 0;  ///< of what the hand had put in and not got back; below 0: the world gave it out
-  double last_mJ = 0;   ///< at the end
+  double min_mJ = 0;   ///< of what the hand had put in and not got back; below 0: the world gave it out
+  double last_mJ = 0;  ///< at the end
   double largest_force_N = 0;
   double deepest_mm = 0;  ///< that the true tip has been below the ball's surface
   /// Of a hand that presses: the true tip's peak-to-peak across the plane beside its mean over 40 ms, in the

@@ -11,8 +11,8 @@ namespace palpate {
 namespace {
 
 // A minute without delay at the recommended stiffness.
-void expect_little_given_out(const std::string& device_name, const std::string& grip, double most_damped,
-                             double most_deeper_mm) {
+void expect_little_given_out(const std::string& device_name, const std::string& grip, double max_damped,
+                             double max_deeper_mm) {
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball) << ball.error().message();
   const PlantDevice device = *find_plant_device(device_name);
@@ -28,16 +28,16 @@ void expect_little_given_out(const std::string& device_name, const std::string& 
       exploration.controller = false;
       const ExploredEnergy without = explore_energy(**ball, exploration);
       EXPECT_GT(without.contacts, 20);
-      EXPECT_LT(without.least_mJ, -0.5);
+      EXPECT_LT(without.min_mJ, -0.5);
       EXPECT_EQ(without.damped, 0);
-      EXPECT_GE(with.least_mJ, 0.05 * without.least_mJ);
-      EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
+      EXPECT_GE(with.min_mJ, 0.05 * without.min_mJ);
+      EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
       EXPECT_GT(with.damped, 0);
       // the contact is still one: the hand wants to be up to 6 mm deep
-      EXPECT_LE(with.damped, most_damped);
+      EXPECT_LE(with.damped, max_damped);
       EXPECT_GT(with.contacts, 20);
       EXPECT_GT(with.largest_force_N, 0.9 * without.largest_force_N);
-      EXPECT_LT(with.deepest_mm, without.deepest_mm + most_deeper_mm);
+      EXPECT_LT(with.deepest_mm, without.deepest_mm + max_deeper_mm);
     }
 }
 
@@ -70,9 +70,9 @@ TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
         const ExploredEnergy with = explore_energy(**ball, exploration);
         exploration.controller = false;
         const ExploredEnergy without = explore_energy(**ball, exploration);
-        EXPECT_LT(without.least_mJ, -0.4);
-        EXPECT_GE(with.least_mJ, 0.05 * without.least_mJ);
-        EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
+        EXPECT_LT(without.min_mJ, -0.4);
+        EXPECT_GE(with.min_mJ, 0.05 * without.min_mJ);
+        EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
       }
 }
 
@@ -120,11 +120,11 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
       exploration.time_s = 20;
       const ExploredEnergy told = explore_energy(**ball, exploration);
       const double hidden_mJ = told.largest_force_N * 2 * device.encoder_step_m * 1e3;
-      EXPECT_GE(told.least_mJ, delay_s > 2e-3 ? -2 * hidden_mJ : -hidden_mJ);
+      EXPECT_GE(told.min_mJ, delay_s > 2e-3 ? -2 * hidden_mJ : -hidden_mJ);
       EXPECT_GT(told.contacts, 5);
       exploration.told_s = 0;
       const ExploredEnergy not_told = explore_energy(**ball, exploration);
-      EXPECT_LT(not_told.least_mJ, -0.12);
+      EXPECT_LT(not_told.min_mJ, -0.12);
       EXPECT_LT(told.deepest_mm, not_told.deepest_mm + 0.1) << "the wall is as stiff";
     }
   }
@@ -149,12 +149,12 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           exploration.jitter = 0.5;
           exploration.time_s = rate_hz > 1000 ? 2 : 15;
           const ExploredEnergy with = explore_energy(flat ? **wall : **ball, exploration);
-          EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
+          EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GE(with.contacts, 1);
           exploration.controller = false;
           const ExploredEnergy without = explore_energy(flat ? **wall : **ball, exploration);
           EXPECT_LT(with.deepest_mm, without.deepest_mm + 0.6) << "a wall still";
-          given_out_mJ = std::max(given_out_mJ, -without.least_mJ);
+          given_out_mJ = std::max(given_out_mJ, -without.min_mJ);
         }
   EXPECT_GT(given_out_mJ, 1) << "there is something to keep";
 }
@@ -211,7 +211,7 @@ TEST(StabilityEnergy, UnpunctualTicksOnSeamsAndLayersKeepTheBound) {
           exploration.jitter = 0.5;
           exploration.time_s = 15;
           const ExploredEnergy with = explore_energy(*ball, exploration);
-          EXPECT_GE(with.least_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
+          EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GT(with.contacts, 3);
         }
   }

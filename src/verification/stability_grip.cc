@@ -32,8 +32,8 @@ DeviceInfo rate_alone(double rate_hz) {
 // a mass that Coulomb friction can at most stop
 void push(double force_N, double friction_N, double mass_kg, double& velocity_m_s) {
   velocity_m_s += force_N * kGripStep_s / mass_kg;
-  const double most_m_s = friction_N * kGripStep_s / mass_kg;
-  velocity_m_s = std::abs(velocity_m_s) > most_m_s ? velocity_m_s - std::copysign(most_m_s, velocity_m_s) : 0;
+  const double max_m_s = friction_N * kGripStep_s / mass_kg;
+  velocity_m_s = std::abs(velocity_m_s) > max_m_s ? velocity_m_s - std::copysign(max_m_s, velocity_m_s) : 0;
 }
 
 /// Device and hand along x, m.
@@ -207,7 +207,7 @@ Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const Pla
         exploration.rate_hz = rate_hz;
         exploration.delay_s = delay_s;
         exploration.time_s = kExplored_s;
-        out_mJ[n] = std::max(out_mJ[n], -explore_energy(ball, exploration).least_mJ);
+        out_mJ[n] = std::max(out_mJ[n], -explore_energy(ball, exploration).min_mJ);
       }
     }
     for (std::size_t n = 0; n < grips; ++n) {
@@ -228,7 +228,7 @@ Grip grip_of(const PlantHand& hand) {
 }
 
 Result<std::vector<Figure>> grip_figures(const Progress& progress) {
-  constexpr double kSkin_N_per_m = 2000, kMostRebound = 1;
+  constexpr double kSkin_N_per_m = 2000, kMaxRebound = 1;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   const auto ball = exploration_ball(progress);
@@ -259,7 +259,7 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
       GripCase tap = free_tap(device, *stiffness);
       if (!told) tap.told_s = 0;
       ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
-                        told ? std::optional(kMostRebound) : std::nullopt});
+                        told ? std::optional(kMaxRebound) : std::nullopt});
     }
     GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(rate_alone(1000)));
     tap.states_nothing = true;
@@ -267,7 +267,7 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
       tap.delay_s = delay_s;
       ratios.push_back({"stability/grip/" + device.name + "/" + loop_name(tap.rate_hz, delay_s) +
                             "/unknown/free-tap/rebound",
-                        hold_wall(**wall, tap).rebound, "1", 1, kMostRebound});
+                        hold_wall(**wall, tap).rebound, "1", 1, kMaxRebound});
     }
     const auto added = add_hands_with_skin(**wall, **ball, device, progress, lengths, energies);
     if (!added) return added.error();

@@ -24,8 +24,8 @@ Grip grip_of(const PlantHand& hand);
 struct GripCase {
   PlantDevice device;
   Grip grip;
-  double stiffness_N_per_mm = 1;               ///< that the hand feels
-  double viscosity_N_s_per_mm = 0;             ///< likewise, inside
+  double stiffness_N_per_mm = 1;              ///< that the hand feels
+  double viscosity_N_s_per_mm = 0;            ///< likewise, inside
   double max_damping_N_s_per_mm = kNotKnown;  ///< DeviceParameters
   double rate_hz = 1000;
   double delay_s = 1e-3;

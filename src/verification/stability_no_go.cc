@@ -19,7 +19,7 @@ constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, N
 // the force comes in while the hand rests before the border, and the tip rests for so long at the end
 constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
                  kAlongBorder_mm = 8;
-constexpr double kMostPast_mm = 0.5;
+constexpr double kMaxPast_mm = 0.5;
 // of the most that a hand holds (push_out_of)
 constexpr double kOfHeld = 0.9;
 
@@ -141,7 +141,7 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
           const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
                                    "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
           // what the device cannot give holds nobody
-          const auto limit_mm = led.clamped ? std::optional<double>() : kMostPast_mm;
+          const auto limit_mm = led.clamped ? std::optional<double>() : kMaxPast_mm;
           past.push_back({path + "/past", led.past_mm, "mm", 1, limit_mm});
           swings.push_back({path + "/swing", 1e3 * led.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
         }

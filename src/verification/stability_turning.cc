@@ -15,7 +15,7 @@ constexpr double kHalfPlate_mm = 1, kPlateRadius_mm = 14, kHalfGrid_mm = 19;
 constexpr double kFastestTurn_rad_s = 20, kLongestLever_mm = 100;
 constexpr double kFeltTurn_N = 0.5, kLooked_mm = 0.02;
 // a thinner one dips by more between two spheres of its row
-constexpr double kLeastShaft_mm = 0.3, kLookedAtShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
+constexpr double kMinShaft_mm = 0.3, kLookedAtShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
 constexpr int kTurnsOfAPlate = 50, kTicksAtRest = 60;
 const Eigen::Vector3d kPlateVoxels_mm[] = {{0.36, 0.36, 0.7}, {0.28, 0.28, 1.0}, {0.625, 0.625, 0.9}};
 
@@ -62,9 +62,9 @@ class TurningHand {
  public:
   TurningHand(const RoundPlate& plate, AccuracyRandom& random) : plate_(plate), random_(random) {
     // the end goes against the normal, and askew, near the plate's middle
-    constexpr double kLeastAhead = 0.6;
+    constexpr double kMinAhead = 0.6;
     Eigen::Vector3d tangent = random.direction();
-    while (-tangent.dot(plate.normal) < kLeastAhead) tangent = random.direction();
+    while (-tangent.dot(plate.normal) < kMinAhead) tangent = random.direction();
     lever_ = tangent.cross(random.direction()).normalized() * random.between(25, kLongestLever_mm);
     // from the side of the plate on which the tip is
     if (lever_.dot(plate.normal) > 0) lever_ = -lever_;
@@ -79,7 +79,7 @@ class TurningHand {
       tool_.push_back({Vector<Patient>(lever_ + random.direction() * 2), radius_mm});
     // every second one with a shaft from the tip to there
     if (random.between(0, 1) < 0.5)
-      tool_[1] = {{}, std::max(kLeastShaft_mm, radius_mm), Vector<Patient>(lever_)};
+      tool_[1] = {{}, std::max(kMinShaft_mm, radius_mm), Vector<Patient>(lever_)};
 
     // from where all of it is free to where the end is through
     constexpr double kFree_mm = 0.5, kBehind_mm = 2.5, kBack_rad = 0.01;
@@ -114,7 +114,7 @@ class TurningHand {
     return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis_));
   }
   double clearance_mm(const Point<Patient>& at, const Eigen::Quaterniond& attitude) const {
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     const TurnedTool tool = tool_at(attitude);
     for (const ToolSphere& sphere : tool.spheres()) {
       // of a shaft the outline, not the row of spheres that it is felt as
@@ -122,10 +122,10 @@ class TurningHand {
       for (int place = 0; place <= places; ++place) {
         const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(place) / std::max(1, places));
         const double distance_mm = plate_.felt.surface->distance_mm(at + sphere.offset_mm + along_mm);
-        least_mm = std::min(least_mm, distance_mm - sphere.radius_mm);
+        min_mm = std::min(min_mm, distance_mm - sphere.radius_mm);
       }
     }
-    return least_mm;
+    return min_mm;
   }
 
   bool has_shaft() const { return tool_[1].along_mm != Vector<Patient>(); }
@@ -190,8 +190,8 @@ Result<std::vector<Figure>> turning_figures(int turns, const Progress& progress)
   }
   const auto n = static_cast<std::uint64_t>(turns);
   return std::vector<Figure>{
-      {"stability/turning/deepest", deepest_mm, "mm", n, kProxyFeel.most_dip_mm},
-      {"stability/turning/shaft-deepest", shaft_deepest_mm, "mm", n, kProxyFeel.most_dip_mm + kShaftDip_mm},
+      {"stability/turning/deepest", deepest_mm, "mm", n, kProxyFeel.max_dip_mm},
+      {"stability/turning/shaft-deepest", shaft_deepest_mm, "mm", n, kProxyFeel.max_dip_mm + kShaftDip_mm},
       {"stability/turning/through", static_cast<double>(through), "turns", n, 0},
       {"stability/turning/not-felt", static_cast<double>(missed), "turns", n, 0}};
 }

@@ -91,12 +91,12 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
   const auto model = yielding_block(false);
   if (!model) return model.error();
   const auto add = [&](const char* way, double speed_mm_s, const CutTissue& cut,
-                       std::optional<double> most_change) {
+                       std::optional<double> max_change) {
     char at[64];
     std::snprintf(at, sizeof at, "tissue/removal/%s/%.0f-mm-s/", way, speed_mm_s);
     figures.push_back({at + std::string("lag"), cut.lag_percent, "percent", cut.frames, 0.1});
     figures.push_back({at + std::string("behind"), cut.behind_percent, "percent", cut.frames, {}});
-    figures.push_back({at + std::string("change"), cut.change_percent, "percent", cut.frames, most_change});
+    figures.push_back({at + std::string("change"), cut.change_percent, "percent", cut.frames, max_change});
     figures.push_back({at + std::string("follow-time"), cut.follow_ms, "ms", cut.frames, {}});
     figures.push_back({at + std::string("frame-time"), cut.frame_ms, "ms", cut.frames, {}});
   };
@@ -189,7 +189,7 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
           char path[96];
           std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device,
                         hand.name.c_str());
-          figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.least_mJ,
+          figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.min_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
         }
@@ -272,7 +272,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   const FiniteLayer finite = finite_layer({47, 32, 8}, 0.2);
   one("neo-hookean/linear-off", {finite.linear_off_percent, 0}, 5);
   figures.push_back(
-      {"tissue/neo-hookean/most-squeezed", 100 * (1 - finite.least_volume), "percent", finite.cells, 90});
+      {"tissue/neo-hookean/most-squeezed", 100 * (1 - finite.min_volume), "percent", finite.cells, 90});
   figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
   figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
 

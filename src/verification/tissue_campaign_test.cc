@@ -145,13 +145,13 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law)
 TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
   const int scenes = asked_for("PALPATE_TEST_SCENES", 6);
   const unsigned seed = test::test_seed();
-  constexpr double kMostForce_N = 3, kTick_s = 1e-3;
+  constexpr double kMaxForce_N = 3, kTick_s = 1e-3;
   int touched = 0, solved = 0, cut = 0, changed = 0;
   for (int scene = 0; scene < scenes; ++scene) {
     SCOPED_TRACE("seed " + std::to_string(seed) + ", scene " + std::to_string(scene));
     std::mt19937 random(seed + static_cast<unsigned>(scene));
     const auto model = random_patient(random, scene % 2 == 0 ? TissueLaw::kElastic : TissueLaw::kNeoHookean);
-    CampaignTip tip(model, kMostForce_N);
+    CampaignTip tip(model, kMaxForce_N);
     Eigen::Vector3d at(0, 0, 40);
     const auto lead = [&](const Eigen::Vector3d& to, double speed_mm_s) {
       const int ticks = std::max(1, static_cast<int>((to - at).norm() / (speed_mm_s * kTick_s)));
@@ -162,7 +162,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
         const DeviceTick& device = felt.device[0];
         const Eigen::Vector3d force(device.force_N[0], device.force_N[1], device.force_N[2]);
         ASSERT_TRUE(force.allFinite());
-        ASSERT_LE(force.norm(), kMostForce_N * (1 + 1e-9));
+        ASSERT_LE(force.norm(), kMaxForce_N * (1 + 1e-9));
         ASSERT_TRUE(std::isfinite(device.unclamped_force_N) && std::isfinite(device.energy_mJ));
         ASSERT_EQ(device.flags & kFlagNotFinite, 0u);
         touched += device.label != 0;

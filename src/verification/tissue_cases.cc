@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 constexpr double kN_per_mm2_of_kPa = 1e-3;
-constexpr int kMostTissueIterations = 300;
+constexpr int kMaxTissueIterations = 300;
 constexpr double kTissueTolerance = 1e-5;
 
 ElasticMaterial yielding(double kPa, double poissons_ratio) {
@@ -64,7 +64,7 @@ Inside solve_inside(const ElasticMaterial& material, int cells, const Given& giv
   });
   ElasticSolver solver(grid);
   Inside told;
-  told.iterations = solver.solve(load, u, kMostTissueIterations, 2e-7).iterations;
+  told.iterations = solver.solve(load, u, kMaxTissueIterations, 2e-7).iterations;
   for_each_node_of(layout, [&](int i, int j, int k) {
     const Eigen::Vector3d right = given(Eigen::Vector3d(i, j, k));
     const double off = (node_of(layout, i, j, k, u) - right).norm();
@@ -123,7 +123,7 @@ TissueCase cantilever_case(int cells_high) {
     }
   ElasticSolver solver(grid);
   TissueCase told;
-  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   const double sunk = node_of(layout, length, high / 2, high / 2, u).z();
   const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
                inertia = area * area / 12;
@@ -163,7 +163,7 @@ TissueCase cook_case(int cells_long) {
     }
   ElasticSolver solver(grid);
   TissueCase told;
-  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   const double rise = node_of(layout, cells_long, static_cast<int>(std::lround(52 / h)), 0, u).y();
   told.off_percent = 100 * (rise / 23.96 - 1);
   return told;
@@ -186,7 +186,7 @@ TissueCase series_case(double seam_in_cell) {
   });
   ElasticSolver solver(grid);
   TissueCase told;
-  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   solver.forces(u, force);
   double pressed_N = 0;
   for (int j = 0; j <= 3; ++j)
@@ -211,7 +211,7 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
   ElasticField load(layout), u(layout);
   load.values[layout.node(middle, middle, top, 2)] = -1e-3f;
   TissueCase told;
-  told.iterations = solver.solve(load, u, kMostTissueIterations, kTissueTolerance).iterations;
+  told.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   double sum = 0;
   int count = 0;
   for (int j = 0; j <= cells; ++j)
@@ -250,7 +250,7 @@ PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Pati
   ElasticField unit(solver.layout()), load(solver.layout());
   const double depth = press.radius_cells * press.radius_cells / kRadius_mm;
   const SphereContact contact =
-      press_sphere(grid, solver, at, outward, kRadius_mm, depth, unit, load, kMostTissueIterations, 1e-4);
+      press_sphere(grid, solver, at, outward, kRadius_mm, depth, unit, load, kMaxTissueIterations, 1e-4);
   const double modulus = kPa * kN_per_mm2_of_kPa / (1 - press.poissons_ratio * press.poissons_ratio);
   return {contact.force_N, 4.0 / 3 * modulus * std::sqrt(kRadius_mm) * std::pow(depth, 1.5),
           contact.solution.iterations};
@@ -369,7 +369,7 @@ TissueCase stretched_case(double part) {
   });
   ElasticSolver solver(grid);
   FiniteSettings settings;
-  settings.most_steps = 50;
+  settings.max_steps = 50;
   settings.tolerance = 1e-6;
   TissueCase told;
   told.iterations = solver.solve_finite(load, u, settings).iterations;
@@ -419,7 +419,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     return sum;
   };
   ElasticSolver solver(grid);
-  solver.solve(load, whole, kMostTissueIterations, kTissueTolerance);
+  solver.solve(load, whole, kMaxTissueIterations, kTissueTolerance);
   solver.forces(whole, force);
   const double linear_N = force_of(force);
 
@@ -427,17 +427,17 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   FiniteLayer told;
   told.cells = grid.soft_cells();
   FiniteSettings frame, exact;
-  frame.most_iterations = 3;
+  frame.max_iterations = 3;
   frame.tolerance = 0;
-  exact.most_steps = 60;
-  exact.most_iterations = 40;
+  exact.max_steps = 60;
+  exact.max_iterations = 40;
   const int frames = std::max(1, static_cast<int>(std::lround(depth / kFrame_mm)));
   std::vector<double> seconds;
   for (int n = 0; n < frames; ++n) {
     for (std::size_t value = 0; value < u.values.size(); ++value)
       u.values[value] += whole.values[value] / static_cast<float>(frames);
     const double begin = tissue_thread_seconds();
-    told.least_volume = std::min(told.least_volume, solver.solve_finite(load, u, frame).least_volume);
+    told.min_volume = std::min(told.min_volume, solver.solve_finite(load, u, frame).min_volume);
     seconds.push_back(tissue_thread_seconds() - begin);
     solver.finite_forces(u, force);
     const double in_frame_N = force_of(force);
@@ -483,7 +483,7 @@ NoduleLoop nodule_loop(int cells, int steps) {
   const Vector<Patient> up(0, 0, 1);
   const auto press = [&](double x, double depth_mm) {
     return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
-                        unit, load, kMostTissueIterations, 1e-5);
+                        unit, load, kMaxTissueIterations, 1e-5);
   };
   // work of going down and up again at a place, by Gauss and Legendre's four points in d^(5/2)
   const auto energy = [&](double x) {

@@ -59,7 +59,7 @@ TissueCase stretched_case(double part);
 /// step with up to 3 iterations, which goes on by a third of a cell, the median; `frame_off_percent`: of that
 /// force at most, from the second step on.
 struct FiniteLayer {
-  double linear_off_percent = 0, frame_ms = 0, frame_off_percent = 0, least_volume = 1;
+  double linear_off_percent = 0, frame_ms = 0, frame_off_percent = 0, min_volume = 1;
   std::size_t cells = 0;
   bool converged = true;
 };

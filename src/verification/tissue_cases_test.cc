@@ -75,7 +75,7 @@ TEST(TissueCases, ANeoHookeanBlockIsStretched) {
 TEST(TissueCases, LinearIsNeoHookeanToAFifthOfTheThickness) {
   const FiniteLayer layer = finite_layer({47, 32, 8}, 0.2);
   EXPECT_TRUE(layer.converged);
-  EXPECT_GT(layer.least_volume, 0);
+  EXPECT_GT(layer.min_volume, 0);
   EXPECT_LE(std::abs(layer.linear_off_percent), 5);
 }
 

@@ -45,7 +45,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   box.corner = box.patient(first * box.cell_mm);
 
   const double rho_mm =
-      std::max(kSolvingFeel.least_patch_cells * box.cell_mm, std::sqrt(kPresser_mm * kPressed_mm));
+      std::max(kSolvingFeel.min_patch_cells * box.cell_mm, std::sqrt(kPresser_mm * kPressed_mm));
   auto carving = std::make_shared<const Carving>(model);
   CarvedCells cells({model.labels, nullptr}, by_label, box, pressed);
   ElasticSolver solver(cells.grid());

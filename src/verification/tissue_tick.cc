@@ -215,19 +215,19 @@ double change_at_rest_N(const std::shared_ptr<const Model>& model) {
   tip.begin_at({3, 1, kTissueTool_mm + kBeginAbove_mm});
   tip.lead({3, 1, kTissueTool_mm - 4}, 50);
   tip.wait(0.1);
-  double before_N = -1, most_N = 0;
+  double before_N = -1, max_N = 0;
   tip.wait(0.4, [&](const TickRecord& felt) {
     const double now_N = felt.device[0].unclamped_force_N;
-    if (before_N >= 0) most_N = std::max(most_N, std::abs(now_N - before_N));
+    if (before_N >= 0) max_N = std::max(max_N, std::abs(now_N - before_N));
     before_N = now_N;
   });
-  return most_N;
+  return max_N;
 }
 
 double work_given_out_percent(const std::shared_ptr<const Model>& model, double speed_mm_s) {
   constexpr double kFar_mm = 10, kUnder_mm = kTissueTool_mm - 3, kOver_mm = kTissueTool_mm + 1;
   TissueTip tip(model);
-  double work_mJ = 0, most_mJ = 0;
+  double work_mJ = 0, max_mJ = 0;
   Eigen::Vector3d before = Eigen::Vector3d::Zero(), force_before = Eigen::Vector3d::Zero();
   bool any = false;
   const auto see = [&](const TickRecord& felt) {
@@ -236,7 +236,7 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
         force(device.force_N[0], device.force_N[1], device.force_N[2]);
     // the force between two ticks is taken as a straight line: what a hold gives out is the servo's
     if (any) work_mJ -= 0.5 * (force + force_before).dot(at - before);
-    most_mJ = std::max(most_mJ, work_mJ);
+    max_mJ = std::max(max_mJ, work_mJ);
     before = at;
     force_before = force;
     any = true;
@@ -245,7 +245,7 @@ double work_given_out_percent(const std::shared_ptr<const Model>& model, double 
   tip.lead({-kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
   tip.lead({kFar_mm, 0.5, kUnder_mm}, speed_mm_s, see);
   tip.lead({kFar_mm, 0.5, kOver_mm}, speed_mm_s, see);
-  return -100 * work_mJ / most_mJ;
+  return -100 * work_mJ / max_mJ;
 }
 
 OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::shared_ptr<const Model>& plain,

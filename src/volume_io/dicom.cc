@@ -33,7 +33,7 @@ namespace fs = std::filesystem;
 
 // ---- finding files ------------------------------------------------------------------------------
 
-constexpr std::size_t kMostDicomFiles = 200'000;
+constexpr std::size_t kMaxDicomFiles = 200'000;
 constexpr int kDeepestFolder = 16;
 
 // Calls look(file) for each regular file in a folder or below it, until it returns true. Links that leave the
@@ -100,15 +100,15 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
     found.files.push_back(named);
     return found;
   }
-  constexpr std::size_t kMostRoots = 32;
+  constexpr std::size_t kMaxRoots = 32;
   bool more = false, stopped = false;
   std::set<fs::path> outside;
   const std::size_t led_out = walk(named, [&](const fs::path& file) {
     if ((stopped = progress.stopped())) return true;
-    if (found.files.size() == kMostDicomFiles) return more = true;
+    if (found.files.size() == kMaxDicomFiles) return more = true;
     std::error_code unknown;
     // targets of allowed links
-    if (reading_limits().follow_links && outside.size() < kMostRoots && fs::is_symlink(file, unknown))
+    if (reading_limits().follow_links && outside.size() < kMaxRoots && fs::is_symlink(file, unknown))
       outside.insert(fs::canonical(file, unknown).parent_path());
     found.files.push_back(file);
     return false;
@@ -117,7 +117,7 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   std::sort(found.files.begin(), found.files.end());
   if (more)
-    found.notes.push_back("holds more than " + std::to_string(kMostDicomFiles) +
+    found.notes.push_back("holds more than " + std::to_string(kMaxDicomFiles) +
                           " files, of which no more were looked at");
   if (led_out > 0)
     found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
@@ -402,7 +402,7 @@ struct Segments {
 };
 
 // maximum number of files of one segmentation, all of which are open at the same time
-constexpr std::size_t kMostSegmentationFiles = 200;
+constexpr std::size_t kMaxSegmentationFiles = 200;
 
 // adds the file to an error if a segmentation has several
 Error in_file(Error error, const std::vector<fs::path>& files, std::size_t n) {
@@ -611,7 +611,7 @@ std::string colour_of_structure(const DicomStructure& structure) {
 
 // notes for the user: missing contours, filled gaps, clipped and empty structures
 void note_structures(const Structures& structures, const std::vector<std::string>& without_contours,
-                        std::size_t left_out, const std::vector<std::uint64_t>& voxels, VolumeFile& file) {
+                     std::size_t left_out, const std::vector<std::uint64_t>& voxels, VolumeFile& file) {
   std::vector<std::string> cut, empty;
   std::size_t bridged = 0;
   std::vector<std::string> with_gaps;
@@ -735,14 +735,14 @@ bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
 }
 
 // Maximum number of volumes in a list: a folder of images that are each a series of its own has thousands.
-constexpr std::size_t kMostListed = 2000;
+constexpr std::size_t kMaxListed = 2000;
 
 bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
-  const std::size_t listed = std::min(content->volumes.size(), kMostListed);
+  const std::size_t listed = std::min(content->volumes.size(), kMaxListed);
   out.put(static_cast<std::uint32_t>(listed));
   for (const DicomVolume& volume : std::span(content->volumes).first(listed)) {
     out.put(volume.what);
@@ -750,7 +750,7 @@ bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
     out.put(volume.remedy);
   }
   std::vector<std::string> notes = content->notes;
-  for (std::size_t n = 0; n < listed && notes.size() < kMostListed / 2; ++n)
+  for (std::size_t n = 0; n < listed && notes.size() < kMaxListed / 2; ++n)
     for (const std::string& note : content->volumes[n].notes)
       notes.push_back((content->volumes.size() == 1 ? "" : "volume " + std::to_string(n + 1) + " ") + note);
   for (const std::string& other : content->others) notes.push_back("besides: " + other);
@@ -790,8 +790,8 @@ bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Fou
                                  std::to_string(series.size()) + " series, which may be different readings",
                              "name one of them after the images, or this folder to read all as one"),
                    segmentation);
-  const auto chosen =
-      choose_segmented(content->volumes, relations_of(reference, content->volumes, content->identifiers), number);
+  const auto chosen = choose_segmented(
+      content->volumes, relations_of(reference, content->volumes, content->identifiers), number);
   if (!chosen) return refused(chosen.error(), segmentation);
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
@@ -852,14 +852,14 @@ Error at(const fs::path& file, const Error& error) {
   return {error.kind, error.what, file.string(), error.remedy};
 }
 
-constexpr std::size_t kMostParts = 16, kMostPart = 255;
+constexpr std::size_t kMaxParts = 16, kMaxPart = 255;
 
 // Path of a file that a DICOMDIR references; nullopt if it would leave the folder.
 std::optional<fs::path> place_of(const fs::path& folder, const std::vector<std::string>& parts, bool lower) {
   fs::path place = folder;
-  if (parts.empty() || parts.size() > kMostParts) return std::nullopt;
+  if (parts.empty() || parts.size() > kMaxParts) return std::nullopt;
   for (const std::string& part : parts) {
-    if (part.empty() || part.size() > kMostPart || part == "." || part == ".." ||
+    if (part.empty() || part.size() > kMaxPart || part == "." || part == ".." ||
         part.find('/') != std::string::npos || part.find('\\') != std::string::npos ||
         part.find('\0') != std::string::npos)
       return std::nullopt;
@@ -881,11 +881,11 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
     if (!files) return send_end(parent, files.error());
     if (!send_end(parent, {})) return false;
     reader::Sender out(parent);
-    out.put(static_cast<std::uint32_t>(std::min(files->size(), kMostDicomFiles)));
-    for (const auto& parts : std::span(*files).first(std::min(files->size(), kMostDicomFiles))) {
-      out.put(static_cast<std::uint32_t>(std::min(parts.size(), kMostParts + 1)));
-      for (const std::string& part : std::span(parts).first(std::min(parts.size(), kMostParts + 1)))
-        out.put(part.substr(0, kMostPart + 1));
+    out.put(static_cast<std::uint32_t>(std::min(files->size(), kMaxDicomFiles)));
+    for (const auto& parts : std::span(*files).first(std::min(files->size(), kMaxDicomFiles))) {
+      out.put(static_cast<std::uint32_t>(std::min(parts.size(), kMaxParts + 1)));
+      for (const std::string& part : std::span(parts).first(std::min(parts.size(), kMaxParts + 1)))
+        out.put(part.substr(0, kMaxPart + 1));
     }
     return out.ok();
   });
@@ -895,7 +895,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMostDicomFiles) return nonsense(named);
+  if (count > kMaxDicomFiles) return nonsense(named);
 
   FoundFiles found;
   const fs::path folder = directory.parent_path().empty() ? fs::path(".") : directory.parent_path();
@@ -906,9 +906,9 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
     if (progress.stopped()) return Progress::interrupted();
     std::uint32_t length = 0;
     in.get(length);
-    if (length > kMostParts + 1) return nonsense(named);
+    if (length > kMaxParts + 1) return nonsense(named);
     std::vector<std::string> parts(length);
-    for (std::string& part : parts) in.get(part, kMostPart + 1);
+    for (std::string& part : parts) in.get(part, kMaxPart + 1);
     if (!in.ok()) break;
     auto place = place_of(folder, parts, false);
     if (!place)
@@ -937,7 +937,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
 }
 
 bool send_identity(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
-                       std::optional<int> number) {
+                   std::optional<int> number) {
   const auto content = look_for(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto chosen = choose_volume(content->volumes, number);
@@ -990,8 +990,8 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   DicomIdentity identity;
   std::uint32_t attributes = 0, images = 0;
   in.get(attributes);
-  constexpr std::uint32_t kMostAttributes = 100;
-  if (attributes > kMostAttributes) return nonsense(named);
+  constexpr std::uint32_t kMaxAttributes = 100;
+  if (attributes > kMaxAttributes) return nonsense(named);
   for (std::uint32_t n = 0; n < attributes && in.ok(); ++n) {
     auto& [tag, value] = identity.attributes.emplace_back();
     in.get(tag.first);
@@ -1001,7 +1001,7 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   std::string sop_class;
   for (std::string* text : {&identity.frame_of_reference, &identity.series, &sop_class}) in.get(*text);
   in.get(images);
-  if (images > kMostDicomFiles) return nonsense(named);
+  if (images > kMaxDicomFiles) return nonsense(named);
   for (std::uint32_t n = 0; n < images && in.ok(); ++n) {
     identity.images.emplace_back(sop_class, "");
     in.get(identity.images.back().second);
@@ -1077,7 +1077,7 @@ std::vector<fs::path> dicom_segmentation_files(const fs::path& file) {
   walk(file, [&](const fs::path& inside) {
     images = is_dicom_image(inside);
     if (is_segmentation(inside)) files.push_back(inside);
-    return images || ++looked_at == kMostDicomFiles;
+    return images || ++looked_at == kMaxDicomFiles;
   });
   if (images) return {};
   std::ranges::sort(files);
@@ -1091,10 +1091,10 @@ bool is_dicom_structures(const fs::path& file) {
 
 Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress& progress) {
   std::vector<fs::path> files = dicom_segmentation_files(file);
-  if (files.size() > kMostSegmentationFiles)
+  if (files.size() > kMaxSegmentationFiles)
     return bad_input(file.string(),
                      "holds " + std::to_string(files.size()) + " DICOM segmentations, and " +
-                         std::to_string(kMostSegmentationFiles) + " are read as one at most",
+                         std::to_string(kMaxSegmentationFiles) + " are read as one at most",
                      "name one of them, or put those that are wanted into a folder of their own");
   return open_dicom_labels(
       file, std::move(files), progress,
@@ -1129,7 +1129,7 @@ bool is_dicom(const std::filesystem::path& file) {
   bool found = false;
   walk(file, [&](const fs::path& inside) {
     found = is_dicom_image(inside);
-    return found || ++looked_at == kMostDicomFiles;
+    return found || ++looked_at == kMaxDicomFiles;
   });
   return found;
 }
@@ -1185,8 +1185,8 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   in.get(number);
   in.get(is_stated);
   in.get(notes);
-  constexpr std::uint32_t kMostNumber = 100'000, kMostStudyNotes = 10;
-  if (number < 1 || number > kMostNumber || notes > kMostStudyNotes) return nonsense(named);
+  constexpr std::uint32_t kMaxNumber = 100'000, kMaxStudyNotes = 10;
+  if (number < 1 || number > kMaxNumber || notes > kMaxStudyNotes) return nonsense(named);
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) {
     in.get(study.notes.emplace_back());
     study.notes.back() = study.labels->string() + " " + study.notes.back();
@@ -1258,7 +1258,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   VolumeList list;
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMostListed) return nonsense(named);
+  if (count > kMaxListed) return nonsense(named);
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
     auto& volume = list.volumes.emplace_back();
     in.get(volume.what);
@@ -1267,7 +1267,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   }
   std::uint32_t notes = 0;
   in.get(notes);
-  if (notes > kMostListed) return nonsense(named);
+  if (notes > kMaxListed) return nonsense(named);
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
   if (!in.ok()) return about(in.error(), named);
   return list;
@@ -1286,7 +1286,7 @@ std::string in_words(IdentifierKind kind) {
 
 namespace {
 
-constexpr std::size_t kMostRows = 10'000;
+constexpr std::size_t kMaxRows = 10'000;
 
 // Identifiers of all files by kind and element, sorted by tag, which follows the keyword in `what`.
 struct IdentifierRows {
@@ -1297,7 +1297,7 @@ struct IdentifierRows {
   }
   std::map<Key, IdentifierRow> rows;
   std::map<Key, std::set<std::string>> values;
-  std::set<std::string> beyond;  // elements beyond kMostRows, at most as many again
+  std::set<std::string> beyond;  // elements beyond kMaxRows, at most as many again
   std::size_t files = 0, burnt_in_unsaid = 0, unread = 0;
 };
 
@@ -1312,8 +1312,8 @@ void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_sai
   for (const DicomIdentifier& one : found) {
     if (says_nothing_is_burnt_in(one)) continue;
     const auto key = IdentifierRows::key_of(one);
-    if (all.rows.size() == kMostRows && !all.rows.contains(key)) {
-      if (all.beyond.size() < kMostRows) all.beyond.insert(one.what);
+    if (all.rows.size() == kMaxRows && !all.rows.contains(key)) {
+      if (all.beyond.size() < kMaxRows) all.beyond.insert(one.what);
       continue;
     }
     IdentifierRow& row = all.rows[key];
@@ -1321,7 +1321,7 @@ void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_sai
     row.what = one.what;
     row.files += in_file.insert(key).second;
     auto& values = all.values[key];
-    if (values.size() < kMostIdentifierValues) values.insert(one.value);
+    if (values.size() < kMaxIdentifierValues) values.insert(one.value);
     if (row.example.empty()) row.example = one.value;
   }
 }
@@ -1381,7 +1381,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t files = 0, unsaid = 0, unread = 0, beyond = 0, rows = 0;
   for (std::uint32_t* number : {&files, &unsaid, &unread, &beyond, &rows}) in.get(*number);
-  if (rows > kMostRows) return nonsense(named);
+  if (rows > kMaxRows) return nonsense(named);
   IdentifierReport report;
   report.files = files;
   report.burnt_in_unsaid = unsaid;
@@ -1404,7 +1404,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   report.notes = found->notes;
   if (unread > 0) report.notes.push_back(counted(unread, "DICOM file", "DICOM files") + " could not be read");
   if (beyond > 0)
-    report.notes.push_back("has " + std::to_string(beyond) + (beyond == kMostRows ? " or more" : "") +
+    report.notes.push_back("has " + std::to_string(beyond) + (beyond == kMaxRows ? " or more" : "") +
                            " further elements, which are not listed");
   if (files == 0)
     return bad_input(

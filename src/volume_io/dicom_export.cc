@@ -41,8 +41,8 @@ Result<SegmentationToWrite> segmentation_of(const LabelMap& labels, const std::f
     return bad_input(file.string(),
                      "its axes would not be square to each other, which a DICOM segmentation cannot hold",
                      "write it as .seg.nrrd");
-  constexpr int kMostAlong = 65535;
-  if (grid.dims[0] > kMostAlong || grid.dims[1] > kMostAlong)
+  constexpr int kMaxAlong = 65535;
+  if (grid.dims[0] > kMaxAlong || grid.dims[1] > kMaxAlong)
     return bad_input(file.string(), "would have more rows or columns than DICOM can hold",
                      "write it as .seg.nrrd");
   SegmentationToWrite seg;

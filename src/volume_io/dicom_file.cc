@@ -516,8 +516,8 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
   const double said = number_of(root, DCM_NumberOfFrames).value_or(1);
-  constexpr double kMostFrames = 100'000;
-  const bool countable = said >= 1 && said <= kMostFrames;
+  constexpr double kMaxFrames = 100'000;
+  const bool countable = said >= 1 && said <= kMaxFrames;
   std::size_t count = countable ? static_cast<std::size_t>(said) : 1;
   if (!countable && !fault) fault = Fault{"has a NumberOfFrames (0028,0008) that is none", kExport};
   if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
@@ -901,9 +901,9 @@ void FilePixels::find_fragments() {
     return;
   }
   std::vector<std::uint8_t> table;
-  constexpr Uint32 kMostTable = 1 << 22;
+  constexpr Uint32 kMaxTable = 1 << 22;
   const bool one_each = frames == static_cast<double>(packed);
-  if (!one_each && !append(*fragments_[0], std::min(fragments_[0]->getLength(), kMostTable), cache_, table))
+  if (!one_each && !append(*fragments_[0], std::min(fragments_[0]->getLength(), kMaxTable), cache_, table))
     return;
   std::uint64_t begins = 0;
   std::size_t next = 0;  // byte offset in the table
@@ -962,9 +962,9 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
                      kDecompress);
   if (!is_as_said(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
   // each tile takes memory, however small it is
-  constexpr std::uint64_t kMostTiles = 4096;
-  if (header->tiles > kMostTiles)
-    return bad_input("", "has PixelData (7FE0,0010) in more than " + std::to_string(kMostTiles) + " tiles",
+  constexpr std::uint64_t kMaxTiles = 4096;
+  if (header->tiles > kMaxTiles)
+    return bad_input("", "has PixelData (7FE0,0010) in more than " + std::to_string(kMaxTiles) + " tiles",
                      kDecompress);
   if (!unpack_jpeg2000(*header, packed_, static_cast<std::size_t>(frame.bits_allocated / 8), buffer_))
     return bad_input("", kDamagedPixels, kCopyAgain);

@@ -118,11 +118,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   auto pixels = library().open_pixels(bytes.name());
   if (!pixels) return 0;
-  constexpr std::size_t kMostFrames = 4, kMostValues = 1 << 16;
-  for (std::size_t n = 0; n < std::min(file->frames.size(), kMostFrames); ++n) {
+  constexpr std::size_t kMaxFrames = 4, kMaxValues = 1 << 16;
+  for (std::size_t n = 0; n < std::min(file->frames.size(), kMaxFrames); ++n) {
     const DicomFrame& frame = file->frames[n];
     const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
-    if (!frame.fault.empty() || count > kMostValues) continue;
+    if (!frame.fault.empty() || count > kMaxValues) continue;
     std::vector<std::int64_t> values(count);
     if (!(*pixels)->read(frame, values) || frame.padding) continue;
     const std::int64_t lowest = frame.is_signed ? -(std::int64_t{1} << (frame.bits_stored - 1)) : 0;

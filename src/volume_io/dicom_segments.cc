@@ -190,20 +190,20 @@ struct SliceSteps {
 
 constexpr double kSameSlice_mm = 5e-3;
 // tolerance for rounding in the file's texts, relative to the slice distance
-constexpr double kMostOffSlice = 0.02;
+constexpr double kMaxOffSlice = 0.02;
 
 // Slice distance close to `step_mm` for which all positions are multiples of it from the first; 0: none.
 double even_step(const std::vector<double>& places_mm, double step_mm) {
   const double length_mm = places_mm.back() - places_mm.front();
-  constexpr double kMostSlices = 1e5, kRounding_mm = 2e-3;
-  if (!(step_mm > kSameSlice_mm) || length_mm / step_mm > kMostSlices) return 0;
+  constexpr double kMaxSlices = 1e5, kRounding_mm = 2e-3;
+  if (!(step_mm > kSameSlice_mm) || length_mm / step_mm > kMaxSlices) return 0;
   // the mean over the whole length removes rounding errors of the distance, which would accumulate
   const double even_mm = length_mm / std::max(1.0, std::round(length_mm / step_mm));
-  const bool fits = std::abs(even_mm - step_mm) <= kMostOffSlice * step_mm &&
+  const bool fits = std::abs(even_mm - step_mm) <= kMaxOffSlice * step_mm &&
                     std::ranges::all_of(places_mm, [&](double place_mm) {
                       const double slices = (place_mm - places_mm.front()) / even_mm;
                       return std::abs(slices - std::round(slices)) * even_mm <=
-                             std::max(kRounding_mm, kMostOffSlice * even_mm);
+                             std::max(kRounding_mm, kMaxOffSlice * even_mm);
                     });
   return fits ? even_mm : 0;
 }
@@ -219,23 +219,23 @@ std::optional<SliceSteps> rounded_steps(const std::vector<double>& places_mm, do
     if (!printed_so || quantum_mm >= step_mm) continue;
     // the first slice lies within half a quantum of its printed position
     constexpr int kTries = 20;
-    double first_mm = 0, least_off_mm = step_mm;
+    double first_mm = 0, min_off_mm = step_mm;
     for (int n = 0; n <= kTries; ++n) {
       const double from_mm = places_mm.front() + quantum_mm * (static_cast<double>(n) / kTries - 0.5);
-      double most_off_mm = 0;
+      double max_off_mm = 0;
       bool apart = true;  // distinct positions are distinct slices
       for (std::size_t p = 0; p < places_mm.size(); ++p) {
         const auto slice_of = [&](double place_mm) { return std::lround((place_mm - from_mm) / step_mm); };
-        most_off_mm = std::max(most_off_mm, std::abs(std::remainder(places_mm[p] - from_mm, step_mm)));
+        max_off_mm = std::max(max_off_mm, std::abs(std::remainder(places_mm[p] - from_mm, step_mm)));
         apart = apart && (p == 0 || places_mm[p] - places_mm[p - 1] < kSameSlice_mm ||
                           slice_of(places_mm[p]) != slice_of(places_mm[p - 1]));
       }
-      if (apart && most_off_mm < least_off_mm) {
-        least_off_mm = most_off_mm;
+      if (apart && max_off_mm < min_off_mm) {
+        min_off_mm = max_off_mm;
         first_mm = from_mm;
       }
     }
-    if (least_off_mm <= quantum_mm / 2 + kExact)
+    if (min_off_mm <= quantum_mm / 2 + kExact)
       return SliceSteps{step_mm, first_mm,
                         "has positions that are rounded to " + segment_mm(quantum_mm) +
                             " mm: its slices are laid " + segment_mm(step_mm) +
@@ -253,22 +253,22 @@ SliceSteps steps_of(const std::vector<double>& places_mm, std::optional<double> 
       gaps_mm.push_back(gap_mm);
   if (gaps_mm.empty()) return {said_mm.value_or(0), places_mm.front()};
   const auto [least, most] = std::ranges::minmax(gaps_mm);
-  const bool regular = gaps_mm.size() > 1 && most - least <= kMostOffSlice * most;
+  const bool regular = gaps_mm.size() > 1 && most - least <= kMaxOffSlice * most;
   const double said_step_mm = said_mm ? even_step(places_mm, *said_mm) : 0,
-               least_step_mm = even_step(places_mm, least);
+               min_step_mm = even_step(places_mm, least);
   // if all frames are at every second slice of the stated grid, they are the slices of a coarser one
   constexpr double kNextSlice = 1.5;
   if (said_step_mm > 0 && !(regular && least > kNextSlice * said_step_mm))
     return {said_step_mm, places_mm.front()};
   if (said_mm && !regular)
     if (auto rounded = rounded_steps(places_mm, *said_mm)) return *std::move(rounded);
-  SliceSteps steps{least_step_mm, places_mm.front()};
-  if (said_mm && least_step_mm > 0)
+  SliceSteps steps{min_step_mm, places_mm.front()};
+  if (said_mm && min_step_mm > 0)
     steps.note =
         "says that slices lie " + segment_mm(*said_mm) +
         " mm apart (SpacingBetweenSlices (0018,0088), or SliceThickness (0018,0050)), and its frames "
         "lie " +
-        segment_mm(least_step_mm) + " mm apart: the positions are taken";
+        segment_mm(min_step_mm) + " mm apart: the positions are taken";
   return steps;
 }
 

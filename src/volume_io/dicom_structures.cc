@@ -41,7 +41,7 @@ double mean_along(const Points& points, const Vector3& normal) {
 }
 
 // largest distance of a contour's points from its mean plane; mm
-double most_off(const Points& points, const Vector3& normal) {
+double max_off(const Points& points, const Vector3& normal) {
   const double mean = mean_along(points, normal);
   double most = 0;
   for (const Vector3& point : points) most = std::max(most, std::abs(point.dot(normal) - mean));
@@ -92,7 +92,7 @@ Result<void> StructurePlanes::choose_normal(const DicomStructure& structure) {
   const double allowed_mm = flat_mm(grid_);
   const auto first_off = [&] {
     return std::ranges::find_if(structure.contours,
-                                [&](const Points& points) { return most_off(points, normal_) > allowed_mm; });
+                                [&](const Points& points) { return max_off(points, normal_) > allowed_mm; });
   };
   normal_ = slice_normal(grid_);
   if (first_off() == structure.contours.end()) return {};
@@ -108,7 +108,7 @@ Result<void> StructurePlanes::choose_normal(const DicomStructure& structure) {
                    "contour " + std::to_string(off - structure.contours.begin() + 1) + " of " +
                        name_of_segment(structure.segment) +
                        " is not planar, or lies in another plane than the others: its points are up to " +
-                       mm_in_words(most_off(*off, normal_)) + " mm off",
+                       mm_in_words(max_off(*off, normal_)) + " mm off",
                    kLoadInSlicer);
 }
 

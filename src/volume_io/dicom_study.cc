@@ -32,8 +32,9 @@ std::string relation_in_words(VolumeRelation bond, const std::string& volume) {
 
 }  // namespace
 
-std::vector<VolumeRelation> relations_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
-                           const DicomIdentifiers& identifiers) {
+std::vector<VolumeRelation> relations_of(const DicomReference& segmentation,
+                                         const std::vector<DicomVolume>& volumes,
+                                         const DicomIdentifiers& identifiers) {
   std::vector<VolumeRelation> bonds;
   for (const DicomVolume& volume : volumes) {
     // all frames of a volume share the series, and the frame of reference except in anonymised series
@@ -61,7 +62,8 @@ std::vector<VolumeRelation> relations_of(const DicomReference& segmentation, con
 }
 
 Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
-                                         const std::vector<VolumeRelation>& bonds, std::optional<int> number) {
+                                         const std::vector<VolumeRelation>& bonds,
+                                         std::optional<int> number) {
   const VolumeRelation closest = *std::ranges::min_element(bonds);
   std::vector<std::size_t> best;
   for (std::size_t n = 0; n < bonds.size(); ++n)
@@ -69,8 +71,9 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
   if (number) {
     const auto asked = choose_volume(volumes, number);
     if (!asked) return asked.error();
-    SegmentedVolume chosen{
-        *asked, {relation_in_words(bonds[*asked], numbered(volumes, *asked))}, bonds[*asked] <= VolumeRelation::kSpace};
+    SegmentedVolume chosen{*asked,
+                           {relation_in_words(bonds[*asked], numbered(volumes, *asked))},
+                           bonds[*asked] <= VolumeRelation::kSpace};
     if (bonds[*asked] != closest)
       chosen.notes.insert(chosen.notes.begin(), relation_in_words(closest, numbered(volumes, best.front())) +
                                                     "; volume " + std::to_string(*number) + " was asked for");
@@ -100,8 +103,9 @@ Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes
     return bad_input("", "belongs to " + std::to_string(usable.size()) + " volumes alike:" + list,
                      "choose one with --volume N");
   }
-  return SegmentedVolume{
-      usable.front(), {relation_in_words(closest, numbered(volumes, usable.front()))}, closest <= VolumeRelation::kSpace};
+  return SegmentedVolume{usable.front(),
+                         {relation_in_words(closest, numbered(volumes, usable.front()))},
+                         closest <= VolumeRelation::kSpace};
 }
 
 }  // namespace palpate::volume_io

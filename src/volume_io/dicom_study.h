@@ -28,21 +28,22 @@ struct DicomIdentifiers {
 
 /// Relation of a segmentation to a volume, the closest first.
 enum class VolumeRelation {
-  kImages,  ///< References to images of this volume.
-  kSeries,  ///< Reference to the volume's series.
-  kSpace,   ///< Both have the same frame of reference.
+  kImages,       ///< References to images of this volume.
+  kSeries,       ///< Reference to the volume's series.
+  kSpace,        ///< Both have the same frame of reference.
   kUnspecified,  ///< One of them does not state its frame of reference.
-  kNone,    ///< Their frames of reference differ, so their relative position is unknown.
+  kNone,         ///< Their frames of reference differ, so their relative position is unknown.
 };
 /// Relation of a segmentation to each volume.
-std::vector<VolumeRelation> relations_of(const DicomReference& segmentation, const std::vector<DicomVolume>& volumes,
-                           const DicomIdentifiers& identifiers);
+std::vector<VolumeRelation> relations_of(const DicomReference& segmentation,
+                                         const std::vector<DicomVolume>& volumes,
+                                         const DicomIdentifiers& identifiers);
 
 struct SegmentedVolume {
   std::size_t index = 0;
   std::vector<std::string> notes;  ///< Sentences about the segmentation: "was made on volume 2 (series 1: MR,
                                    ///< ...)".
-  bool is_stated = true;             ///< The relation is stated by images, series or frame of reference.
+  bool is_stated = true;           ///< The relation is stated by images, series or frame of reference.
 };
 /// Selects the volume of a segmentation: the one of the given number, from 1 on; without a number the only
 /// one with the closest relation. Errors, without `where`, about the segmentation: made on none of the

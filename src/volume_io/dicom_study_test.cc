@@ -34,21 +34,28 @@ TEST(DicomStudy, TheClosestBondCounts) {
   const auto bonds = [](const DicomReference& reference) {
     return relations_of(reference, study(), kIdentifiers);
   };
-  EXPECT_THAT(bonds({{"s0"}, {"i3"}, {"f0"}}), ElementsAre(VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone));
-  EXPECT_THAT(bonds({{"s0"}, {}, {"f0"}}), ElementsAre(VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone));
-  EXPECT_THAT(bonds({{}, {}, {"f1"}}), ElementsAre(VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace));
-  EXPECT_THAT(bonds({{}, {}, {}}), ElementsAre(VolumeRelation::kUnspecified, VolumeRelation::kUnspecified, VolumeRelation::kUnspecified));
+  EXPECT_THAT(bonds({{"s0"}, {"i3"}, {"f0"}}),
+              ElementsAre(VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone));
+  EXPECT_THAT(bonds({{"s0"}, {}, {"f0"}}),
+              ElementsAre(VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone));
+  EXPECT_THAT(bonds({{}, {}, {"f1"}}),
+              ElementsAre(VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace));
+  EXPECT_THAT(bonds({{}, {}, {}}), ElementsAre(VolumeRelation::kUnspecified, VolumeRelation::kUnspecified,
+                                               VolumeRelation::kUnspecified));
   // references to another study
-  EXPECT_THAT(bonds({{"s9"}, {"i9"}, {"f9"}}), ElementsAre(VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kNone));
+  EXPECT_THAT(bonds({{"s9"}, {"i9"}, {"f9"}}),
+              ElementsAre(VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kNone));
 }
 
 TEST(DicomStudy, TheVolumeThatItWasMadeOnIsChosen) {
-  const auto chosen = choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, {});
+  const auto chosen = choose_segmented(
+      study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, {});
   ASSERT_TRUE(chosen);
   EXPECT_EQ(chosen->index, 1u);
   EXPECT_THAT(chosen->notes, ElementsAre("was made on volume 2 (series 1)"));
   EXPECT_TRUE(chosen->is_stated);
-  const auto space = choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace}, {});
+  const auto space =
+      choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace}, {});
   ASSERT_TRUE(space);
   EXPECT_EQ(space->index, 2u);
   EXPECT_THAT(space->notes, ElementsAre(HasSubstr("it does not say")));
@@ -65,36 +72,43 @@ TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
 }
 
 TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
-  const auto alike = choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
+  const auto alike = choose_segmented(
+      study(), {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
   ASSERT_FALSE(alike);
   EXPECT_THAT(alike.error().what, HasSubstr("belongs to 2 volumes alike: 1) series 1; 2) series 1"));
-  const auto other = choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kNone}, {});
+  const auto other =
+      choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kNone}, {});
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().what, HasSubstr("was not made on these images"));
   // only one of several equally related volumes can be used
   auto volumes = study();
   volumes[0].fault = "a slice is missing";
-  const auto usable = choose_segmented(volumes, {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
+  const auto usable = choose_segmented(
+      volumes, {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
   ASSERT_TRUE(usable);
   EXPECT_EQ(usable->index, 1u);
   // the volume on which it was made cannot be used
-  const auto broken = choose_segmented(volumes, {VolumeRelation::kImages, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
+  const auto broken = choose_segmented(
+      volumes, {VolumeRelation::kImages, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
   ASSERT_FALSE(broken);
   EXPECT_THAT(broken.error().what,
               HasSubstr("volume 1 (series 1), which cannot be used: a slice is missing"));
 }
 
 TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
-  const auto chosen = choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 3);
+  const auto chosen =
+      choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 3);
   ASSERT_TRUE(chosen);
   EXPECT_EQ(chosen->index, 2u);
   EXPECT_THAT(chosen->notes,
               ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was asked for")),
                           HasSubstr("another frame of reference than volume 3")));
   EXPECT_FALSE(chosen->is_stated);
-  const auto closest = choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 2);
+  const auto closest =
+      choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 2);
   EXPECT_THAT(closest->notes, ElementsAre("was made on volume 2 (series 1)"));
-  EXPECT_FALSE(choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 4));
+  EXPECT_FALSE(choose_segmented(
+      study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 4));
 }
 
 }  // namespace

@@ -73,8 +73,8 @@ class Dicom : public ::testing::Test {
 
   Result<ScanFile> read(std::optional<int> volume = {}) {
     return read_scan(
-        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; }, VoxelCaching::kOff,
-        volume);
+        folder_.path(), {}, [&](const std::string& message) { warnings_ += message + "\n"; },
+        VoxelCaching::kOff, volume);
   }
   std::string refusal(std::optional<int> volume = {}) {
     const auto scan = read(volume);
@@ -1894,7 +1894,8 @@ TEST(SharedStructureSets, AreTheirContours) {
   EXPECT_THAT(study->notes, ::testing::ElementsAre(HasSubstr("was made on volume 1")));
   const auto grid = read_header(folder.path());
   ASSERT_TRUE(grid) << grid.error().message();
-  const auto read = read_labels(structures, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid->geometry);
+  const auto read =
+      read_labels(structures, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid->geometry);
   ASSERT_TRUE(read) << read.error().message();
   const auto& layer = read->labels.layers.at(0);
   const double spacing_mm = grid->geometry.spacing_mm.x();

@@ -19,13 +19,13 @@ using Vector = Eigen::Vector3d;
 // tolerance for rounding in the scanner's texts
 constexpr double kRounding_mm = 2e-3;
 // tolerance of a slice position, relative to the slice distance
-constexpr double kMostUneven = 0.01;
+constexpr double kMaxUneven = 0.01;
 // slices closer than this share a position
 constexpr double kSamePlace_mm = 5e-3;
 // tangent of a tilt explained by rounding of the orientation: 0.11 degrees
 constexpr double kRoundedTilt = 2e-3;
 // tangent of the largest tilt accepted: gantries tilt by 30 degrees
-constexpr double kMostTilt = 1;
+constexpr double kMaxTilt = 1;
 
 std::string in_mm(double value) {
   char text[40];
@@ -400,7 +400,7 @@ class Stack {
     std::vector<double> sorted = gaps_mm;
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
-    const double usual_mm = *middle, allowed_mm = std::max(kRounding_mm, kMostUneven * usual_mm);
+    const double usual_mm = *middle, allowed_mm = std::max(kRounding_mm, kMaxUneven * usual_mm);
     for (std::size_t n = 0; n < gaps_mm.size(); ++n) {
       const double off_mm = std::abs(gaps_mm[n] - usual_mm);
       if (off_mm <= 2 * allowed_mm) continue;
@@ -437,7 +437,7 @@ class Stack {
   Vector tilt() const { return aside(frames_.size() - 1) / (places_mm_.back() - places_mm_.front()); }
 
   std::optional<Fault> shifted() const {
-    const double usual_mm = mean_gap_mm(), allowed_mm = std::max(kRounding_mm, kMostUneven * usual_mm);
+    const double usual_mm = mean_gap_mm(), allowed_mm = std::max(kRounding_mm, kMaxUneven * usual_mm);
     const Vector shift = tilt();
     for (std::size_t n = 0; n < frames_.size(); ++n) {
       const double off_mm = (aside(n) - (places_mm_[n] - places_mm_.front()) * shift).norm();
@@ -445,7 +445,7 @@ class Stack {
         return Fault{slice(n) + ", lies " + in_mm(off_mm) + " mm beside the line from the first to the last",
                      kConvert};
     }
-    if (shift.norm() > kMostTilt)
+    if (shift.norm() > kMaxTilt)
       return Fault{"its slices are shifted as by a gantry tilted by " + degrees(shift.norm()) +
                        " degrees, which none is: each lies " + in_mm(shift.norm() * usual_mm) +
                        " mm beside the one before, from " + slice(1),

@@ -36,7 +36,7 @@ struct FolderContent {
 };
 
 FolderContent look_into(const std::filesystem::path& folder) {
-  constexpr std::size_t kMostFiles = 10'000, kMostOpened = 100;
+  constexpr std::size_t kMaxFiles = 10'000, kMaxOpened = 100;
   constexpr int kDeepest = 4;
   FolderContent content;
   std::error_code failed;
@@ -44,7 +44,7 @@ FolderContent look_into(const std::filesystem::path& folder) {
   recursive_directory_iterator entry(folder, std::filesystem::directory_options::skip_permission_denied,
                                      failed);
   std::size_t opened = 0;
-  for (; !failed && entry != recursive_directory_iterator() && content.files < kMostFiles;
+  for (; !failed && entry != recursive_directory_iterator() && content.files < kMaxFiles;
        entry.increment(failed)) {
     if (entry.depth() >= kDeepest) entry.disable_recursion_pending();
     std::error_code ignored;
@@ -52,7 +52,7 @@ FolderContent look_into(const std::filesystem::path& folder) {
     ++content.files;
     if (format_of(entry->path())) {
       content.volumes.push_back(entry->path().lexically_relative(folder).string());
-    } else if (opened < kMostOpened) {
+    } else if (opened < kMaxOpened) {
       ++opened;
       const auto kind = content_of(entry->path(), unpacked_front);
       if (kind && !content.other) content.other = kind;

@@ -10,7 +10,7 @@
 namespace palpate::volume_io {
 
 /// Maximum size of a header at the beginning of a file; bytes.
-constexpr std::size_t kMostHeaderBytes = std::size_t{1} << 24;
+constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 24;
 
 /// Key and text of 3D Slicer's segment fields, such as "Segment0_Name".
 using SegmentFieldPairs = std::vector<std::pair<std::string, std::string>>;
@@ -49,11 +49,11 @@ struct NiftiHeader {
   /// The transform that is not used, if the file has both and none was requested.
   std::optional<Eigen::Matrix<double, 3, 4>> other_affine;
   ValueMeaning meaning = ValueMeaning::kUnspecified;  ///< By its intent code.
-  VoxelSource voxels;                            ///< Its `skip` is the offset of the voxels.
-  std::size_t header_bytes = 0;                  ///< Size without the extensions; bytes.
-  bool swapped = false;                          ///< Byte order differs from that of this machine.
+  VoxelSource voxels;                                 ///< Its `skip` is the offset of the voxels.
+  std::size_t header_bytes = 0;                       ///< Size without the extensions; bytes.
+  bool swapped = false;                               ///< Byte order differs from that of this machine.
 };
-constexpr std::size_t kMostNiftiHeaderBytes = 540;
+constexpr std::size_t kMaxNiftiHeaderBytes = 540;
 /// @param form  transform to use if there are both; unset: the sform
 Result<NiftiHeader> parse_nifti_header(std::string_view bytes, const std::string& source,
                                        std::optional<NiftiForm> form = {});

@@ -27,12 +27,12 @@ ImageBytes bytes_in_memory(std::string_view bytes) {
 }
 
 Result<void> check_image_size(std::uint64_t columns, std::uint64_t rows) {
-  constexpr std::uint64_t kMostAlong = 1 << 20;
+  constexpr std::uint64_t kMaxAlong = 1 << 20;
   if (columns == 0 || rows == 0) return bad_input("", "has a picture without a pixel", kCopyImage);
-  if (columns <= kMostAlong && rows <= kMostAlong && columns * rows <= kMostImagePixels) return {};
+  if (columns <= kMaxAlong && rows <= kMaxAlong && columns * rows <= kMaxImagePixels) return {};
   return bad_input("",
                    "has a picture of " + std::to_string(columns) + " x " + std::to_string(rows) +
-                       " pixels, and " + std::to_string(kMostImagePixels) + " are read at most",
+                       " pixels, and " + std::to_string(kMaxImagePixels) + " are read at most",
                    "crop or scale the pictures first, as in Fiji (Image > Scale)");
 }
 

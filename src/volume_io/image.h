@@ -40,9 +40,9 @@ struct ImageShape {
 };
 
 /// Maximum number of pixels of an image, checked before memory is allocated.
-inline constexpr std::size_t kMostImagePixels = std::size_t{1} << 26;
+inline constexpr std::size_t kMaxImagePixels = std::size_t{1} << 26;
 /// Maximum size of a PNG or JPEG file, which is held in memory; bytes.
-inline constexpr std::uint64_t kMostImageBytes = std::uint64_t{1} << 29;
+inline constexpr std::uint64_t kMaxImageBytes = std::uint64_t{1} << 29;
 
 /// Decoder of one file, with one or more pages.
 class ImageDecoder {
@@ -67,7 +67,7 @@ Result<std::unique_ptr<ImageDecoder>> open_png(ImageBytes bytes);
 Result<std::unique_ptr<ImageDecoder>> open_jpeg(ImageBytes bytes);
 Result<std::unique_ptr<ImageDecoder>> open_tiff(ImageBytes bytes);
 
-/// Rejects an image without a pixel or with more than kMostImagePixels.
+/// Rejects an image without a pixel or with more than kMaxImagePixels.
 Result<void> check_image_size(std::uint64_t columns, std::uint64_t rows);
 
 inline constexpr const char* kDamagedImage = "is damaged or cut short";

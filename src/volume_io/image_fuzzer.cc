@@ -15,10 +15,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const auto& pages = (*decoder)->pages();
   if (pages.empty()) std::abort();
-  constexpr std::size_t kMostPages = 4, kMostPixels = 1 << 16;
-  for (std::size_t n = 0; n < std::min(pages.size(), kMostPages); ++n) {
-    if (pages[n].pixels() == 0 || pages[n].pixels() > kMostImagePixels) std::abort();
-    if (pages[n].pixels() > kMostPixels) continue;
+  constexpr std::size_t kMaxPages = 4, kMaxPixels = 1 << 16;
+  for (std::size_t n = 0; n < std::min(pages.size(), kMaxPages); ++n) {
+    if (pages[n].pixels() == 0 || pages[n].pixels() > kMaxImagePixels) std::abort();
+    if (pages[n].pixels() > kMaxPixels) continue;
     std::vector<std::uint32_t> pixels(pages[n].pixels());
     if (const auto read = (*decoder)->read(n, pixels); !read) {
       if (read.error().what.empty() || read.error().remedy.empty()) std::abort();

@@ -28,8 +28,8 @@ void print_nothing(j_common_ptr) {}
 
 // a progressive image can demand any number of passes over all its pixels
 void count_scans(j_common_ptr jpeg) {
-  constexpr int kMostScans = 200;
-  if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number > kMostScans) fail(jpeg);
+  constexpr int kMaxScans = 200;
+  if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number > kMaxScans) fail(jpeg);
 }
 
 struct Decompressor {
@@ -94,7 +94,7 @@ class JpegDecoder : public ImageDecoder {
 }  // namespace
 
 Result<std::unique_ptr<ImageDecoder>> open_jpeg(ImageBytes source) {
-  if (source.size > kMostImageBytes)
+  if (source.size > kMaxImageBytes)
     return bad_input("", "is a JPEG file of more than 512 MiB", "save it as TIFF");
   std::string bytes(static_cast<std::size_t>(source.size), '\0');
   if (!source.read(0, std::as_writable_bytes(std::span(bytes))))

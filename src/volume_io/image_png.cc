@@ -34,9 +34,9 @@ void ignore(png_structp, png_const_charp) {}
 bool decode(Source* source, png_bytep* rows, std::size_t row_bytes, png_structp png, png_infop info) {
   if (setjmp(png_jmpbuf(png))) return false;
   png_set_read_fn(png, source, read_bytes);
-  constexpr png_uint_32 kMostAlong = 1 << 20, kMostChunk = 1 << 23;
-  png_set_user_limits(png, kMostAlong, kMostAlong);
-  png_set_chunk_malloc_max(png, kMostChunk);
+  constexpr png_uint_32 kMaxAlong = 1 << 20, kMaxChunk = 1 << 23;
+  png_set_user_limits(png, kMaxAlong, kMaxAlong);
+  png_set_chunk_malloc_max(png, kMaxChunk);
   // text and profiles, which may be large or damaged, are not needed
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
   png_read_info(png, info);
@@ -104,7 +104,7 @@ std::uint32_t big_at(std::string_view bytes, std::size_t at) {
 }  // namespace
 
 Result<std::unique_ptr<ImageDecoder>> open_png(ImageBytes source) {
-  if (source.size > kMostImageBytes)
+  if (source.size > kMaxImageBytes)
     return bad_input("", "is a PNG file of more than 512 MiB", "save it as TIFF");
   std::string bytes(static_cast<std::size_t>(source.size), '\0');
   constexpr std::size_t kHeader = 33;

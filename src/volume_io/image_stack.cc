@@ -121,7 +121,7 @@ constexpr std::uint32_t luminance(std::uint32_t rgb) {
 
 // collects the pages of all files, which must agree in size and kind
 Result<void> find_slices(PictureReader& reader, const std::function<bool()>& look, ImageStack& stack) {
-  constexpr std::size_t kMostSlices = 20'000;
+  constexpr std::size_t kMaxSlices = 20'000;
   for (std::size_t n = 0; n < stack.files.size(); ++n) {
     if (!look()) return bad_input("", "nobody reads it");
     const auto decoder = reader.open(n);
@@ -144,8 +144,8 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& loo
       }
       stack.slices.push_back({n, page});
     }
-    if (stack.slices.size() > kMostSlices)
-      return bad_input("", "has more than " + std::to_string(kMostSlices) + " slices", "take some of them");
+    if (stack.slices.size() > kMaxSlices)
+      return bad_input("", "has more than " + std::to_string(kMaxSlices) + " slices", "take some of them");
   }
   return {};
 }
@@ -171,16 +171,16 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& lo
   stack.grey_in_colour = grey;
   if (grey || stack.meaning == ImageColours::kGrey) return {};
   std::size_t count = 0;
-  constexpr std::size_t kMostColours = 4096;
+  constexpr std::size_t kMaxColours = 4096;
   for (std::uint32_t colour = 1; colour < present.size(); ++colour) {
     if (!present[colour]) continue;
-    if (++count <= kMostColours) stack.label_colours.push_back(colour);
+    if (++count <= kMaxColours) stack.label_colours.push_back(colour);
   }
-  if (count <= kMostColours) return {};
+  if (count <= kMaxColours) return {};
   return bad_input(
       "",
-      "has " + std::to_string(count) + " distinct colours besides black, and " +
-          std::to_string(kMostColours) + " are read as labels, one a structure, at most",
+      "has " + std::to_string(count) + " distinct colours besides black, and " + std::to_string(kMaxColours) +
+          " are read as labels, one a structure, at most",
       "save labels as PNG without smoothing at their edges; photographs are read as a scan by their "
       "brightness where they are given as the scan (--scan)");
 }

@@ -172,9 +172,9 @@ class TiffDecoder : public ImageDecoder {
     std::uint64_t directory =
         big_ ? value<std::uint64_t>(head.data() + 8) : value<std::uint32_t>(head.data() + 4);
     std::set<std::uint64_t> visited;
-    constexpr std::size_t kMostPages = 100'000;
+    constexpr std::size_t kMaxPages = 100'000;
     while (directory != 0) {
-      if (!visited.insert(directory).second || visited.size() > kMostPages) return damaged();
+      if (!visited.insert(directory).second || visited.size() > kMaxPages) return damaged();
       auto after = read_directory(directory);
       if (!after) return after.error();
       directory = *after;
@@ -235,8 +235,8 @@ class TiffDecoder : public ImageDecoder {
     if (!read_at(at, std::span(number).first(count_bytes))) return damaged();
     const std::uint64_t count =
         big_ ? value<std::uint64_t>(number.data()) : value<std::uint16_t>(number.data());
-    constexpr std::uint64_t kMostEntries = 4096;
-    if (count == 0 || count > kMostEntries) return damaged();
+    constexpr std::uint64_t kMaxEntries = 4096;
+    if (count == 0 || count > kMaxEntries) return damaged();
     std::vector<std::uint8_t> entries(static_cast<std::size_t>(count) * entry_bytes + link_bytes);
     if (!read_at(at + count_bytes, entries)) return damaged();
     Fields fields;
@@ -256,7 +256,7 @@ class TiffDecoder : public ImageDecoder {
     const std::size_t inline_bytes = big_ ? 8 : 4;
     const std::uint8_t* stored = entry + (big_ ? 12 : 8);
     // a 16-bit palette has 196 608 values, a page of 16 x 16 tiles about as many
-    constexpr std::uint64_t kMostValues = std::uint64_t{1} << 20;
+    constexpr std::uint64_t kMaxValues = std::uint64_t{1} << 20;
     static constexpr std::array kWanted{
         kNewSubfileType,  kImageWidth,          kImageLength,    kBitsPerSample,   kCompression,
         kPhotometric,     kFillOrder,           kStripOffsets,   kSamplesPerPixel, kRowsPerStrip,
@@ -264,7 +264,7 @@ class TiffDecoder : public ImageDecoder {
         kTileLength,      kTileOffsets,         kTileByteCounts, kExtraSamples,    kSampleFormat};
     if (std::ranges::find(kWanted, static_cast<Tag>(tag)) == kWanted.end()) return true;
     if (each == 0 || count == 0) return true;
-    if (count > kMostValues) return false;
+    if (count > kMaxValues) return false;
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(count * each));
     if (bytes.size() <= inline_bytes) {
       std::copy_n(stored, bytes.size(), bytes.begin());

@@ -51,8 +51,8 @@ Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& fi
   if (table == std::end(kTables))
     return bad_input(file.string(), "is of no table format that is read here",
                      "use .ctbl, .tsv, .csv, .json, .label or .txt");
-  constexpr std::size_t kMostBytes = std::size_t{1} << 24;
-  const auto text = read_file(file, kMostBytes);
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 24;
+  const auto text = read_file(file, kMaxBytes);
   if (!text) return text.error();
   auto names = table->parse(*text, file.string());
   if (names && names->empty())
@@ -68,7 +68,7 @@ std::string structure_in_name(std::string_view text) {
 namespace volume_io {
 
 std::optional<AdjacentTable> find_adjacent_table(const std::filesystem::path& file,
-                                        const std::optional<std::filesystem::path>& scan) {
+                                                 const std::optional<std::filesystem::path>& scan) {
   const auto folder = file.parent_path().empty() ? std::filesystem::path(".") : file.parent_path();
   std::error_code failed;
   for (const Table& table : kTables) {

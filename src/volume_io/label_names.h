@@ -18,7 +18,7 @@ struct AdjacentTable {
 /// the folder; nullopt if there is none or more than one.
 /// @param scan  file that is not a label map
 std::optional<AdjacentTable> find_adjacent_table(const std::filesystem::path& file,
-                                        const std::optional<std::filesystem::path>& scan);
+                                                 const std::optional<std::filesystem::path>& scan);
 
 /// Structure name by the file name: the words that are known to be anatomy; empty for "labels", "seg_01" or a
 /// patient's name.

@@ -32,7 +32,8 @@ struct SegmentOverlapPairs {
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
 /// @param look        called regularly; false: the parent has gone, and the rest is skipped
 template <class ReadSlice, class Look>
-Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice, const Look& look) {
+Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice,
+                                                   const Look& look) {
   SegmentOverlapPairs meetings;
   // Many pairs share many voxels, so most pairs found are known already.
   constexpr int kKnown = 1024;

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // maximum number of masks: any two may overlap in every voxel
-constexpr std::size_t kMostMasks = 1024;
+constexpr std::size_t kMaxMasks = 1024;
 
 // a volume of two files is represented by its header
 bool is_named_as_volume(const fs::path& file) {
@@ -126,10 +126,10 @@ Result<VolumeFile> understand_mask(const fs::path& file, const Placing& placing)
 Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
                                       const Placing& placing, const std::function<bool()>& look,
                                       double& share) try {
-  if (found.files.size() > kMostMasks)
+  if (found.files.size() > kMaxMasks)
     return bad_input(named.string(),
                      "has " + std::to_string(found.files.size()) + " masks, and " +
-                         std::to_string(kMostMasks) + " are read at most",
+                         std::to_string(kMaxMasks) + " are read at most",
                      "take some of them");
   StructureLabels labels;
   GridGeometry grid;

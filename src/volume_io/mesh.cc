@@ -16,7 +16,7 @@ void MeshBuilder::begin(std::string_view name) {
 }
 
 void MeshBuilder::add_point(const Eigen::Vector3d& point) {
-  if (points_ == kMostPoints) too_many_ = true;
+  if (points_ == kMaxPoints) too_many_ = true;
   if (too_many_) return;
   file_.meshes.back().points.push_back(point);
   ++points_;
@@ -45,7 +45,7 @@ void MeshBuilder::space_from(std::string_view comment) {
 }
 
 bool MeshBuilder::add_triangle(std::int64_t a, std::int64_t b, std::int64_t c) {
-  if (triangles_ == kMostTriangles) too_many_ = true;
+  if (triangles_ == kMaxTriangles) too_many_ = true;
   if (too_many_) return false;
   TriangleMesh& mesh = file_.meshes.back();
   const auto count = static_cast<std::int64_t>(mesh.points.size());
@@ -66,8 +66,8 @@ bool MeshBuilder::add_polygon(const std::vector<std::int64_t>& corners) {
 Error MeshBuilder::damaged(const std::string& how) const {
   if (too_many_)
     return bad_input(source_,
-                     "has more than " + std::to_string(kMostTriangles) + " triangles or " +
-                         std::to_string(kMostPoints) + " points, which is more than is read",
+                     "has more than " + std::to_string(kMaxTriangles) + " triangles or " +
+                         std::to_string(kMaxPoints) + " points, which is more than is read",
                      "simplify it first, as by 3D Slicer's Surface Toolbox (Decimate)");
   return bad_input(source_, "is damaged: " + how, "copy it again, or export it again");
 }
@@ -87,10 +87,10 @@ Result<MeshFile> MeshBuilder::finish() {
   if (file_.meshes.empty())
     return bad_input(source_, "holds not a single triangle", "export the surface again, as triangles");
   // limit for the geometric computations
-  constexpr double kMostCoordinate = 1e9;
+  constexpr double kMaxCoordinate = 1e9;
   for (const TriangleMesh& mesh : file_.meshes)
     for (const Eigen::Vector3d& point : mesh.points)
-      if (!(point.cwiseAbs().maxCoeff() <= kMostCoordinate) || !point.allFinite())
+      if (!(point.cwiseAbs().maxCoeff() <= kMaxCoordinate) || !point.allFinite())
         return damaged("it has a point whose coordinates are no numbers, or beyond all measure");
   return std::move(file_);
 }

@@ -33,9 +33,9 @@ struct MeshFile {
 /// Maximum number of triangles and points of a file; there are three times as many points as triangles if no
 /// two triangles share one. Their memory, including that for closing holes, fits into the reader process
 /// (reader/confine.h).
-constexpr std::size_t kMostTriangles = 1'000'000, kMostPoints = 3 * kMostTriangles;
+constexpr std::size_t kMaxTriangles = 1'000'000, kMaxPoints = 3 * kMaxTriangles;
 /// Maximum size of a mesh file, text being the longest; bytes.
-constexpr std::size_t kMostMeshBytes = std::size_t{1} << 28;
+constexpr std::size_t kMaxMeshBytes = std::size_t{1} << 28;
 
 /// Parses a whole file. Polygons are converted to triangle fans, whose winding number equals that of the
 /// polygon if it is planar, convex or not. The bytes are untrusted.
@@ -56,7 +56,7 @@ class MeshBuilder {
   void begin(std::string_view name);  ///< Starts the next mesh.
   void space_from(std::string_view comment);
   void set_space(MeshSpace space) { file_.space = space; }
-  /// Adds a point; points beyond kMostPoints are dropped, and finish() reports them.
+  /// Adds a point; points beyond kMaxPoints are dropped, and finish() reports them.
   void add_point(const Eigen::Vector3d& point);
   std::size_t points() const { return file_.meshes.back().points.size(); }
   /// Adds a polygon of the current mesh by the indices of its points, from 0 on. Returns false if an index is

@@ -22,12 +22,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   GridGeometry grid;
   grid.dims = {9, 8, 7};
   grid.origin = Point<Patient>(-4, -4, -3);
-  constexpr std::size_t kMostOnGrid = 2000;
+  constexpr std::size_t kMaxOnGrid = 2000;
   for (const TriangleMesh& mesh : file->meshes) {
     for (const auto& triangle : mesh.triangles)
       for (const std::uint32_t corner : triangle)
         if (corner >= mesh.points.size()) std::abort();
-    if (mesh.triangles.size() > kMostOnGrid) continue;
+    if (mesh.triangles.size() > kMaxOnGrid) continue;
     const VoxelRuns voxels = voxels_of_mesh(closed_mesh(mesh), grid, [] { return true; });
     for (int k = -1; k <= grid.dims[2]; ++k)
       voxels.read_slice(k, [&](std::size_t v) {

@@ -161,7 +161,8 @@ class WindingChanges {
   std::vector<std::int32_t> turns_;
 };
 
-void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mirrored, WindingChanges& turns) {
+void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mirrored,
+                  WindingChanges& turns) {
   const std::array<const Vec3*, 3> corners{&a, &b, &c};
   std::optional<Cut> falling, rising;
   for (std::size_t n = 0; n < 3; ++n) {

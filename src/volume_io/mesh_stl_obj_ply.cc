@@ -192,8 +192,8 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
   PlyHeader header;
   bool has_format = false;
   std::size_t line = 0;
-  constexpr std::size_t kMostLines = 1000;
-  while (!bytes.empty() && line < kMostLines) {
+  constexpr std::size_t kMaxLines = 1000;
+  while (!bytes.empty() && line < kMaxLines) {
     const std::string_view text = trimmed(take_line(bytes));
     ++line;
     if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
@@ -292,7 +292,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
         if (!number) return builder.damaged(at_line(line, "is no vertex of three numbers"));
         point[a] = *number;
       }
-      if (points.size() == kMostPoints) return builder.too_many();
+      if (points.size() == kMaxPoints) return builder.too_many();
       points.push_back(point);
       index_in_mesh.push_back(0);
       taken.push_back(false);
@@ -303,7 +303,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       corners.clear();
       if (words.size() < 4) return builder.damaged(at_line(line, "is a face of less than three corners"));
       // the keyword, and two corners more than the resulting fan has triangles
-      if (words.size() > kMostTriangles + 3) return builder.too_many();
+      if (words.size() > kMaxTriangles + 3) return builder.too_many();
       for (std::size_t n = 1; n < words.size(); ++n) {
         const auto number = parse_number<std::int64_t>(words[n].substr(0, words[n].find('/')));
         // 1-based, or negative: relative to the end
@@ -373,7 +373,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
         }
         if (!(*first >= 0 && *first <= static_cast<double>(values.left()))) return ends();
         const bool is_face = static_cast<int>(p) == face;
-        if (is_face && *first > static_cast<double>(kMostTriangles + 2)) return builder.too_many();
+        if (is_face && *first > static_cast<double>(kMaxTriangles + 2)) return builder.too_many();
         corners.clear();
         for (double corner = 0; corner < *first; ++corner) {
           const auto value = values.next(property.type);

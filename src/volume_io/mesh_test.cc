@@ -164,10 +164,10 @@ TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
                     face = "property list uint uchar vertex_indices\nend_header\n";
   // points without triangles, and a face with more corners than there may be triangles
   EXPECT_THAT(
-      refusal(head + "element vertex " + std::to_string(kMostPoints + 1) + "\n" + point + "element face 1\n" +
-              face + std::string(3 * (kMostPoints + 1), 'a') + std::string("\3\0\0\0\0\1\2", 7)),
+      refusal(head + "element vertex " + std::to_string(kMaxPoints + 1) + "\n" + point + "element face 1\n" +
+              face + std::string(3 * (kMaxPoints + 1), 'a') + std::string("\3\0\0\0\0\1\2", 7)),
       HasSubstr("more than 1000000 triangles or 3000000 points"));
-  const std::uint32_t corners = kMostTriangles + 3;
+  const std::uint32_t corners = kMaxTriangles + 3;
   std::string count(4, '\0');
   for (std::size_t n = 0; n < 4; ++n) count[n] = static_cast<char>(corners >> 8 * n & 0xFF);
   EXPECT_THAT(refusal(head + "element vertex 3\n" + point + "element face 1\n" + face +

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::string_view kBlank = " \t\r\n";
 // maximum size of one array: the points of the maximum number of triangles
-constexpr std::uint64_t kMostNumbers = 9 * kMostTriangles;
+constexpr std::uint64_t kMaxNumbers = 9 * kMaxTriangles;
 
 // ---- shared by both formats -------------------------------------------------------------------------------
 
@@ -121,7 +121,7 @@ class LegacyReader {
 
   std::string_view line() { return take_line(bytes_); }
   bool binary = false;
-  bool too_many = false;  // an array exceeded kMostNumbers
+  bool too_many = false;  // an array exceeded kMaxNumbers
   bool at_end() const { return bytes_.empty(); }
 
   // next word, across line ends
@@ -144,7 +144,7 @@ class LegacyReader {
     if (binary) {
       line();
       if (count > bytes_.size() / type.bytes) return false;
-      if ((too_many = count > kMostNumbers)) return false;
+      if ((too_many = count > kMaxNumbers)) return false;
       values.reserve(count);
       for (std::uint64_t n = 0; n < count; ++n)
         values.push_back(vtk_value(bytes_.data() + n * type.bytes, type, true));
@@ -152,7 +152,7 @@ class LegacyReader {
       return true;
     }
     if (count > bytes_.size()) return false;
-    if ((too_many = count > kMostNumbers)) return false;
+    if ((too_many = count > kMaxNumbers)) return false;
     for (std::uint64_t n = 0; n < count; ++n) {
       const auto value = mesh_number(word());
       if (!value) return false;
@@ -208,9 +208,9 @@ bool read_legacy_field(LegacyReader& in) {
     const auto components = in.count(), tuples = in.count();
     const std::string_view type_name = in.word();
     const auto type = vtk_type(type_name);
-    constexpr std::uint64_t kMostComponents = 1 << 16;
-    if (!components || !tuples || !type || *components > kMostComponents ||
-        *tuples > std::numeric_limits<std::uint64_t>::max() / kMostComponents)
+    constexpr std::uint64_t kMaxComponents = 1 << 16;
+    if (!components || !tuples || !type || *components > kMaxComponents ||
+        *tuples > std::numeric_limits<std::uint64_t>::max() / kMaxComponents)
       return false;
     const std::uint64_t count = *components * *tuples;
     if (lower_case(type_name) == "string" ? !in.skip_texts(count) : !in.numbers(*type, count, values))
@@ -402,8 +402,8 @@ std::optional<std::uint64_t> header_number(ByteStream& in, const XmlSettings& se
   const VtkType type{settings.wide_header ? std::size_t{8} : std::size_t{4}, false, false};
   if (!in.read(type.bytes, bytes)) return std::nullopt;
   const double value = vtk_value(bytes.data(), type, settings.big_endian);
-  constexpr double kMostSize = 1e15;
-  if (value > kMostSize) return std::nullopt;
+  constexpr double kMaxSize = 1e15;
+  if (value > kMaxSize) return std::nullopt;
   return static_cast<std::uint64_t>(value);
 }
 
@@ -437,8 +437,8 @@ std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& setting
     const bool partial = n + 1 == *first && *last > 0;
     const std::size_t expected = partial ? *last : *block;
     // zlib expands data at most 1032 times
-    constexpr std::size_t kMostGain = 1100, kLeast = 64;
-    if (expected > kLeast + kMostGain * packed.size() || bytes.size() + expected > most) return std::nullopt;
+    constexpr std::size_t kMaxGain = 1100, kLeast = 64;
+    if (expected > kLeast + kMaxGain * packed.size() || bytes.size() + expected > most) return std::nullopt;
     const std::size_t before = bytes.size();
     bytes.resize(before + expected);
     uLongf got = static_cast<uLongf>(expected);
@@ -470,7 +470,7 @@ struct XmlFile {
   bool appended_base64 = false;
   std::size_t pieces = 0;
   std::uint64_t bytes_left = std::uint64_t{1} << 28;  // limit for all arrays
-  bool too_many = false;                              // an array exceeded kMostNumbers
+  bool too_many = false;                              // an array exceeded kMaxNumbers
 };
 
 std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& array) {
@@ -482,7 +482,7 @@ std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& a
       if (begin == std::string_view::npos) return values;
       const auto end = std::min(text.find_first_of(kBlank, begin), text.size());
       const auto value = mesh_number(text.substr(begin, end - begin));
-      if (!value || (file.too_many = values.size() == kMostNumbers)) return std::nullopt;
+      if (!value || (file.too_many = values.size() == kMaxNumbers)) return std::nullopt;
       values.push_back(*value);
       text.remove_prefix(end);
     }
@@ -493,7 +493,7 @@ std::optional<std::vector<double>> array_values(XmlFile& file, const XmlArray& a
   const auto bytes =
       array_bytes(ByteStream(body, !array.appended || file.appended_base64), file.settings, file.bytes_left);
   if (!bytes || bytes->size() % array.type.bytes != 0 ||
-      (file.too_many = bytes->size() / array.type.bytes > kMostNumbers))
+      (file.too_many = bytes->size() / array.type.bytes > kMaxNumbers))
     return std::nullopt;
   values.reserve(bytes->size() / array.type.bytes);
   for (std::size_t at = 0; at < bytes->size(); at += array.type.bytes)
@@ -624,8 +624,8 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
   builder.begin("");
   auto file = read_xml(bytes, builder);
   if (!file) return file.error();
-  constexpr std::size_t kMostParts = 4096;
-  if (file->pieces > kMostParts || file->arrays.size() > kMostParts)
+  constexpr std::size_t kMaxParts = 4096;
+  if (file->pieces > kMaxParts || file->arrays.size() > kMaxParts)
     return builder.damaged("it has more pieces than anybody makes");
   for (std::size_t piece = 0; piece <= file->pieces; ++piece) {
     const auto find = [&](std::string_view section, std::string_view name) -> const XmlArray* {

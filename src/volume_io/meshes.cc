@@ -44,7 +44,7 @@ FoundMeshes find_meshes(const fs::path& named) {
 // ---- in the reader process ----------------------------------------------------------------------
 
 Result<MeshFile> parse_file(const fs::path& file, MeshFormat format) {
-  const auto bytes = palpate::read_file(file, kMostMeshBytes);
+  const auto bytes = palpate::read_file(file, kMaxMeshBytes);
   if (!bytes) return bytes.error();
   return parse_mesh(*bytes, format, file.string());
 }
@@ -73,13 +73,13 @@ std::string as_text(double value) {
 
 // grid aligned with the patient's axes, limited in memory and time, with a margin
 GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
-  constexpr double kVoxels = 8e6, kMostAlong = 2000, kMargin = 4;
+  constexpr double kVoxels = 8e6, kMaxAlong = 2000, kMargin = 4;
   const Eigen::Vector3d extent = high - low;
   const double longest = std::max(extent.maxCoeff(), 1e-3);
   // a flat mesh is treated as if its thickness were a hundredth of its length
   const Eigen::Vector3d thick = extent.cwiseMax(longest / 100);
   GridGeometry grid;
-  const double spacing_mm = std::max(std::cbrt(thick.prod() / kVoxels), longest / kMostAlong);
+  const double spacing_mm = std::max(std::cbrt(thick.prod() / kVoxels), longest / kMaxAlong);
   grid.spacing_mm = Eigen::Vector3d::Constant(spacing_mm);
   for (int a = 0; a < 3; ++a)
     grid.dims[static_cast<std::size_t>(a)] =
@@ -91,7 +91,7 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 }
 
 // maximum number of meshes in all files: each is compared with those that it overlaps
-constexpr std::size_t kMostMeshes = 1024;
+constexpr std::size_t kMaxMeshes = 1024;
 
 // @param look  called regularly; false: the parent has gone
 Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
@@ -120,9 +120,9 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
     }
     meshes += file->meshes.size();
   }
-  if (meshes > kMostMeshes)
+  if (meshes > kMaxMeshes)
     return bad_input(named.string(),
-                     "has " + std::to_string(meshes) + " structures, and " + std::to_string(kMostMeshes) +
+                     "has " + std::to_string(meshes) + " structures, and " + std::to_string(kMaxMeshes) +
                          " are read at most",
                      "take some of them");
   if (!alike && !asked.space)

@@ -6,7 +6,7 @@ namespace palpate::volume_io {
 
 Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
   const std::string source = file.string();
-  const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
+  const auto front = read_front(file, Encoding::kRaw, kMaxHeaderBytes);
   if (!front) return front.error();
   const auto header = parse_metaimage_header(*front, source);
   if (!header) return header.error();

@@ -31,15 +31,15 @@ GridGeometry from_affine(const Eigen::Matrix<double, 3, 4>& affine, const std::a
 // empty.
 std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform) {
   const bool mirrored = sform.right_handed() != qform.right_handed();
-  double most_mm = 0;
+  double max_mm = 0;
   for (int corner = 0; corner < 8; ++corner) {
     const auto at = [&](int axis) {
       return corner >> axis & 1 ? sform.dims[static_cast<std::size_t>(axis)] - 1 : 0;
     };
     const Point<Voxel> voxel(at(0), at(1), at(2));
-    most_mm = std::max(most_mm, (sform.X_PatientVoxel() * voxel - qform.X_PatientVoxel() * voxel).norm());
+    max_mm = std::max(max_mm, (sform.X_PatientVoxel() * voxel - qform.X_PatientVoxel() * voxel).norm());
   }
-  if (!mirrored && most_mm <= sform.min_spacing_mm()) return "";
+  if (!mirrored && max_mm <= sform.min_spacing_mm()) return "";
   const auto reading = [](const GridGeometry& grid) {
     char text[160];
     const Eigen::Vector3d centre = grid.centre().eigen();
@@ -48,7 +48,7 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
     return std::string(text);
   };
   char off[60];
-  std::snprintf(off, sizeof off, "by up to %.1f mm", most_mm);
+  std::snprintf(off, sizeof off, "by up to %.1f mm", max_mm);
   return std::string("has a qform and an sform that differ ") + (mirrored ? "by a mirror" : off) +
          ", so that its sides are in doubt: by the sform, which is taken, " + reading(sform) +
          "; by the qform " + reading(qform) +
@@ -58,9 +58,9 @@ std::string doubt_of_forms(const GridGeometry& sform, const GridGeometry& qform)
 // label names from the file's extensions; an unreadable table is noted
 Result<void> read_label_names_of(const std::filesystem::path& file, Encoding encoding,
                                  const NiftiHeader& header, VolumeFile& volume) {
-  constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 20;
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
   // extensions of a separate header end with the file
-  const std::uint64_t end = header.separate ? kMostBytes : std::min(header.voxels.skip, kMostBytes);
+  const std::uint64_t end = header.separate ? kMaxBytes : std::min(header.voxels.skip, kMaxBytes);
   if (end <= header.header_bytes + 4) return {};
   const auto bytes = read_front(file, encoding, static_cast<std::size_t>(end));
   if (!bytes) return bytes.error();
@@ -86,7 +86,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   const std::string source = file.string();
   const auto encoding = encoding_of(file);
   if (!encoding) return encoding.error();
-  const auto front = read_front(file, *encoding, kMostNiftiHeaderBytes);
+  const auto front = read_front(file, *encoding, kMaxNiftiHeaderBytes);
   if (!front) return front.error();
   const auto header = parse_nifti_header(*front, source, placing.nifti_form);
   if (!header) return header.error();

@@ -8,7 +8,7 @@ namespace {
 // offset after `lines` line ends
 Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_t offset, int lines) {
   if (lines == 0) return offset;
-  const auto bytes = read_front(file, Encoding::kRaw, offset + kMostHeaderBytes);
+  const auto bytes = read_front(file, Encoding::kRaw, offset + kMaxHeaderBytes);
   if (!bytes) return bytes.error();
   for (; lines > 0; --lines) {
     const auto end = bytes->find('\n', offset);
@@ -43,7 +43,7 @@ Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<
 
 Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
   const std::string source = file.string();
-  const auto front = read_front(file, Encoding::kRaw, kMostHeaderBytes);
+  const auto front = read_front(file, Encoding::kRaw, kMaxHeaderBytes);
   if (!front) return front.error();
   auto header = parse_nrrd_header(*front, source);
   if (!header) return header.error();

@@ -7,7 +7,6 @@
 
 #include "palpate/base/reading.h"
 #include "volume_io/formats.h"
-#include "volume_io/voxel_cache.h"
 #include "volume_io/label_names.h"
 #include "volume_io/layered_labels.h"
 #include "volume_io/looks_like.h"
@@ -15,6 +14,7 @@
 #include "volume_io/meshes.h"
 #include "volume_io/segment_fields.h"
 #include "volume_io/volume_reader.h"
+#include "volume_io/voxel_cache.h"
 #include "volume_io/voxel_stream.h"
 
 namespace palpate {

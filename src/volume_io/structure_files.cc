@@ -59,11 +59,11 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
     return found;
   }
   // each root is a file descriptor in the reader process
-  constexpr std::size_t kMostFiles = 4096, kMostRoots = 256;
+  constexpr std::size_t kMaxFiles = 4096, kMaxRoots = 256;
   std::size_t looked_at = 0, others = 0, led_out = 0, scattered = 0;
   std::set<fs::path> outside;
   fs::directory_iterator entry(named, failed);
-  for (; !failed && entry != fs::directory_iterator() && looked_at < kMostFiles; entry.increment(failed)) {
+  for (; !failed && entry != fs::directory_iterator() && looked_at < kMaxFiles; entry.increment(failed)) {
     std::error_code ignored;
     // hidden files, such as macOS's "._liver.nii.gz"
     if (!entry->is_regular_file(ignored) || entry->path().filename().string().starts_with('.')) continue;
@@ -78,7 +78,7 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
         continue;
       }
       const fs::path root = fs::canonical(entry->path(), ignored).parent_path();
-      if (outside.size() >= kMostRoots && !outside.contains(root)) {
+      if (outside.size() >= kMaxRoots && !outside.contains(root)) {
         ++scattered;
         continue;
       }
@@ -89,7 +89,7 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   found.roots.insert(found.roots.end(), outside.begin(), outside.end());
   found.is_cut_off = !failed && entry != fs::directory_iterator();
   if (found.is_cut_off)
-    found.notes.push_back("holds more than " + std::to_string(kMostFiles) +
+    found.notes.push_back("holds more than " + std::to_string(kMaxFiles) +
                           " files, of which no more were looked at");
   std::ranges::sort(found.files);
   if (led_out > 0)
@@ -97,7 +97,7 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
                           " out of the folder and was not followed (--follow-links allows it)");
   if (scattered > 0)
     found.notes.push_back(std::to_string(scattered) + (scattered == 1 ? " link was" : " links were") +
-                          " not followed, for they lead to more than " + std::to_string(kMostRoots) +
+                          " not followed, for they lead to more than " + std::to_string(kMaxRoots) +
                           " folders");
   if (others > 0)
     found.notes.push_back(std::to_string(others) +

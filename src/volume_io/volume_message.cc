@@ -16,15 +16,15 @@ using reader::Sender;
 enum class Answer : std::uint8_t { kRefusal, kVolume, kFileRequest };
 
 // maximum length of an error's texts and of a file name; longer ones are truncated
-constexpr std::size_t kMostErrorText = std::size_t{1} << 16;
+constexpr std::size_t kMaxErrorText = std::size_t{1} << 16;
 // maximum number of segment fields
-constexpr std::size_t kMostFields = std::size_t{1} << 20;
+constexpr std::size_t kMaxFields = std::size_t{1} << 20;
 constexpr int kMaxLayers = 4096;
-constexpr std::uint32_t kMostNotes = 100;
+constexpr std::uint32_t kMaxNotes = 100;
 
 void put(Sender& out, const Error& refusal) {
   for (const std::string* text : {&refusal.what, &refusal.where, &refusal.remedy})
-    out.put(text->substr(0, kMostErrorText));
+    out.put(text->substr(0, kMaxErrorText));
 }
 
 template <class Kind>
@@ -41,7 +41,7 @@ Receiver receiver(reader::ByteSource& source) {
 
 Error get_refusal(Receiver& in, Files files) {
   Error refusal{ErrorKind::kBadInput, "", "", ""};
-  for (std::string* text : {&refusal.what, &refusal.where, &refusal.remedy}) in.get(*text, kMostErrorText);
+  for (std::string* text : {&refusal.what, &refusal.where, &refusal.remedy}) in.get(*text, kMaxErrorText);
   if (refusal.what.empty()) in.fail("its reader does not say how");
   if (!in.ok()) return about(in.error(), files);
   // only the files of this process may be named
@@ -79,8 +79,8 @@ void visit_plain(Volume& volume, const Field& field) {
 void get_segment_fields(Receiver& in, std::vector<std::pair<std::string, std::string>>& fields) {
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMostFields) in.fail("its reader says what no volume can be");
-  std::size_t left = kMostHeaderBytes;
+  if (count > kMaxFields) in.fail("its reader says what no volume can be");
+  std::size_t left = kMaxHeaderBytes;
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
     auto& [key, text] = fields.emplace_back();
     for (std::string* part : {&key, &text}) {
@@ -93,7 +93,7 @@ void get_segment_fields(Receiver& in, std::vector<std::pair<std::string, std::st
 void get_notes(Receiver& in, std::vector<std::string>& notes) {
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMostNotes) in.fail("its reader says what no volume can be");
+  if (count > kMaxNotes) in.fail("its reader says what no volume can be");
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) in.get(notes.emplace_back());
 }
 
@@ -178,7 +178,7 @@ bool send_file_request(reader::ByteTarget& target, const OtherFile& wanted) {
   Sender out(target);
   out.put(static_cast<std::uint8_t>(Answer::kFileRequest));
   out.put(static_cast<std::uint8_t>(wanted.which));
-  out.put(wanted.name.substr(0, kMostErrorText));
+  out.put(wanted.name.substr(0, kMaxErrorText));
   return out.ok();
 }
 
@@ -204,7 +204,7 @@ Result<std::variant<VolumeFile, OtherFile>> receive_answer(reader::ByteSource& s
   }
   OtherFile wanted;
   get_one_of(in, wanted.which, OtherFile::Which::kVoxels);
-  in.get(wanted.name, kMostErrorText);
+  in.get(wanted.name, kMaxErrorText);
   if (!in.ok()) return about(in.error(), files);
   return Received(std::move(wanted));
 }

@@ -164,7 +164,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   reader.files_.push_back(*std::move(opened));
   OtherFiles others;
   // an .img, its .hdr, and the .img that this one requests
-  constexpr std::size_t kMostFiles = 3;
+  constexpr std::size_t kMaxFiles = 3;
   while (true) {
     auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
       return read_for(parent, **format, reader.names_, others, placing);
@@ -180,7 +180,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
       return reader;
     }
     // restart with access to this file too
-    if (reader.files_.size() == kMostFiles) return nonsense(reader.names_);
+    if (reader.files_.size() == kMaxFiles) return nonsense(reader.names_);
     auto& wanted = std::get<OtherFile>(*answer);
     const auto other = find_other_file(file, wanted);
     if (!other) return other.error();

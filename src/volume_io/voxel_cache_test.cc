@@ -28,7 +28,8 @@ class KeptVoxelsTest : public ::testing::Test {
   }
   Result<ScanFile> scan(const std::filesystem::path& file) {
     return read_scan(
-        file, progress(), [this](const std::string& text) { warnings_.push_back(text); }, VoxelCaching::kKept);
+        file, progress(), [this](const std::string& text) { warnings_.push_back(text); },
+        VoxelCaching::kKept);
   }
 
   test::TemporaryFolder folder_;

@@ -38,7 +38,7 @@ const char* name_of(Component component) {
 }
 
 Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, const std::string& source) {
-  constexpr std::int64_t kMostVoxels = std::int64_t{1} << 40;
+  constexpr std::int64_t kMaxVoxels = std::int64_t{1} << 40;
   if (axes.size() < 2)
     return bad_input(source, "has " + std::to_string(axes.size()) + " axis, a volume has three",
                      "give a volume, or a single slice with two axes");
@@ -52,7 +52,7 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
       return bad_input(source, "has " + std::to_string(axes.size()) + " axes, a volume has three",
                        "extract one volume of the series and give that");
     }
-    if (axes[a] > std::numeric_limits<int>::max() || axes[a] > kMostVoxels / voxels)
+    if (axes[a] > std::numeric_limits<int>::max() || axes[a] > kMaxVoxels / voxels)
       return bad_input(source, "promises more voxels than any scan has, the header is damaged");
     voxels *= axes[a];
     dims[a] = static_cast<int>(axes[a]);

@@ -337,17 +337,17 @@ void swap_bytes(std::span<std::byte> values, std::size_t size) {
 }
 
 // maximum number of values into which the stored bytes can be decoded
-std::uint64_t most_values(const VoxelSource& source, std::uint64_t stored) {
+std::uint64_t max_values(const VoxelSource& source, std::uint64_t stored) {
   // Deflate: 258 bytes from 2 bits. bzip2: 900 000 bytes from about 32, each 5 of which encode a run of up to
   // 259.
-  constexpr std::uint64_t kMostDeflate = 1032, kMostBzip2 = 1 << 21;
+  constexpr std::uint64_t kMaxDeflate = 1032, kMaxBzip2 = 1 << 21;
   const std::uint64_t size = bytes_of(source.component), before = source.bytes_after.value_or(source.skip);
   const auto after_skip = [&](std::uint64_t bytes) { return (bytes - std::min(bytes, before)) / size; };
   switch (source.encoding) {
     case Encoding::kDeflate:
-      return after_skip(stored * kMostDeflate);
+      return after_skip(stored * kMaxDeflate);
     case Encoding::kBzip2:
-      return after_skip(stored * kMostBzip2);
+      return after_skip(stored * kMaxBzip2);
     case Encoding::kText:
       return (stored + 1) / 2;
     case Encoding::kHex:
@@ -384,7 +384,7 @@ Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value
   const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);
   if (failed) return bad_input(file.voxels.file.string(), "cannot be read: " + failed.message());
   const std::uint64_t stored = bytes - std::min<std::uint64_t>(bytes, file.voxels.offset);
-  const std::uint64_t promised = file.value_count(), most = most_values(file.voxels, stored);
+  const std::uint64_t promised = file.value_count(), most = max_values(file.voxels, stored);
   if (promised > most) {
     if (file.voxels.encoding == Encoding::kRaw) return ended_early(file, most, "");
     return bad_input(file.voxels.file.string(),

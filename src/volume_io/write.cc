@@ -64,9 +64,9 @@ Result<void> write_image(const std::filesystem::path& file, const GridGeometry& 
                    [&](std::string_view ending) { return has_ending(file, ending); }))
     return cannot_write(file, "would be two files, volumes are written as one", "use .nrrd, .nii.gz or .mha");
   if (geometry.voxel_count() == 0) return cannot_write(file, "would hold no voxels");
-  constexpr int kMostNifti = 32767;
+  constexpr int kMaxNifti = 32767;
   if (format.writer == ItkFormat::kNifti &&
-      *std::max_element(geometry.dims.begin(), geometry.dims.end()) > kMostNifti)
+      *std::max_element(geometry.dims.begin(), geometry.dims.end()) > kMaxNifti)
     return cannot_write(file, "cannot be NIfTI, which has at most 32767 voxels along an axis", "use .nrrd");
 
   auto pending = PendingFile::create(file);

@@ -3188,10 +3188,10 @@ class WithRecording(Viewer):
         self.assertEqual([names[label] for _, _, label, *_ in contacts][:2], ["patella", "tibia"])
         listed = self.page.run("return [...document.getElementById('marks').options].map((one) => one.textContent)")
         self.assertEqual(len(listed), 1 + len(contacts) + len(self.scene["recording"]["events"]))
-        for begin_s, end_s, label, most_N, device in contacts[:2]:
+        for begin_s, end_s, label, max_N, device in contacts[:2]:
             self.assertEqual(device, 0)
             rows = (self.time_s >= begin_s) & (self.time_s < end_s)
-            self.assertAlmostEqual(numpy.linalg.norm(self.force_N[rows], axis=1).max(), most_N, 9)
+            self.assertAlmostEqual(numpy.linalg.norm(self.force_N[rows], axis=1).max(), max_N, 9)
             self.page.run("const marks = document.getElementById('marks'); marks.value = arguments[0]; marks.dispatchEvent(new Event('change'))", str(begin_s))
             self.page.wait(f"palpateViewer.pose.devices[0].label === {label}")
         # the line has the structure's colour where it was touched

@@ -33,11 +33,11 @@ constexpr double kFree_mm = 1;    // of all that is felt, beyond the radius
 constexpr double kLeft_N = 0.02;  // that no hand feels
 constexpr double kJump_N = 0.02;  // in a tick, beyond the stiffness times the hand's way
 // of all layers together; a place where no wall shows the way has given 0.024 N
-constexpr double kMostJump_N = 0.03;
+constexpr double kMaxJump_N = 0.03;
 constexpr double kRounding_N = 1e-9;
 constexpr double kSunk_mm = 0.1;  // a way is not free that lies deeper
 // one tick of the slip law
-constexpr double kSlip_N = kProxyFeel.most_slip_N_per_s * kDt_s;
+constexpr double kSlip_N = kProxyFeel.max_slip_N_per_s * kDt_s;
 
 int presses_asked() {
   const char* asked = std::getenv("PALPATE_TEST_PRESSES");
@@ -53,7 +53,7 @@ struct FreeAirFigures {
   int jumps = 0, slow_releases = 0;
   int drawn = 0, held_outside = 0;  ///< withdrawals and ways out after which more than kLeft_N was left
   int grown = 0;                    ///< in which a force grew in free air
-  double largest_jump_N = 0, most_released_N = 0, most_drawn_N = 0, longest_drawn_s = 0;
+  double largest_jump_N = 0, max_released_N = 0, max_drawn_N = 0, longest_drawn_s = 0;
 };
 
 enum class WayOut { kBack, kAside };
@@ -123,9 +123,9 @@ class FreeAirPress {
     const double now_N = result_.force_N.norm();
     grown_ = grown_ || now_N > before_N + kRounding_N;
     held_s_ += kDt_s;
-    if (held_s_ * kProxyFeel.most_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
+    if (held_s_ * kProxyFeel.max_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
     drawn_ = true;
-    figures_.most_drawn_N = std::max(figures_.most_drawn_N, now_N);
+    figures_.max_drawn_N = std::max(figures_.max_drawn_N, now_N);
     figures_.longest_drawn_s = std::max(figures_.longest_drawn_s, held_s_);
   }
 
@@ -144,7 +144,7 @@ class FreeAirPress {
     figures_.within_while_free += is_free() && within_N(result_) > 0;
     // a release falls by the whole of what may slip, but for what is let go besides
     const double released_N = result_.release.force_N.norm();
-    figures_.most_released_N = std::max(figures_.most_released_N, released_N);
+    figures_.max_released_N = std::max(figures_.max_released_N, released_N);
     const double expected_N = std::max(0.0, before.release.force_N.norm() - kSlip_N);
     if (!has_let_go(before, result_)) figures_.slow_releases += released_N > expected_N + kRounding_N;
     if (is_far_from_all()) {
@@ -216,12 +216,12 @@ void expect_left_alone(const char* what, const Model& model) {
         "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; hooked %d, held "
         "outside %d\n",
         what, radius_mm, f.presses, f.held_back, f.held_aside, f.within_while_free, f.jumps, f.largest_jump_N,
-        f.slow_releases, f.most_released_N, f.drawn, f.most_drawn_N, f.longest_drawn_s, f.grown, f.hooked,
+        f.slow_releases, f.max_released_N, f.drawn, f.max_drawn_N, f.longest_drawn_s, f.grown, f.hooked,
         f.held_outside);
     std::fflush(stdout);
     EXPECT_GT(f.presses, presses_asked() / 16) << "of a quarter for each tool";
     EXPECT_EQ(f.within_while_free, 0);
-    EXPECT_LT(f.largest_jump_N, kMostJump_N);
+    EXPECT_LT(f.largest_jump_N, kMaxJump_N);
     EXPECT_EQ(f.slow_releases, 0);
     EXPECT_GT(f.held_back, f.back / 2) << "what is expected of ways back was looked at";
     EXPECT_EQ(f.untold, 0);
@@ -243,7 +243,7 @@ TEST(FreeAir, OfThePhantomsKneeNothingPullsAToolThatIsOut) {
   expect_left_alone("knee-phantom", model_of(phantom->labels, as_proposed));
 }
 
-void expect_left_alone_in(const char* what, const std::string& name, double least_N_per_mm) {
+void expect_left_alone_in(const char* what, const std::string& name, double min_N_per_mm) {
   const auto file = shared_file(name);
   if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
   if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
@@ -251,7 +251,7 @@ void expect_left_alone_in(const char* what, const std::string& name, double leas
   ASSERT_TRUE(labels);
   expect_left_alone(what, model_of(*labels, [&](const Segment& segment) {
                       const auto stiffness = as_proposed(segment);
-                      return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
+                      return stiffness && *stiffness >= min_N_per_mm ? stiffness : std::nullopt;
                     }));
 }
 
@@ -297,8 +297,8 @@ TEST(FreeAir, AToolThatCameOutThroughTheWallOfACupIsLetGo) {
       EXPECT_GT(within_N, 1) << "the wall holds while the soft ball does";
       lead({12.5 + radius_mm, 0, 0});
       const double left_N = result.force_N.norm();
-      const int most_ticks = static_cast<int>(left_N / kSlip_N) + 1;
-      for (int n = 0; n < most_ticks; ++n) {
+      const int max_ticks = static_cast<int>(left_N / kSlip_N) + 1;
+      for (int n = 0; n < max_ticks; ++n) {
         const double before_N = result.force_N.norm();
         result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
         EXPECT_LE(result.force_N.norm(), before_N);

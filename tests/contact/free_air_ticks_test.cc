@@ -36,11 +36,11 @@ int presses_on_each() {
 
 struct TickFigures {
   int presses = 0, in_free_air = 0;
-  int pressed = 0;         ///< presses that reached 1 N: without force nothing is tested
-  int unnamed = 0;         ///< ticks that sent more than kPerceptible_N, which no flag explains
-  int pulled = 0;          ///< presses after which more than kPerceptible_N outlasted the release
-  int grown = 0;           ///< presses after which the force in free air grew
-  double most_left_N = 0;  ///< force when free air was reached
+  int pressed = 0;        ///< presses that reached 1 N: without force nothing is tested
+  int unnamed = 0;        ///< ticks that sent more than kPerceptible_N, which no flag explains
+  int pulled = 0;         ///< presses after which more than kPerceptible_N outlasted the release
+  int grown = 0;          ///< presses after which the force in free air grew
+  double max_left_N = 0;  ///< force when free air was reached
 };
 
 /// Session of one tool without damping, friction and viscosity, whose tip is moved kinematically.
@@ -83,30 +83,30 @@ class DrivenSession {
 void press(const Body& body, double radius_mm, const Point<Patient>& start, const Vector<Patient>& outward,
            const std::optional<Vector<Patient>>& aside, TickFigures& figures) {
   DrivenSession session(body.model, start);
-  double most_N = 0;
+  double max_N = 0;
   const auto move = [&](const Vector<Patient>& step) {
     session.move(step);
     figures.unnamed += !session.names_its_force();
-    most_N = std::max(most_N, session.force_N());
+    max_N = std::max(max_N, session.force_N());
   };
   const auto is_free = [&] { return is_clear_of_voxels(body, session.tip(), radius_mm + kFree_mm); };
   for (double way_mm = 0; session.force_N() < kPress_N && way_mm < kFar_mm + kDeepest_mm; way_mm += kStep_mm)
     move(outward * -kStep_mm);
   ++figures.presses;
-  figures.pressed += most_N > 1;
+  figures.pressed += max_N > 1;
   const Vector<Patient> out = aside.value_or(outward);
   for (double way_mm = 0; way_mm < kAside_mm && !is_free(); way_mm += kStep_mm) move(out * kStep_mm);
   if (!is_free()) return;
   ++figures.in_free_air;
   const double left_N = session.force_N();
-  figures.most_left_N = std::max(figures.most_left_N, left_N);
+  figures.max_left_N = std::max(figures.max_left_N, left_N);
   bool grown = false, pulled = false;
   for (int n = 0; n < kRest_s * kRate_hz; ++n) {
     const double before_N = session.force_N();
     move({});
     grown = grown || session.force_N() > before_N + kRounding_N;
     pulled = pulled ||
-             (n > 1 + kRate_hz * left_N / kProxyFeel.most_slip_N_per_s && session.force_N() > kPerceptible_N);
+             (n > 1 + kRate_hz * left_N / kProxyFeel.max_slip_N_per_s && session.force_N() > kPerceptible_N);
   }
   figures.grown += grown;
   figures.pulled += pulled;
@@ -153,7 +153,7 @@ TickFigures press_all_over(const char* what, const LabelMap& map, TissueLaw law)
       "%-13s %-11s %3d presses, %3d to 1 N and more, %3d in free air (at most %.2f N left): %d ticks "
       "unnamed, %d pulled, %d grown\n",
       what, law == TissueLaw::kElastic ? "elastic" : "layers", figures.presses, figures.pressed,
-      figures.in_free_air, figures.most_left_N, figures.unnamed, figures.pulled, figures.grown);
+      figures.in_free_air, figures.max_left_N, figures.unnamed, figures.pulled, figures.grown);
   std::fflush(stdout);
   return figures;
 }

@@ -143,15 +143,15 @@ std::pair<Point<Patient>, Point<Patient>> walls_of(const Model& model, const Gap
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto nearest = [&](LabelId label) {
     Point<Patient> best;
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     const auto& dims = labels.geometry().dims;
     for (int k = 0; k < dims[2]; ++k) {
       for (int j = 0; j < dims[1]; ++j) {
         for (int i = 0; i < dims[0]; ++i) {
           if (labels.at(i, j, k) != label) continue;
           const Point<Patient> at = X_PatientVoxel * Point<Voxel>(i, j, k);
-          if ((at - middle).norm() >= least_mm) continue;
-          least_mm = (at - middle).norm();
+          if ((at - middle).norm() >= min_mm) continue;
+          min_mm = (at - middle).norm();
           best = at;
         }
       }
@@ -193,14 +193,14 @@ struct Scan {
   int places = 0, touching = 0, restless = 0, cycling = 0;
   HeldTip worst;
   Point<Patient> where;
-  double most_energy_mJ = 0;  ///< given out where the tip was restless
+  double max_energy_mJ = 0;  ///< given out where the tip was restless
 
   void add(const HeldTip& held, const Point<Patient>& at) {
     ++places;
     touching += held.buzz.force_N > 0.05;
     restless += !held.quiet();
     cycling += !held.quiet() && held.buzz.energy_mJ > 0;
-    if (!held.quiet()) most_energy_mJ = std::max(most_energy_mJ, held.buzz.energy_mJ);
+    if (!held.quiet()) max_energy_mJ = std::max(max_energy_mJ, held.buzz.energy_mJ);
     if (places > 1 && held.buzz.peak_to_peak_um < worst.buzz.peak_to_peak_um) return;
     worst = held;
     where = at;
@@ -228,7 +228,7 @@ Scan scan(const Bones& bones, std::size_t gap, Hold hold, double press_N) {
       hold.hand.name.c_str(), press_N, hold.force_gain, result.places, result.touching, result.restless,
       result.cycling, result.worst.buzz.peak_to_peak_um, 2 * result.worst.encoder_step_um, result.where.x(),
       result.where.y(), result.where.z(), result.worst.buzz.dominant_Hz, result.worst.buzz.force_N,
-      result.most_energy_mJ);
+      result.max_energy_mJ);
   std::fflush(stdout);
   return result;
 }

@@ -63,14 +63,14 @@ std::vector<double> graded(int count, double softest, double factor) {
 }
 
 // 5 % of the sum, and of the voxels what a slab of 2 mm shows of a place that is off by some hundredths
-constexpr double kMostError = 0.05;
+constexpr double kMaxError = 0.05;
 
 TEST(ManyLayers, TwelveTissuesGiveTheirStiffnessSummedUpAlongTheWayIn) {
-  EXPECT_LT(error_of_the_sum(graded(12, 0.03, 1.42)), kMostError);
+  EXPECT_LT(error_of_the_sum(graded(12, 0.03, 1.42)), kMaxError);
 }
 
 TEST(ManyLayers, EightGradedOnesDoToo) {
-  EXPECT_LT(error_of_the_sum(graded(8, 0.1, 1.2)), kMostError);
+  EXPECT_LT(error_of_the_sum(graded(8, 0.1, 1.2)), kMaxError);
 }
 
 TEST(ManyLayers, OfMoreTheErrorIsAsItIsSaid) {
@@ -78,7 +78,7 @@ TEST(ManyLayers, OfMoreTheErrorIsAsItIsSaid) {
   double said = 0;
   for (const StiffnessRange& layer : stiffness_layers(twenty)) said = std::max(said, layer.error());
   EXPECT_GT(said, 0.05);
-  EXPECT_LT(error_of_the_sum(twenty), said + kMostError);
+  EXPECT_LT(error_of_the_sum(twenty), said + kMaxError);
 }
 
 // as an atlas has them: what is felt alike needs one surface

@@ -183,12 +183,12 @@ class Press {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
-    most_mm_ = chance.between(0.5, kMost_N) / felt_.stiffness_N_per_mm;
+    max_mm_ = chance.between(0.5, kMost_N) / felt_.stiffness_N_per_mm;
     const double speed_mm = chance.between(0.1, kFastest_mm);
     const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;
     double way_mm = 0;
-    while (way_mm < most_mm_ + 6 && multiplier_mm() < most_mm_ - 1e-6) {
+    while (way_mm < max_mm_ + 6 && multiplier_mm() < max_mm_ - 1e-6) {
       lead(push);
       way_mm += speed_mm;
     }
@@ -215,19 +215,19 @@ class Press {
   // of a shaft the outline
   double below_or_above(const Point<Patient>& at) const {
     const int places = static_cast<int>(tool_.along_mm.norm() / kAlongShaft_mm);
-    double least_mm = std::numeric_limits<double>::infinity();
+    double min_mm = std::numeric_limits<double>::infinity();
     for (int n = 0; n <= places; ++n) {
       const double part = static_cast<double>(n) / std::max(1, places);
-      least_mm = std::min(least_mm, oracle_.distance_mm(at + tool_.along_mm * part));
+      min_mm = std::min(min_mm, oracle_.distance_mm(at + tool_.along_mm * part));
     }
-    return least_mm - tool_.radius_mm;
+    return min_mm - tool_.radius_mm;
   }
   double multiplier_mm() const { return (state_.position - tip_).norm(); }
 
   // A hand that presses no harder than it wants to, and moves no faster than it can.
   void lead(const Vector<Patient>& way) {
     Vector<Patient> pressed = tip_ + way - state_.position;
-    if (pressed.norm() > most_mm_) pressed = pressed * (most_mm_ / pressed.norm());
+    if (pressed.norm() > max_mm_) pressed = pressed * (max_mm_ / pressed.norm());
     Vector<Patient> step = state_.position + pressed - tip_;
     if (step.norm() > kFastest_mm) step = step * (kFastest_mm / step.norm());
     tip_ += step;
@@ -257,7 +257,7 @@ class Press {
   const ToolSphere tool_;
   ProxyState state_;
   Point<Patient> tip_;
-  double most_mm_ = 0;
+  double max_mm_ = 0;
   bool touched_ = false;
   double deepest_mm_ = -std::numeric_limits<double>::infinity();
   long ticks_ = 0;
@@ -321,11 +321,11 @@ void expect_no_pop_through(const std::string& name) {
                 counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
                 counted.deepest_mm);
     std::fflush(stdout);
-    EXPECT_LE(counted.deepest_mm, kProxyFeel.most_dip_mm);
+    EXPECT_LE(counted.deepest_mm, kProxyFeel.max_dip_mm);
     // of a few presses under a sanitizer one is many percent: there their sum tells
     EXPECT_TRUE(counted.touched >= 0.9 * counted.presses || counted.presses < 1000);
     all.add(counted);
-    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.most_dip_mm + kShaftDip_mm);
+    EXPECT_LE(tools.shafts.deepest_mm, kProxyFeel.max_dip_mm + kShaftDip_mm);
     shafts.add(tools.shafts);
   }
   EXPECT_EQ(structures, kStructures);

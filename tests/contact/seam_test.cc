@@ -96,7 +96,7 @@ class HalfAVoxel {
 struct Figures {
   int presses = 0, withdrawals = 0, elsewhere = 0, unfelt = 0, inside = 0, jumped = 0, drawn_after = 0,
       pulled_inward = 0, trapped = 0, left_out = 0;
-  double largest_jump_N = 0, most_drawn_N = 0, most_inward_N = 0;
+  double largest_jump_N = 0, max_drawn_N = 0, max_inward_N = 0;
 };
 
 /// A hand that presses a sphere on a body, slides, and goes back the way that it came.
@@ -169,10 +169,10 @@ class SeamPress {
     if (free_mm < kWithdrawn_mm) return;
     ++figures_.withdrawals;
     figures_.trapped += force_N() > kFree_N;
-    figures_.drawn_after += most_drawn_N_ > kInward_N;
-    figures_.pulled_inward += most_inward_N_ > kFree_N;
-    figures_.most_drawn_N = std::max(figures_.most_drawn_N, most_drawn_N_);
-    figures_.most_inward_N = std::max(figures_.most_inward_N, most_inward_N_);
+    figures_.drawn_after += max_drawn_N_ > kInward_N;
+    figures_.pulled_inward += max_inward_N_ > kFree_N;
+    figures_.max_drawn_N = std::max(figures_.max_drawn_N, max_drawn_N_);
+    figures_.max_inward_N = std::max(figures_.max_inward_N, max_inward_N_);
   }
 
   // whether a tool that is led there straight from where this one began gets there
@@ -228,8 +228,8 @@ class SeamPress {
       came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
                                 body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
     if (free_mm_ == 0) return;
-    double& most_N = free_mm_ > kSlipOver_mm ? most_inward_N_ : most_drawn_N_;
-    most_N = std::max(most_N, inward_N());
+    double& max_N = free_mm_ > kSlipOver_mm ? max_inward_N_ : max_drawn_N_;
+    max_N = std::max(max_N, inward_N());
   }
 
   const Body& body_;
@@ -242,7 +242,7 @@ class SeamPress {
   Vector<Patient> outward_;
   bool withdrawing_ = false, came_out_ = false, inside_ = false, unfelt_ = false, jumped_ = false;
   double free_mm_ = 0;
-  double most_drawn_N_ = 0, most_inward_N_ = 0;  // until kSlipOver_mm, and from there
+  double max_drawn_N_ = 0, max_inward_N_ = 0;  // until kSlipOver_mm, and from there
 };
 
 Figures press_all_over(const Body& body, int presses, double radius_mm) {
@@ -264,7 +264,7 @@ void print(const char* what, double radius_mm, const Figures& f) {
       "%-13s tool %.1f mm: %5d presses, %3d inside, %3d not felt, %4d with a jump (largest %6.3f N); %5d "
       "withdrawn, %2d drawn after (at most %.3f N), %2d pulled inward (%.3f N), %2d trapped; %3d elsewhere\n",
       what, radius_mm, f.presses, f.inside, f.unfelt, f.jumped, f.largest_jump_N, f.withdrawals,
-      f.drawn_after, f.most_drawn_N, f.pulled_inward, f.most_inward_N, f.trapped, f.elsewhere);
+      f.drawn_after, f.max_drawn_N, f.pulled_inward, f.max_inward_N, f.trapped, f.elsewhere);
   std::fflush(stdout);
 }
 
@@ -282,7 +282,7 @@ void expect_one_body(const char* what, const Model& model) {
     EXPECT_GT(figures.withdrawals, figures.presses / 4);
     EXPECT_EQ(figures.inside, 0);
     EXPECT_EQ(figures.jumped, 0);
-    EXPECT_LT(figures.most_inward_N, 2 * kDrag_N);
+    EXPECT_LT(figures.max_inward_N, 2 * kDrag_N);
     EXPECT_EQ(figures.trapped, 0);
   }
   EXPECT_LT(elsewhere, withdrawals / 6);
@@ -412,7 +412,7 @@ TEST(Seams, OfAFlatTopAreNotFelt) {
   }
 }
 
-void expect_one_body_in(const char* what, const std::string& name, double least_N_per_mm) {
+void expect_one_body_in(const char* what, const std::string& name, double min_N_per_mm) {
   const auto file = shared_file(name);
   if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
   if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
@@ -420,7 +420,7 @@ void expect_one_body_in(const char* what, const std::string& name, double least_
   ASSERT_TRUE(labels);
   expect_one_body(what, model_of(*labels, [&](const Segment& segment) {
                     const auto stiffness = as_proposed(segment);
-                    return stiffness && *stiffness >= least_N_per_mm ? stiffness : std::nullopt;
+                    return stiffness && *stiffness >= min_N_per_mm ? stiffness : std::nullopt;
                   }));
 }
 

@@ -96,10 +96,10 @@ class Inverse3 final : testing::HaplySide, public MadeWithFaults<testing::FakeIn
   void lead(double deep_mm) override { service.intend(Point<Device>(kBoneRadius_mm - deep_mm, -120, 150)); }
   double force_N() const override { return service.force_N(); }
   double largest_N() const override {
-    double most_N = 0;
+    double max_N = 0;
     for (const testing::Delivery& delivery : service.delivered())
-      most_N = std::max(most_N, delivery.command.force_N.norm());
-    return most_N;
+      max_N = std::max(max_N, delivery.command.force_N.norm());
+    return max_N;
   }
   std::string end() override {
     driver_.reset();

@@ -214,7 +214,7 @@ class Arming(cli.PalpateTest):
         self.succeed("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
                      "--seconds", "0.3", "--no-viewer", "-o", recording,
                      env={**os.environ, "XDG_DATA_HOME": str(self.folder)})
-        bound = cli.device_columns(recording, "most_stiffness_N_per_mm")["most_stiffness_N_per_mm"][-1]
+        bound = cli.device_columns(recording, "max_stiffness_N_per_mm")["max_stiffness_N_per_mm"][-1]
         self.assertAlmostEqual(bound, 0.6 * 0.12, msg="0.27 is careful")
 
     def test_from_a_page_by_the_code_that_the_terminal_shows_once(self):

@@ -12,7 +12,7 @@ import cli
 SPACINGS = os.environ.get("PALPATE_TEST_SPACINGS", "1.0 0.7").split()
 
 
-def most_bytes(*arguments):
+def max_bytes(*arguments):
     """The most memory that a run of palpate had."""
     process = subprocess.Popen([cli.PALPATE, "-q", *map(str, arguments)], stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
@@ -31,7 +31,7 @@ class Memory(cli.PalpateTest):
             with self.subTest(spacing):
                 knee = f"knee-phantom:spacing={spacing}"
                 foretold = json.loads(self.succeed("info", knee, "--json").stdout)["memory_bytes"]
-                taken = most_bytes("simulate", knee, "--script", script)
+                taken = max_bytes("simulate", knee, "--script", script)
                 part = foretold["peak"] / taken
                 print(f"{knee}: foretold {foretold['peak'] / 1e6:.0f} MB, taken {taken / 1e6:.0f} MB: {part:.2f}", file=sys.stderr)
                 self.assertGreater(part, 0.92)

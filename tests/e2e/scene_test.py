@@ -116,10 +116,10 @@ class SceneTest(cli.PalpateTest):
     def test_check_prints_the_most_force(self):
         scene = self.felt_scene(labels=self.labels())
         scene.write_text(scene.read_text() + "stiffness = 0.8\n[preparation]\n")
-        for settings, most_N in (("ramp_width = 6\n", 0.8 * 6), ("method = \"union-gaussian\"\nsigma = 2\n", 0.8 * 2 * 2.5066)):
+        for settings, max_N in (("ramp_width = 6\n", 0.8 * 6), ("method = \"union-gaussian\"\nsigma = 2\n", 0.8 * 2 * 2.5066)):
             scene.write_text(scene.read_text().split("[preparation]\n")[0] + "[preparation]\n" + settings)
             row = re.search(r"(?m)^block +yes +0\.8 +(\S+)", self.succeed("scene", "check", scene).stdout)
-            self.assertAlmostEqual(float(row.group(1)), most_N, delta=0.01)
+            self.assertAlmostEqual(float(row.group(1)), max_N, delta=0.01)
 
     def test_check_looks_for_no_go_regions_as_a_session_does(self):
         scene = self.felt_scene(labels=self.labels())

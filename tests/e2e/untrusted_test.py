@@ -91,15 +91,15 @@ class BombTest(KneeTest):
         self.assertEqual(process.returncode, BAD_INPUT, text)
         self.assertEqual(text.count("palpate: error:"), 1, text)
         self.assertNotIn("bug:", text)
-        most_mib = used.ru_maxrss / 1024
+        max_mib = used.ru_maxrss / 1024
         if not SANITIZED:
-            self.assertLess(most_mib, self.MOST_MIB, text)
+            self.assertLess(max_mib, self.MOST_MIB, text)
         # its readers included
         took_s = used.ru_utime + used.ru_stime
         what = f"{arguments[0]} {pathlib.Path(arguments[-1]).name}"
-        self.refused.append((took_s, most_mib, what))
+        self.refused.append((took_s, max_mib, what))
         if os.environ.get("PALPATE_TEST_SAY"):
-            print(f"{took_s:6.1f} s {most_mib:7.0f} MiB  {what}: {text.splitlines()[0][-110:]}")
+            print(f"{took_s:6.1f} s {max_mib:7.0f} MiB  {what}: {text.splitlines()[0][-110:]}")
 
     @cli.long
     def test_volumes(self):

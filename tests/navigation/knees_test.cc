@@ -88,20 +88,20 @@ enum class Mirrored { kRefused, kNotTold };
 void expect_found_again(const LabelMap& labels, const std::string& name, Mirrored mirrored) {
   SCOPED_TRACE(name + ", seed " + std::to_string(kSeed));
   Traces traces(labels, name);
-  double most_mm = 0, most_shaken_mm = 0;
+  double max_mm = 0, max_shaken_mm = 0;
   for (int n = 0; n < kStarts; ++n)
     for (const double noise_mm : {0.0, 0.3}) {
       const Traces::Case of = traces.away(noise_mm);
       const auto found = register_to_surface(traces.surface(), of.touched, of.start);
       ASSERT_TRUE(found) << found.error().message();
-      double& most = noise_mm > 0 ? most_shaken_mm : most_mm;
+      double& most = noise_mm > 0 ? max_shaken_mm : max_mm;
       for (const Point<Tracker>& point : of.touched)
         most = std::max(most, (found->patient_from_tracker * point - of.truth * point).norm());
     }
-  std::printf("  %s: at most %.3f mm off, %.3f by a hand that shakes by 0.3 mm\n", name.c_str(), most_mm,
-              most_shaken_mm);
-  EXPECT_LT(most_mm, 0.2);
-  EXPECT_LT(most_shaken_mm, 0.6);
+  std::printf("  %s: at most %.3f mm off, %.3f by a hand that shakes by 0.3 mm\n", name.c_str(), max_mm,
+              max_shaken_mm);
+  EXPECT_LT(max_mm, 0.2);
+  EXPECT_LT(max_shaken_mm, 0.6);
   for (int n = 0; n < kStarts && mirrored == Mirrored::kRefused; ++n) {
     const Traces::Case of = traces.away(0, true);
     EXPECT_FALSE(register_to_surface(traces.surface(), of.touched, of.start)) << "the other side's, " << n;

@@ -126,7 +126,7 @@ TEST(KneeDistances, AreThoseOfEveryTriangle) {
   const auto phantom = make_knee_phantom(kKneeVoxel_mm);
   ASSERT_TRUE(phantom.ok());
   std::normal_distribution<double> one;
-  double most_mm = 0;
+  double max_mm = 0;
   for (const Segment& segment : phantom->labels.segments) {
     SCOPED_TRACE(segment.name);
     const auto prepared = prepare_surfaces(
@@ -148,12 +148,12 @@ TEST(KneeDistances, AreThoseOfEveryTriangle) {
         EXPECT_GT(truth_mm, kLooked_mm - kOracleWithin_mm);
         continue;
       }
-      most_mm = std::max(most_mm, std::abs(std::abs(found->distance_mm) - truth_mm));
+      max_mm = std::max(max_mm, std::abs(std::abs(found->distance_mm) - truth_mm));
       EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kOracleWithin_mm)
           << "at " << at.transpose() << " of " << triangles.size() << " triangles";
     }
   }
-  std::printf("  off by %.3f mm at most\n", most_mm);
+  std::printf("  off by %.3f mm at most\n", max_mm);
 }
 
 }  // namespace

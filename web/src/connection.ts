@@ -138,8 +138,8 @@ export class Connection {
   /** To be called now and then. */
   watch(): void {
     const { socket } = this;
-    const most_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
-    if (!socket || performance.now() - this.heard_ms <= most_ms) return;
+    const max_ms = this.link === "connected" ? SILENT_MS : this.link === "connecting" ? CONNECTING_MS : Infinity;
+    if (!socket || performance.now() - this.heard_ms <= max_ms) return;
     socket.close();
     // that the other end is gone the browser tells only when it has waited for its goodbye
     this.closed(socket, GONE);

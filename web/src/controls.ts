@@ -314,8 +314,8 @@ export class Controls {
     write(byId("version"), `palpate ${scene.palpate}`);
     byId<HTMLSelectElement>("method").replaceChildren(...scene.methods.map((name) => new Option(readable(name), name)));
     const limit = byId<HTMLInputElement>("limit");
-    limit.min = String(scene.limits.least_max_force_N);
-    limit.max = String(scene.limits.most_max_force_N);
+    limit.min = String(scene.limits.min_max_force_N);
+    limit.max = String(scene.limits.max_max_force_N);
     const touch = document.querySelector<HTMLElement>("[data-tool=touch]")!;
     touch.hidden = scene.device.input !== "pointer";
     this.structures.build(scene);

@@ -32,7 +32,7 @@ export class Displacement {
     return box;
   }
   /** The largest there is, mm: between nodes none is larger. */
-  get most_mm(): number {
+  get max_mm(): number {
     if (this.most === null) {
       let most = 0;
       for (let n = 0; n < this.mm.length; n += 4) most = Math.max(most, Math.hypot(this.mm[n]!, this.mm[n + 1]!, this.mm[n + 2]!));
@@ -143,7 +143,7 @@ export class DisplacementTexture {
 }
 
 /** How many voxels a displacement of so many mm goes along each axis at most. */
-export function reachOf(most_mm: number, voxelFromPatient: Affine): Vec3 {
+export function reachOf(max_mm: number, voxelFromPatient: Affine): Vec3 {
   // a row's length: how far a mm in the direction that goes farthest leads; textures round a little
-  return [0, 1, 2].map((r) => 1.001 * most_mm * Math.hypot(...voxelFromPatient[r]!.slice(0, 3))) as Vec3;
+  return [0, 1, 2].map((r) => 1.001 * max_mm * Math.hypot(...voxelFromPatient[r]!.slice(0, 3))) as Vec3;
 }

@@ -159,10 +159,10 @@ export const orientationLetters = (right: Vec3, down: Vec3): Letters => ({
   bottom: directionLetters(down),
 });
 
-/** A length of 1, 2 or 5 times a power of ten that is at most `most_mm`. */
-export function niceLength(most_mm: number): number {
-  const power = 10 ** Math.floor(Math.log10(most_mm));
-  return power * (most_mm >= 5 * power ? 5 : most_mm >= 2 * power ? 2 : 1);
+/** A length of 1, 2 or 5 times a power of ten that is at most `max_mm`. */
+export function niceLength(max_mm: number): number {
+  const power = 10 ** Math.floor(Math.log10(max_mm));
+  return power * (max_mm >= 5 * power ? 5 : max_mm >= 2 * power ? 2 : 1);
 }
 
 /** A position for people. */

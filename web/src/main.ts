@@ -665,15 +665,15 @@ class Page {
     return orient;
   }
 
-  /** The planes, and what the readout says of them. @param most_ms  that they may hold the page */
-  drawSections(most_ms: number): void {
+  /** The planes, and what the readout says of them. @param max_ms  that they may hold the page */
+  drawSections(max_ms: number): void {
     const { session } = this;
     if (this.lookVersion !== session.lookVersion && session.volumes) {
       this.lookVersion = session.lookVersion;
       this.slicer.setColours(session.palette());
     }
     const shown = this.sections.filter(({ picture }) => picture.isShown).length;
-    for (const section of this.sections) section.draw(performance.now(), most_ms / shown);
+    for (const section of this.sections) section.draw(performance.now(), max_ms / shown);
     this.slicer.mark();
     this.controls.showReadout();
   }

@@ -60,12 +60,12 @@ export interface Scene {
     input: "script" | "pointer" | "device" | "recording";
     peak_force_N: number | null;
     continuous_force_N: number | null;
-    most_stiffness_N_per_mm: number | null;
+    max_stiffness_N_per_mm: number | null;
   };
   limits: {
     max_force_N: number;
-    least_max_force_N: number;
-    most_max_force_N: number;
+    min_max_force_N: number;
+    max_max_force_N: number;
     stiffness_N_per_mm: [number, number];
     friction: [number, number];
   };
@@ -98,7 +98,7 @@ export interface Recording {
   ticks: number;
   begin_s: number;
   end_s: number;
-  contacts: [begin_s: number, end_s: number, label: number, most_N: number, device: number][];
+  contacts: [begin_s: number, end_s: number, label: number, max_N: number, device: number][];
   contacts_left_out: number;
   events: RecordedEvent[];
   events_left_out: number;

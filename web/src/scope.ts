@@ -14,17 +14,17 @@ export const BACK_MM = [0, 4, 8, 15] as const;
 /**
  * How far from what is touched a camera is out of the solid, with room around it or in the middle of a gap.
  * @param isClosed  whether it sees nothing so far off, mm
- * @returns at most `most_mm`; null where it is nowhere out so near
+ * @returns at most `max_mm`; null where it is nowhere out so near
  */
-export function standOff(isClosed: (off_mm: number) => boolean, most_mm: number, room_mm: number, step_mm: number): number | null {
+export function standOff(isClosed: (off_mm: number) => boolean, max_mm: number, room_mm: number, step_mm: number): number | null {
   let begin = 0;
   while (isClosed(begin)) {
     begin += step_mm;
-    if (begin > most_mm) return null;
+    if (begin > max_mm) return null;
   }
   let end = begin;
   while (end < begin + 2 * room_mm && !isClosed(end + step_mm)) end += step_mm;
-  return Math.min(most_mm, begin + room_mm, (begin + end) / 2);
+  return Math.min(max_mm, begin + room_mm, (begin + end) / 2);
 }
 
 export type ScopeStand = Pick<Scope, "tool" | "optics_deg" | "back_mm" | "post_deg" | "free">;

@@ -192,8 +192,8 @@ export class SectionView {
   get isCoarse(): boolean {
     return this.picture.isShown && (this.isAwaited || this.sharpTo < this.picture.base.canvas.height);
   }
-  /** @param most_ms  that it may hold the page */
-  draw(now: number, most_ms: number): void {
+  /** @param max_ms  that it may hold the page */
+  draw(now: number, max_ms: number): void {
     const { session, picture } = this;
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes || !session.scene) return;
@@ -209,9 +209,9 @@ export class SectionView {
       frame.width, frame.height, session.volumes.hash]);
     const style = { window: session.storedWindow(), fill: session.fill, outlines: session.outlines, strain: session.strain, slab: session.slab };
     const isOther = key !== this.drawn;
-    const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / most_ms;
+    const most = this.slicer.cost_msOf(this.plane, session.slab, frame.width * frame.height) / max_ms;
     // the picture of before stands until what draws another kind of it is compiled
-    this.isAwaited = isOther && most_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
+    this.isAwaited = isOther && max_ms < Infinity && !this.slicer.isCompiled(session.slab.kind !== "none", session.strain);
     if (this.isAwaited) {
       // nothing
     } else if (isOther || (this.isCoarse && most < 1)) {

@@ -25,7 +25,7 @@ export function pictureQuery(view: View, looks: Uint8Array): string {
 }
 
 /** A picture, and what Found reads. @throws RangeError where the bytes are none */
-export function readPicture(bytes: ArrayBuffer): { width: number; height: number; rgba: Uint8ClampedArray<ArrayBuffer>; found: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number } {
+export function readPicture(bytes: ArrayBuffer): { width: number; height: number; rgba: Uint8ClampedArray<ArrayBuffer>; found: Uint8Array<ArrayBuffer>; min_mm: number; extent_mm: number } {
   const head = new DataView(bytes);
   const isOne = bytes.byteLength >= HEAD_BYTES && head.getUint32(0, false) === 0x504c5056;
   const [width, height] = isOne ? [head.getUint16(8, true), head.getUint16(10, true)] : [0, 0];
@@ -44,7 +44,7 @@ export function readPicture(bytes: ArrayBuffer): { width: number; height: number
       found.set([depth >> 8, depth & 255, places[n]!], 4 * (column + width * (height - 1 - row)));
     }
   }
-  return { width, height, rgba, found, least_mm: head.getFloat32(12, true), extent_mm: head.getFloat32(16, true) };
+  return { width, height, rgba, found, min_mm: head.getFloat32(12, true), extent_mm: head.getFloat32(16, true) };
 }
 
 class ServedPictures {
@@ -92,16 +92,16 @@ class ServedPictures {
     }
     this.isDrawing = false;
   }
-  private async picture(view: View): Promise<{ drawn: { bitmap: ImageBitmap; bytes: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number }; cost_ms: number } | null> {
+  private async picture(view: View): Promise<{ drawn: { bitmap: ImageBitmap; bytes: Uint8Array<ArrayBuffer>; min_mm: number; extent_mm: number }; cost_ms: number } | null> {
     const served = this.served();
     if (!served) return null;
     const began_ms = performance.now();
     const query = pictureQuery(view, this.looks.subarray(4, 4 * (Math.min(served.structures, 255) + 1)));
     const response = await fetch(`/api/picture/${served.hash}?${query}`, served.token ? { headers: { Authorization: `Bearer ${served.token}` } } : {});
     if (!response.ok) return null;
-    const { width, height, rgba, found, least_mm, extent_mm } = readPicture(await response.arrayBuffer());
+    const { width, height, rgba, found, min_mm, extent_mm } = readPicture(await response.arrayBuffer());
     const bitmap = await createImageBitmap(new ImageData(rgba, width, height));
-    return { drawn: { bitmap, bytes: found, least_mm, extent_mm }, cost_ms: performance.now() - began_ms };
+    return { drawn: { bitmap, bytes: found, min_mm, extent_mm }, cost_ms: performance.now() - began_ms };
   }
 }
 

@@ -112,9 +112,9 @@ export class Timeline {
     const { recording } = this;
     if (!recording) return;
     const isOne = devicesOf(recording) === 1;
-    const contacts = recording.contacts.map(([begin_s, , label, most_N, device]) => {
+    const contacts = recording.contacts.map(([begin_s, , label, max_N, device]) => {
       const name = readable(this.session.structureName(label) ?? words.unnamed(String(label)));
-      return { at_s: begin_s, text: [name, quantity(most_N, "N"), ...(isOne ? [] : [words.deviceNumber(String(device + 1))])].join(" · ") };
+      return { at_s: begin_s, text: [name, quantity(max_N, "N"), ...(isOne ? [] : [words.deviceNumber(String(device + 1))])].join(" · ") };
     });
     const events = recording.events.map((event) => ({ at_s: event.time_s, text: this.eventText(event) }));
     const listed = [...contacts, ...events].sort((a, b) => a.at_s - b.at_s);

@@ -28,12 +28,12 @@ function within(volumes: Volumes, from: Vec3, into: Vec3): [number, number] {
   return [begin, end];
 }
 
-/** The first surface along a line of what is felt. @param least_mm  nothing is looked for before */
-export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, least_mm = -Infinity): Vec3 | null {
+/** The first surface along a line of what is felt. @param min_mm  nothing is looked for before */
+export function firstFelt(volumes: Volumes, isFelt: IsFelt, from: Vec3, into: Vec3, min_mm = -Infinity): Vec3 | null {
   const [begin, end] = within(volumes, from, into);
   const step = volumes.voxelSize / 3;
   const at = (way: number) => add(from, scale(into, way));
-  for (let way = Math.max(begin, least_mm); way < end; way += step) {
+  for (let way = Math.max(begin, min_mm); way < end; way += step) {
     if (!isFelt(at(way))) continue;
     let [outside, inside] = [way - step, way];
     for (let n = 0; n < 6; n++) {
@@ -86,15 +86,15 @@ export class Ground {
   private readonly stride: number; // voxels between them
   private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>(); // by the device's number
 
-  constructor(private readonly volumes: Volumes, most_mm: number, mostSteps = 40000) {
+  constructor(private readonly volumes: Volumes, max_mm: number, mostSteps = 40000) {
     const edges = [0, 1, 2].map((axis) => column(volumes.patientFromVoxel, axis));
     const lengths = edges.map(length);
-    const all = lengths.reduce((product, edge) => (product * 2 * most_mm) / edge, 1);
+    const all = lengths.reduce((product, edge) => (product * 2 * max_mm) / edge, 1);
     const stride = (this.stride = Math.max(1, Math.ceil(Math.cbrt(all / mostSteps))));
-    const [ni, nj, nk] = lengths.map((edge) => Math.floor(most_mm / edge / stride)) as Vec3;
+    const [ni, nj, nk] = lengths.map((edge) => Math.floor(max_mm / edge / stride)) as Vec3;
     for (let k = -nk; k <= nk; k++) for (let j = -nj; j <= nj; j++) for (let i = -ni; i <= ni; i++) {
       const way = [0, 1, 2].map((c) => stride * (i * edges[0]![c]! + j * edges[1]![c]! + k * edges[2]![c]!)) as Vec3;
-      if (length(way) <= most_mm) this.steps.push({ way, far_mm: length(way) });
+      if (length(way) <= max_mm) this.steps.push({ way, far_mm: length(way) });
     }
     this.steps.sort((a, b) => a.far_mm - b.far_mm);
   }

@@ -49,7 +49,7 @@ export function viewOf(camera: Camera, width: number, height: number, reduction:
 /** Of a picture: how far along each pixel's ray the first solid surface is, and of which structure. */
 export class Found {
   /** @param bytes  of each pixel, row by row from the bottom: how far, of 65535, in two bytes; a structure's place + 1 */
-  constructor(private readonly bytes: Uint8Array, private readonly view: View, private readonly least_mm: number, private readonly extent_mm: number) {}
+  constructor(private readonly bytes: Uint8Array, private readonly view: View, private readonly min_mm: number, private readonly extent_mm: number) {}
 
   /** Where in the picture a point of the patient is, 0 ... 1, and how far along its ray; null behind the eye. */
   place(p: Vec3): { x: number; y: number; way_mm: number } | null {
@@ -68,7 +68,7 @@ export class Found {
     if (column < 0 || row < 0 || column >= width || row >= height) return null;
     const n = 4 * (column + width * (height - 1 - row));
     const place = this.bytes[n + 2]!;
-    return place === 0 ? null : { way_mm: this.least_mm + (this.extent_mm * (256 * this.bytes[n]! + this.bytes[n + 1]!)) / 65535, place: place - 1 };
+    return place === 0 ? null : { way_mm: this.min_mm + (this.extent_mm * (256 * this.bytes[n]! + this.bytes[n + 1]!)) / 65535, place: place - 1 };
   }
   /** Whether something solid lies more than `slack_mm` nearer to the viewer than a point. */
   hides(p: Vec3, slack_mm: number): boolean {

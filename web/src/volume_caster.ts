@@ -560,7 +560,7 @@ export class Caster {
     const m = this.texelFromPatient;
     if (this.displacement) {
       this.displacement.aim(this.program!, m);
-      gl.uniform3fv(this.at("reach"), reachOf(this.displacement.displacement.most_mm, m));
+      gl.uniform3fv(this.at("reach"), reachOf(this.displacement.displacement.max_mm, m));
     }
     const into = turn(m, view.into);
     gl.uniform3fv(this.at("dims"), field.dims);
@@ -624,7 +624,7 @@ export class Caster {
     return performance.now() - before;
   }
   /** The picture, when all its bands are drawn. @returns also the bytes of `Found`, and their least way and extent */
-  async finish(view: View): Promise<{ bitmap: ImageBitmap; bytes: Uint8Array<ArrayBuffer>; least_mm: number; extent_mm: number }> {
+  async finish(view: View): Promise<{ bitmap: ImageBitmap; bytes: Uint8Array<ArrayBuffer>; min_mm: number; extent_mm: number }> {
     const gl = this.gl;
     const { width, height } = view;
     const read = (from: GLenum) => {
@@ -634,11 +634,11 @@ export class Caster {
       return bytes;
     };
     const bytes = read(gl.COLOR_ATTACHMENT1);
-    const [least_mm, extent_mm] = this.range;
+    const [min_mm, extent_mm] = this.range;
     // the page would wait for the graphics, which compute other pictures, to get one from there
     if (this.isSoftware) {
       const pixels = new ImageData(new Uint8ClampedArray(read(gl.COLOR_ATTACHMENT0).buffer), width, height);
-      return { bitmap: await createImageBitmap(pixels, { imageOrientation: "flipY" }), bytes, least_mm, extent_mm };
+      return { bitmap: await createImageBitmap(pixels, { imageOrientation: "flipY" }), bytes, min_mm, extent_mm };
     }
     gl.readBuffer(gl.COLOR_ATTACHMENT0);
     gl.scissor(0, 0, width, height);
@@ -647,7 +647,7 @@ export class Caster {
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.target);
     const { canvas } = this;
     const bitmap = "transferToImageBitmap" in canvas ? canvas.transferToImageBitmap() : await createImageBitmap(canvas);
-    return { bitmap, bytes, least_mm, extent_mm };
+    return { bitmap, bytes, min_mm, extent_mm };
   }
   /** Until the graphics have done all that was asked of them, by the page's other pictures, too: reading a pixel does. */
   private wait(): void {

@@ -139,7 +139,7 @@ export class VolumeRenderer {
         const { drawn, cost_ms } = message;
         this.drawings.delete(message.id);
         this.work = message.work;
-        done(drawn && { bitmap: drawn.bitmap, found: new Found(drawn.bytes, view, drawn.least_mm, drawn.extent_mm), cost_ms });
+        done(drawn && { bitmap: drawn.bitmap, found: new Found(drawn.bytes, view, drawn.min_mm, drawn.extent_mm), cost_ms });
         break;
       }
       case "compiles":

@@ -32,7 +32,7 @@ export type Answered =
   | { type: "compiled" }
   | { type: "begun"; fits: boolean }
   | { type: "put" }
-  | { type: "picture"; id: number; drawn: { bitmap: ImageBitmap; bytes: Uint8Array; least_mm: number; extent_mm: number } | null; cost_ms: number; work: Work } // null: it gave way
+  | { type: "picture"; id: number; drawn: { bitmap: ImageBitmap; bytes: Uint8Array; min_mm: number; extent_mm: number } | null; cost_ms: number; work: Work } // null: it gave way
   | { type: "lost" }
   | { type: "restorable" }
   | { type: "restored" };

@@ -145,9 +145,9 @@ export class VolumeView {
     this.session.touch();
   }
 
-  /** Asks for another picture where there is to be one, and draws the tool over the one that is seen. @param least_ms  not again after less than that */
-  draw(now: number, least_ms = 0): void {
-    if (this.ask(now) && (least_ms === 0 || now - this.over_ms > least_ms)) this.drawOver();
+  /** Asks for another picture where there is to be one, and draws the tool over the one that is seen. @param min_ms  not again after less than that */
+  draw(now: number, min_ms = 0): void {
+    if (this.ask(now) && (min_ms === 0 || now - this.over_ms > min_ms)) this.drawOver();
   }
   /** @returns whether it is shown */
   ask(now: number): boolean {

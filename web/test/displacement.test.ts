@@ -7,17 +7,17 @@ const nodeFromPatient: Affine = [[0.5, 0, 0, 3], [0, 0.5, 0, 2], [0, 0, 0.5, 1],
 
 test("boxes of nodes are written where they are, and given as they were written", () => {
   const displacement = new Displacement({ dims: [4, 3, 5], nodeFromPatient });
-  assert.equal(displacement.most_mm, 0);
+  assert.equal(displacement.max_mm, 0);
   const [lo, size]: [Vec3, Vec3] = [[1, 0, 2], [2, 3, 2]];
   const mm = Array.from({ length: 3 * 12 }, (_, n) => n / 4);
   displacement.write(lo, size, mm);
   assert.deepEqual([...displacement.box(lo, size)], mm);
   assert.deepEqual([...displacement.box([2, 1, 3], [1, 1, 1])], mm.slice(3 * (1 + 2 * (1 + 3)), 3 * (2 + 2 * (1 + 3))));
   assert.deepEqual([...displacement.box([0, 0, 0], [4, 3, 2])], Array(72).fill(0));
-  assert.ok(Math.abs(displacement.most_mm - Math.hypot(...mm.slice(-3))) < 1e-5);
+  assert.ok(Math.abs(displacement.max_mm - Math.hypot(...mm.slice(-3))) < 1e-5);
   // one that goes again is the largest no more
   displacement.write(lo, size, Array(36).fill(0));
-  assert.equal(displacement.most_mm, 0);
+  assert.equal(displacement.max_mm, 0);
 });
 
 test("no displacement of so many mm goes farther along an axis of the voxels than is said", () => {

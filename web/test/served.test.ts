@@ -29,7 +29,7 @@ test("its bytes are colours, depths and structures", () => {
   bytes[24 + 5 * w * h + at] = 2;
   const read = readPicture(bytes.buffer);
   assert.deepEqual([...read.rgba.slice(4 * at, 4 * at + 4)], [10, 20, 30, 255]);
-  const found = new Found(read.found, { ...view, width: w, height: h }, read.least_mm, read.extent_mm);
+  const found = new Found(read.found, { ...view, width: w, height: h }, read.min_mm, read.extent_mm);
   assert.deepEqual(found.at(0.9, 0.9), { way_mm: 15, place: 1 });
   assert.equal(found.at(0.1, 0.1), null);
   for (const length of [0, 10, 24, bytes.length - 1]) assert.throws(() => readPicture(bytes.buffer.slice(0, length)));

@@ -13,7 +13,7 @@ namespace palpate {
 struct ReadingLimits {
   /// Maximum memory of the process; bytes. 0: resident memory at the first request plus half of the memory
   /// then available to the machine and to its control group.
-  std::uint64_t most_memory_bytes = 0;
+  std::uint64_t max_memory_bytes = 0;
   /// Accept data files named by a header or a scene that lie outside its folder, through links or `..`.
   bool follow_links = false;
 };

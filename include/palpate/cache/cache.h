@@ -19,7 +19,7 @@ inline constexpr double kMaxCacheDiskFraction = 0.1;
 
 struct CacheSettings {
   std::filesystem::path folder;  ///< Created if it is missing; empty: no caching.
-  std::uint64_t most_bytes = kDefaultCacheBytes;
+  std::uint64_t max_bytes = kDefaultCacheBytes;
   Warn warn = {};  ///< Called at most once, if the folder is not writable.
 };
 /// Settings from the environment. Folder: $PALPATE_CACHE if it is set, where an empty value disables the
@@ -32,7 +32,7 @@ const CacheSettings& cache_settings();
 struct CacheContents {
   std::size_t entries = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t most_bytes = 0;  ///< Maximum size, also limited by the disk; bytes.
+  std::uint64_t max_bytes = 0;  ///< Maximum size, also limited by the disk; bytes.
 };
 /// Contents of the cache; all 0 without a readable folder.
 CacheContents cache_contents();

@@ -26,13 +26,13 @@ class FieldWriter {
   requires std::is_arithmetic_v<Plain>
   void put_values(std::span<const Plain> values) {
     // a shorter run costs more than it saves
-    constexpr std::size_t kLeastRun = 4 + 16 / sizeof(Plain), kMost = 0x7fffffff;
+    constexpr std::size_t kMinRun = 4 + 16 / sizeof(Plain), kMost = 0x7fffffff;
     std::size_t first = 0;  // first of the different values that are not written yet
     for (std::size_t at = 0; at < values.size();) {
       const std::size_t end = std::min(values.size(), at + kMost);
       std::size_t after = at + 1;
       while (after < end && same(values[after], values[at])) ++after;
-      if (after - at >= kLeastRun) {
+      if (after - at >= kMinRun) {
         put_different(values.subspan(first, at - first));
         put(static_cast<std::uint32_t>(2 * (after - at) + 1));
         put(values[at]);

@@ -49,13 +49,13 @@ struct CohortCase {
 /// @param folder       what relative paths in it start from
 /// @param is_data_set  whether a study is a data set's name and no path; none: it never is
 /// Errors, with the line: an unknown or missing column, a value out of range, a name twice, no case, more
-/// than kMostCases.
+/// than kMaxCases.
 Result<std::vector<CohortCase>> parse_cohort_table(
     std::string_view text, const std::string& source, const std::filesystem::path& folder,
     const std::function<bool(const std::string&)>& is_data_set = {});
 /// With the catalogue's data sets.
 Result<std::vector<CohortCase>> load_cohort_table(const std::filesystem::path& file);
-inline constexpr std::size_t kMostCases = 100'000;
+inline constexpr std::size_t kMaxCases = 100'000;
 
 // ---- a case ---------------------------------------------------------------------------------------------
 

@@ -32,23 +32,25 @@ class RenderedStiffness {
   /// Largest stiffness in the patient that is rendered unclamped, N/mm, at least 0. NaN if unknown, which
   /// clamps nothing.
   double max_in_patient() const {
-    const double most = in_patient(most_N_per_mm_);
+    const double most = in_patient(max_N_per_mm_);
     return most < 0 ? 0 : most;
   }
   /// Stiffness that the proxy renders for a tissue, N/mm at the device.
   double by_proxy(double patient_N_per_mm) const {
-    return std::min(at_device(patient_N_per_mm), most_N_per_mm_);
+    return std::min(at_device(patient_N_per_mm), max_N_per_mm_);
   }
   /// Factor by which the direct methods scale every stiffness, 0 ... 1.
   /// @param all_N_per_mm  stiffness in the patient of the stiffest tissue, summed over all points of the tool
-  double direct_method_factor(double all_N_per_mm) const { return std::min(1.0, max_in_patient() / all_N_per_mm); }
+  double direct_method_factor(double all_N_per_mm) const {
+    return std::min(1.0, max_in_patient() / all_N_per_mm);
+  }
 
  private:
-  RenderedStiffness(double scale, double force_gain, double most_N_per_mm)
-      : factor_(scale * force_gain), most_N_per_mm_(most_N_per_mm) {}
+  RenderedStiffness(double scale, double force_gain, double max_N_per_mm)
+      : factor_(scale * force_gain), max_N_per_mm_(max_N_per_mm) {}
 
   double factor_;
-  double most_N_per_mm_;  // at the device
+  double max_N_per_mm_;  // at the device
 };
 
 }  // namespace palpate

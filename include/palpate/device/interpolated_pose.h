@@ -36,7 +36,7 @@ class InterpolatedPose {
   static constexpr double kHeld_s = 0.1;
   /// Speed limit of the interpolation, device mm/s: a distant new position is approached along a path instead
   /// of reached by a jump.
-  static constexpr double kMostSpeed_mm_s = 2000;
+  static constexpr double kMaxSpeed_mm_s = 2000;
 
  private:
   struct Place {

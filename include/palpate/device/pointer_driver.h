@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-/// A mouse, pen or finger as a device (InterpolatedPose). Positions arrive 60 to 120 times a second, at rest 30 times.
-/// The device exerts no force. Pulled, at the servo's own rate.
+/// A mouse, pen or finger as a device (InterpolatedPose). Positions arrive 60 to 120 times a second, at rest
+/// 30 times. The device exerts no force. Pulled, at the servo's own rate.
 class PointerDriver final : public DeviceDriver {
  public:
   /// @param tip  initial position, invalid until the first move()

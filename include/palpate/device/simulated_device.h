@@ -118,7 +118,7 @@ class SimulatedDriver final : public DeviceDriver {
   Point<Device> true_tip() const { return device().true_tip(); }
 
   /// Longest real time that one tick simulates. In a longer stall the simulation stands still for the rest.
-  static constexpr double kMostAdvance_s = 0.1;
+  static constexpr double kMaxAdvance_s = 0.1;
 
  private:
   struct Intention {

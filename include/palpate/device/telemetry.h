@@ -13,11 +13,11 @@ namespace palpate {
 /// Maximum number of devices in a tick.
 inline constexpr int kMaxDevices = 4;
 /// Maximum number of structures along the tip's path that a tick reports.
-inline constexpr int kMostStructuresReported = 6;
+inline constexpr int kMaxStructuresReported = 6;
 /// Maximum number of contacts that a tick reports.
-inline constexpr int kMostContactsReported = 6;
+inline constexpr int kMaxContactsReported = 6;
 /// Maximum number of structures near the tool that a tick reports.
-inline constexpr std::size_t kMostNearReported = 8;
+inline constexpr std::size_t kMaxNearReported = 8;
 
 /// Value of unknown quantities: not a number.
 inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
@@ -152,20 +152,20 @@ struct DeviceTick {
   /// Contacts of the tool: structure, part of the tool (its points, then its capsules), position on the
   /// surface, and force along the normal, in the patient. The outermost layer's come first, within a layer
   /// the strongest first; the first one belongs to `label`. Label 0 ends the list.
-  std::array<std::uint16_t, kMostContactsReported> contact_label{}, contact_part{};
+  std::array<std::uint16_t, kMaxContactsReported> contact_label{}, contact_part{};
   /// Origin of the force: structures along the tip's path into the tissue, outermost first, the length of the
   /// path within each, and each one's share of the force, 0 ... 1. By a direct method the touched structure
   /// with share 1. Label 0 ends the list; empty without contact.
-  std::array<std::uint16_t, kMostStructuresReported> felt_label{};
+  std::array<std::uint16_t, kMaxStructuresReported> felt_label{};
   /// Structures near the tool, nearest first (nearest_structures). Label 0 ends the list.
-  std::array<std::uint16_t, kMostNearReported> near_label{};
+  std::array<std::uint16_t, kMaxNearReported> near_label{};
   /// No-go region that the tool is deepest in (NoGoForce): index in the scene from 1; 0: none.
   std::uint16_t no_go = 0;
-  std::array<double, 3 * kMostContactsReported> contact_patient_mm{};
-  std::array<double, kMostContactsReported> contact_N{};
-  std::array<double, kMostStructuresReported> felt_depth_mm{}, felt_share{};
+  std::array<double, 3 * kMaxContactsReported> contact_patient_mm{};
+  std::array<double, kMaxContactsReported> contact_N{};
+  std::array<double, kMaxStructuresReported> felt_depth_mm{}, felt_share{};
   /// Distance from the tool's outline to each structure of near_label, negative inside.
-  std::array<double, kMostNearReported> near_mm{};
+  std::array<double, kMaxNearReported> near_mm{};
   /// Depth of the tool inside the keep-away zone of no_go, and the force of all no-go regions together at the
   /// device, in addition to the contacts' and before the output stage.
   double no_go_depth_mm = 0, no_go_N = 0;

@@ -23,8 +23,9 @@ inline constexpr double kMinScale = 0.05, kMaxScale = 20;
 /// Maps a device's samples to the workspace and forces back: p_World = home + s R (p - middle) + o, where R
 /// combines the device's axes and the user's yaw, and o is the offset accumulated by the clutch. Forces are
 /// already multiplied by the gain g, torques by g / s (DeviceParameters), so that the output stage limits
-/// what the device actually receives. A tissue of stiffness K is therefore rendered as s g K (RenderedStiffness),
-/// and work at the device is g / s of the work in the patient, for forces and torques alike.
+/// what the device actually receives. A tissue of stiffness K is therefore rendered as s g K
+/// (RenderedStiffness), and work at the device is g / s of the work in the patient, for forces and torques
+/// alike.
 class WorkspaceMapping {
  public:
   WorkspaceMapping(const DeviceInfo& info, const WorkspaceSettings& settings);

@@ -18,7 +18,7 @@ struct HeldHandSettings {
   double rate_hz = 1000;        ///< of devices without a clock of their own; 250 ... 10000
   double most_force_N = 1;      ///< > 0, 1 at most
   double first_N_per_mm = 0.1;  ///< the spring begins so stiff
-  double most_N_per_mm = 5;     ///< and becomes no stiffer; 5 at most
+  double max_N_per_mm = 5;      ///< and becomes no stiffer; 5 at most
   double growth = 1.15;         ///< from one spring to the next
   bool realtime = true;         ///< ask for SCHED_FIFO
   /// Where another process watches (supervisor.h); outlives the call. nullptr: none does.

@@ -17,7 +17,7 @@ struct HaplySettings {
   std::uint16_t port = 10001;           ///< WebSocket; from 3.5 on the version, too
   std::uint16_t events_port = 10020;    ///< WebSocket of events, from 3.5 on
   double peak_force_N = 3;              ///< the maker states none
-  double most_rate_hz = 2000;           ///< exchanges a second, however fast the service answers
+  double max_rate_hz = 2000;            ///< exchanges a second, however fast the service answers
 };
 
 /// Haply's Inverse3, through the Inverse Service, a program of its maker's that holds the device and talks

@@ -14,7 +14,7 @@ struct DelayLine {
     double time_s = 0;
   };
   std::array<Held, 64> held;
-  int count = 0;        ///< Number of valid entries of `held`
+  int count = 0;               ///< Number of valid entries of `held`
   bool dropped_older = false;  ///< Whether older commands were dropped from the line
 };
 

@@ -25,7 +25,7 @@ struct BounceInput {
   double dt_s = 0;
 };
 
-/// Maximum force for which the tip rebounds with at most BounceFeel::most_out times its impact speed; N.
+/// Maximum force for which the tip rebounds with at most BounceFeel::max_out times its impact speed; N.
 /// Infinite where no faster rebound is predicted.
 ///
 /// Energy accounting reacts too late here: a light tip turns within two ticks on a stiff wall, the encoder

@@ -16,7 +16,7 @@ namespace palpate {
 /// @param tissue_of_label  as in Model
 /// @param said             the scene's colour of each tissue; empty: none
 void apply_tissue_colours(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
-                             std::span<const std::optional<Rgb>> said);
+                          std::span<const std::optional<Rgb>> said);
 
 /// Colour of a structure: its segment's, after apply_tissue_colours(); for a label without a segment its
 /// tissue's.

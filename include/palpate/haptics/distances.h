@@ -83,7 +83,7 @@ struct ToolDistance {
   NearestPlace near;       ///< Nearest point of the surface to `centre`
 };
 /// Closest approach of all parts of a tool; empty if the whole tool is outside and farther than `within_mm`.
-/// On a capsule's axis at most kMostAlong points are evaluated: both ends and the middle, then the
+/// On a capsule's axis at most kMaxAlong points are evaluated: both ends and the middle, then the
 /// projections of the nearest surface points onto the axis, then bisection of intervals that may contain a
 /// point nearer by more than kAlongSlack_mm (the distance is Lipschitz continuous along the axis). Bounded
 /// work; does not allocate, lock or throw.
@@ -92,7 +92,7 @@ struct ToolDistance {
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
 inline constexpr double kAlongSlack_mm = 0.02;  ///< Tolerance of distance_of_tool() along an axis
-inline constexpr std::size_t kMostAlong = 16;   ///< Points evaluated per axis
+inline constexpr std::size_t kMaxAlong = 16;    ///< Points evaluated per axis
 
 /// Distance of a structure to a tool.
 struct NearStructure {
@@ -102,8 +102,8 @@ struct NearStructure {
 /// Reported structures within Distances::reach_mm of a tool, nearest first, up to the capacity; unused
 /// entries have label 0. The work depends on the number of structures nearby. Does not allocate, lock or
 /// throw.
-std::array<NearStructure, kMostNearReported> nearest_structures(const Distances& distances,
-                                                            std::span<const ToolSphere> spheres,
-                                                            const Point<Patient>& tip);
+std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
+                                                               std::span<const ToolSphere> spheres,
+                                                               const Point<Patient>& tip);
 
 }  // namespace palpate

@@ -19,7 +19,7 @@ constexpr bool names_every_member() {
 /// Proxy updates along surfaces. The choices are explained in docs/decisions/0010, 0019 and 0023.
 struct ProxyFeel {
   /// Maximum penetration of a sphere at any point of the proxy's path; greater than dip_mm.
-  double most_dip_mm = 0.05;
+  double max_dip_mm = 0.05;
   /// Maximum penetration at the end of a substep, before the projection back onto the surface.
   double dip_mm = 0.008;
   /// Distance below which a surface becomes a half-space constraint; above it only its clearance limits the
@@ -37,7 +37,7 @@ struct ProxyFeel {
   double arrived_mm = 1e-3;
   /// Maximum path length of a proxy in contact per tick, and path length allowed beyond the distance to the
   /// tip.
-  double most_way_mm = 3, slack_mm = 0.2;
+  double max_way_mm = 3, slack_mm = 0.2;
   /// Length of the part of that path for which surfaces are gathered at once.
   double part_mm = 0.5;
   /// Maximum fraction of a substep by which the distance to the tip may increase; needed because the normals
@@ -61,25 +61,25 @@ struct ProxyFeel {
   double hole_play_mm = 0.5;
   /// Rows of spheres that represent capsules: maximum depth of the outline between two spheres below the
   /// capsule's, and minimum spacing.
-  double row_dip_mm = 0.01, least_pitch_mm = 0.15;
+  double row_dip_mm = 0.01, min_pitch_mm = 0.15;
   /// Limit of the rate at which slip (off an edge or over a ridge) changes the spring force beyond the change
   /// caused by the tip's displacement: 20 mN per millisecond are not perceived as a click.
-  double most_slip_N_per_s = 19;
+  double max_slip_N_per_s = 19;
   /// Work limits per tick: substeps, attempts per substep, halvings per attempt, projection steps back
   /// outside, searches for a direction where no normal gives one, and samples of the return path.
-  int most_strides = 48, most_tries = 4, most_halvings = 8, most_corrections = 8, most_feelings = 4,
-      most_back_places = 160;
+  int max_strides = 48, max_tries = 4, max_halvings = 8, max_corrections = 8, max_feelings = 4,
+      max_back_places = 160;
   /// No substep starts after this number of surface queries beyond those of the first gathering; queries
   /// dominate the cost of tools with several spheres among many constraints. Capsules need more queries.
-  int most_looks = 150, most_looks_of_capsules = 1000;
+  int max_looks = 150, max_looks_of_capsules = 1000;
 
   /// Substep length along surfaces. Between end points at most dip_mm below it, a surface whose distance
   /// field has unit slope can rise by at most half of it.
-  constexpr double stride_mm() const { return 2 * (most_dip_mm - dip_mm) - 0.004; }
+  constexpr double stride_mm() const { return 2 * (max_dip_mm - dip_mm) - 0.004; }
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
-    of("most_dip_mm", most_dip_mm);
+    of("max_dip_mm", max_dip_mm);
     of("dip_mm", dip_mm);
     of("skin_mm", skin_mm);
     of("beside_mm", beside_mm);
@@ -87,7 +87,7 @@ struct ProxyFeel {
     of("parallel", parallel);
     of("still_mm", still_mm);
     of("arrived_mm", arrived_mm);
-    of("most_way_mm", most_way_mm);
+    of("max_way_mm", max_way_mm);
     of("slack_mm", slack_mm);
     of("part_mm", part_mm);
     of("away", away);
@@ -96,19 +96,19 @@ struct ProxyFeel {
     of("lost_s", lost_s);
     of("back_clearance_mm", back_clearance_mm);
     of("back_pitch_mm", back_pitch_mm);
-    of("most_back_places", most_back_places);
+    of("max_back_places", max_back_places);
     of("sealed_mm", sealed_mm);
     of("hole_play_mm", hole_play_mm);
     of("row_dip_mm", row_dip_mm);
-    of("least_pitch_mm", least_pitch_mm);
-    of("most_slip_N_per_s", most_slip_N_per_s);
-    of("most_strides", most_strides);
-    of("most_tries", most_tries);
-    of("most_halvings", most_halvings);
-    of("most_corrections", most_corrections);
-    of("most_feelings", most_feelings);
-    of("most_looks", most_looks);
-    of("most_looks_of_capsules", most_looks_of_capsules);
+    of("min_pitch_mm", min_pitch_mm);
+    of("max_slip_N_per_s", max_slip_N_per_s);
+    of("max_strides", max_strides);
+    of("max_tries", max_tries);
+    of("max_halvings", max_halvings);
+    of("max_corrections", max_corrections);
+    of("max_feelings", max_feelings);
+    of("max_looks", max_looks);
+    of("max_looks_of_capsules", max_looks_of_capsules);
   }
 };
 
@@ -121,28 +121,28 @@ struct ToolTurnFeel {
   /// a multiple of it, which leaves margin for pushes. A longer leg would gather too many surfaces.
   double leg_mm = 2, room = 2.2;
   /// Work limits per tick: legs, steps of all legs, halvings per step.
-  int most_legs = 8, most_steps = 48, most_halvings = 4;
+  int max_legs = 8, max_steps = 48, max_halvings = 4;
   /// No step starts after this number of surface queries, nor a retry of a step that is not the tick's first.
   /// Tools with capsules need more queries.
-  int most_looks = 350, most_looks_of_capsules = 3000;
+  int max_looks = 350, max_looks_of_capsules = 3000;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("arc_strides", arc_strides);
     of("leg_mm", leg_mm);
     of("room", room);
-    of("most_legs", most_legs);
-    of("most_steps", most_steps);
-    of("most_halvings", most_halvings);
-    of("most_looks", most_looks);
-    of("most_looks_of_capsules", most_looks_of_capsules);
+    of("max_legs", max_legs);
+    of("max_steps", max_steps);
+    of("max_halvings", max_halvings);
+    of("max_looks", max_looks);
+    of("max_looks_of_capsules", max_looks_of_capsules);
   }
 };
 
 /// Rendering and reporting of contact.
 struct TouchFeel {
   /// Direct methods: force below which the halo of a smoothed structure does not count as a touch.
-  double least_N = 0.02;
+  double min_N = 0.02;
   /// Averaging window of velocities (MERL c. 1997).
   double velocity_window_s = 0.01;
   /// Depth from which viscosity is fully applied.
@@ -150,15 +150,15 @@ struct TouchFeel {
   /// Time constant of the low-pass filter of the rendered stiffness.
   double seam_s = 0.015;
   /// Fraction of the force below which a structure is not reported.
-  double least_share = 0.01;
+  double min_share = 0.01;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
-    of("least_N", least_N);
+    of("min_N", min_N);
     of("velocity_window_s", velocity_window_s);
     of("whole_viscosity_mm", whole_viscosity_mm);
     of("seam_s", seam_s);
-    of("least_share", least_share);
+    of("min_share", min_share);
   }
 };
 
@@ -175,7 +175,7 @@ struct PassivityFeel {
   double turn_steps = 0.8;
   /// Maximum fraction of the force that is removed during withdrawal; also limited to the force of one
   /// encoder step.
-  double most_hysteresis = 0.5;
+  double max_hysteresis = 0.5;
   /// Maximum force change per encoder step while energy is owed. It is below the friction of devices with
   /// coarse encoders, so that the tip does not bounce within a single step, which the encoder cannot detect.
   double owing_step_N = 0.15;
@@ -186,10 +186,10 @@ struct PassivityFeel {
   /// energy of the zero-order hold.
   double covered_tick_s = 1e-3;
   /// Limit of the damping: more makes a firmly held tip oscillate.
-  double most_damping_N_s_per_m = 20;
+  double max_damping_N_s_per_m = 20;
   /// Nor is it more than this over the time by which its force is late, T/2 + t_d: at pi/2 m over that time
   /// a mass m swings by itself, and a Touch, the lightest known device, has 0.045 kg.
-  double most_damping_times_delay_kg = 0.045;
+  double max_damping_times_delay_kg = 0.045;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
@@ -197,12 +197,12 @@ struct PassivityFeel {
     of("longest_untold_s", longest_untold_s);
     of("reserve_steps", reserve_steps);
     of("turn_steps", turn_steps);
-    of("most_hysteresis", most_hysteresis);
+    of("max_hysteresis", max_hysteresis);
     of("owing_step_N", owing_step_N);
     of("coarse_step_mm", coarse_step_mm);
     of("covered_tick_s", covered_tick_s);
-    of("most_damping_N_s_per_m", most_damping_N_s_per_m);
-    of("most_damping_times_delay_kg", most_damping_times_delay_kg);
+    of("max_damping_N_s_per_m", max_damping_N_s_per_m);
+    of("max_damping_times_delay_kg", max_damping_times_delay_kg);
   }
 };
 
@@ -210,9 +210,9 @@ struct PassivityFeel {
 /// steps those of its encoder.
 struct SwingFeel {
   /// Maximum duration of a half cycle, and its minimum mean speed.
-  double longest_half_s = 0.075, least_speed_mm_s = 15;
+  double longest_half_s = 0.075, min_speed_mm_s = 15;
   /// Minimum amplitude of a half cycle in mm and in steps, above encoder flicker.
-  double least_mm = 0.2, least_steps = 5;
+  double min_mm = 0.2, min_steps = 5;
   /// Displacement back from the extremum, in steps, after which the motion counts as reversed.
   double turn_steps = 2;
   /// Minimum ratio to the amplitude of the previous half cycle; below it the oscillation decays.
@@ -220,21 +220,21 @@ struct SwingFeel {
   /// Time out of contact after which the detection is reset.
   double forgotten_s = 0.1;
   /// Increase of the assumed force delay per detected half cycle, its maximum, and its decrease per second.
-  double later_s = 1e-3, most_later_s = 5e-3, forget_later = 1e-4;
+  double later_s = 1e-3, max_later_s = 5e-3, forget_later = 1e-4;
   /// Number of consecutive half cycles that count as a self-sustained oscillation.
   int halves = 3;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("longest_half_s", longest_half_s);
-    of("least_speed_mm_s", least_speed_mm_s);
-    of("least_mm", least_mm);
-    of("least_steps", least_steps);
+    of("min_speed_mm_s", min_speed_mm_s);
+    of("min_mm", min_mm);
+    of("min_steps", min_steps);
     of("turn_steps", turn_steps);
     of("kept", kept);
     of("forgotten_s", forgotten_s);
     of("later_s", later_s);
-    of("most_later_s", most_later_s);
+    of("max_later_s", max_later_s);
     of("forget_later", forget_later);
     of("halves", halves);
   }
@@ -243,10 +243,10 @@ struct SwingFeel {
 /// Impact of a falling tip (bounce.h).
 struct BounceFeel {
   /// Maximum ratio of the rebound speed to the impact speed.
-  double most_out = 0.95;
+  double max_out = 0.95;
   /// Minimum impact speed in encoder steps per second; slower ones are deliberate approaches. Three steps in
   /// 4 ms.
-  double least_steps_per_s = 750;
+  double min_steps_per_s = 750;
   /// Encoder steps of deceleration needed before the apparent mass is estimated, and steps added to account
   /// for quantisation, which makes the estimated mass lighter and the predicted rebound faster.
   double told_steps = 2, hidden_steps = 0.5;
@@ -256,8 +256,8 @@ struct BounceFeel {
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
-    of("most_out", most_out);
-    of("least_steps_per_s", least_steps_per_s);
+    of("max_out", max_out);
+    of("min_steps_per_s", min_steps_per_s);
     of("told_steps", told_steps);
     of("hidden_steps", hidden_steps);
     of("longest_s", longest_s);
@@ -267,26 +267,26 @@ struct BounceFeel {
 /// Deformable soft tissue (yield.h).
 struct YieldFeel {
   /// Minimum radius of the pressing sphere; a point would sink in without resistance.
-  double least_radius_mm = 0.5;
+  double min_radius_mm = 0.5;
   /// Blending time between two published elastic solutions: one solver frame.
   double blend_s = 1.0 / 64;
   /// Limits of the extrapolation of the compliance W along the surface by its slope, as fractions of W.
-  double least_carried = 0.5, most_carried = 2;
+  double min_carried = 0.5, max_carried = 2;
   /// Lower limit of the compliance of any solution; 1 N over it is the maximum stiffness.
-  double least_give_mm_per_N = 0.01;
+  double min_give_mm_per_N = 0.01;
   /// Limit of the stiffening or softening of a neo-Hookean solution at its force, as a fraction of W.
-  double most_stiffening = 0.2;
+  double max_stiffening = 0.2;
   /// Radius of the dent that is left in relaxing tissue, in radii of the tool that pressed it.
   double dent_radii = 2;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
-    of("least_radius_mm", least_radius_mm);
+    of("min_radius_mm", min_radius_mm);
     of("blend_s", blend_s);
-    of("least_carried", least_carried);
-    of("most_carried", most_carried);
-    of("least_give_mm_per_N", least_give_mm_per_N);
-    of("most_stiffening", most_stiffening);
+    of("min_carried", min_carried);
+    of("max_carried", max_carried);
+    of("min_give_mm_per_N", min_give_mm_per_N);
+    of("max_stiffening", max_stiffening);
     of("dent_radii", dent_radii);
   }
 };

@@ -126,7 +126,7 @@ struct Tool {
     return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
   }
 };
-inline constexpr int kMaxToolParts = static_cast<int>(kMostToolSpheres);
+inline constexpr int kMaxToolParts = static_cast<int>(kMaxToolSpheres);
 
 /// Shape of the burr: "ball", "cylinder" or "cone". Empty: the tool is no burr.
 std::string burr_shape(const Tool& tool);
@@ -160,7 +160,7 @@ struct Model {
   /// forces are not blended in, and contact with surfaces they did not change continues without interruption.
   std::uint32_t edits = 0;
   std::uint64_t content_hash = 0;  ///< Hash of field, labels, tissues, tools, limits and method settings
-  std::uint64_t hash_before_removal = 0;    ///< content_hash of the same model without any removal
+  std::uint64_t hash_before_removal = 0;  ///< content_hash of the same model without any removal
   std::string title;
   Side side = Side::kUnknown;
   bool side_from_anatomy = false;  ///< the scene does not say it; it follows from where the fibula lies
@@ -195,7 +195,7 @@ struct Model {
   std::vector<ProtectedStructure> protected_structures;
   /// Structures whose distance to the tool is reported in every tick.
   ReportedDistances reported_distances;
-  /// Regions that the tool is pushed out of; at most kMostNoGo.
+  /// Regions that the tool is pushed out of; at most kMaxNoGo.
   std::vector<NoGoRegion> no_go;
   /// Distance trees of the structures in reported_distances and no_go. Empty: not prepared, or no structures.
   Distances distances;
@@ -345,15 +345,15 @@ class VelocityWindow {
 
 /// Viscous force -c v, N. It is scaled by the relative depth, so that it sets in continuously.
 /// @param inside           field value over the tissue's level, clamped to 0 ... 1
-/// @param most_N_s_per_mm  limit of the viscosity
+/// @param max_N_s_per_mm  limit of the viscosity
 Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside,
-                              double most_N_s_per_mm = std::numeric_limits<double>::infinity());
+                              double max_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 /// Published pseudo-friction: a viscous force tangential to the surface, limited to the tissue's maximum and
 /// to mu |F_n|; N.
-/// @param most_N_s_per_mm  limit of the damping coefficient
+/// @param max_N_s_per_mm  limit of the damping coefficient
 Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& velocity_mm_s,
                                 const Vector<Patient>& normal_force_N,
-                                double most_N_s_per_mm = std::numeric_limits<double>::infinity());
+                                double max_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

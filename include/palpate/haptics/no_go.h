@@ -33,19 +33,19 @@ struct NoGoSphere {
 };
 
 /// Permitted ranges of the parameters.
-inline constexpr double kMostKeepAway_mm = 20;
+inline constexpr double kMaxKeepAway_mm = 20;
 inline constexpr struct { double min, max; } kNoGoStiffness_N_per_mm{0.01, 20}, kNoGoRadius_mm{0.1, 500};
 
 /// Region that the tool is pushed out of by a one-sided spring.
 struct NoGoRegion {
   std::string name;
   std::variant<NoGoStructure, NoGoPlane, NoGoSphere> place;
-  double keep_away_mm = 0;  ///< Distance before the region at which the force begins; 0 ... kMostKeepAway_mm
+  double keep_away_mm = 0;  ///< Distance before the region at which the force begins; 0 ... kMaxKeepAway_mm
   double stiffness_N_per_mm = 1;  ///< Spring stiffness; in kNoGoStiffness_N_per_mm
 };
-inline constexpr std::size_t kMostNoGo = 64;  ///< Maximum number of regions of a model
+inline constexpr std::size_t kMaxNoGo = 64;  ///< Maximum number of regions of a model
 
-/// Checks the regions of a model. Errors: kBadInput for more than kMostNoGo regions, a parameter out of
+/// Checks the regions of a model. Errors: kBadInput for more than kMaxNoGo regions, a parameter out of
 /// range, or a plane whose `outward` is not a unit vector.
 Result<void> check_no_go(std::span<const NoGoRegion> regions);
 
@@ -69,7 +69,7 @@ struct NoGoForce {
 /// because its spring is made stiffer by what the series connection removes. Each region is linearised at the
 /// tool; for planes the force has a potential, for curved regions approximately.
 ///
-/// At most kMostNoGoMet regions act at a time, the deepest. Stateless; bounded work; does not allocate, lock
+/// At most kMaxNoGoMet regions act at a time, the deepest. Stateless; bounded work; does not allocate, lock
 /// or throw.
 /// @param spheres                  tool parts in the operator's pose
 /// @param tip                      position of the tip
@@ -79,6 +79,6 @@ struct NoGoForce {
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
-inline constexpr std::size_t kMostNoGoMet = 8;  ///< Regions that act at a time
+inline constexpr std::size_t kMaxNoGoMet = 8;  ///< Regions that act at a time
 
 }  // namespace palpate

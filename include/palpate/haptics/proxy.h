@@ -131,7 +131,7 @@ struct ToolSphere {
   double radius_at_mm(double part) const { return radius_mm + widens_mm * part; }
 };
 /// Maximum number of spheres and capsules of a tool.
-inline constexpr std::size_t kMostToolSpheres = 4;
+inline constexpr std::size_t kMaxToolSpheres = 4;
 
 /// Closest approach of a tool part to a surface.
 struct NearestPart {
@@ -162,13 +162,13 @@ struct ToolPose {
 /// Tool parts rotated from one attitude to another. Bit-identical to the input if both attitudes are equal.
 class TurnedTool {
  public:
-  /// @param spheres  parts in attitude `from`; at most kMostToolSpheres
+  /// @param spheres  parts in attitude `from`; at most kMaxToolSpheres
   TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
              const Eigen::Quaterniond& to);
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
 
  private:
-  std::array<ToolSphere, kMostToolSpheres> spheres_;
+  std::array<ToolSphere, kMaxToolSpheres> spheres_;
   std::size_t count_;
 };
 
@@ -202,7 +202,7 @@ class RestingContacts {
     /// Friction coefficients; empty unless they were evaluated.
     std::optional<Friction> friction = std::nullopt;
   };
-  static constexpr std::size_t kMostWalls = 4;
+  static constexpr std::size_t kMaxWalls = 4;
 
   /// Cached half-spaces; empty if the cache does not match these arguments.
   std::span<const Wall> find(const Point<Patient>& position, const SurfaceSet& punctured,
@@ -216,14 +216,14 @@ class RestingContacts {
     Vector<Patient> offset_mm;
     double radius_mm = 0;
   };
-  std::array<Wall, kMostWalls> wall_;
+  std::array<Wall, kMaxWalls> wall_;
   std::size_t walls_ = 0, spheres_ = 0;
   Point<Patient> position_;
   SurfaceSet punctured_;
-  std::array<Sphere, kMostToolSpheres> sphere_;
+  std::array<Sphere, kMaxToolSpheres> sphere_;
 };
 /// Up to three active half-spaces (a corner), each shared by every sphere of the tool.
-inline constexpr std::size_t kMostContacts = 3 * kMostToolSpheres;
+inline constexpr std::size_t kMaxContacts = 3 * kMaxToolSpheres;
 
 /// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
 inline constexpr int kMaxLayers = 12;
@@ -251,7 +251,7 @@ struct ProxyLayer {
   double behind_mm = 0;
   double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
   int contacts = 0;   ///< Number of valid entries of `contact`
-  std::array<ProxyContact, kMostContacts> contact;
+  std::array<ProxyContact, kMaxContacts> contact;
   // caches: they affect the time of a tick but not its result
   OwnerCache owners;
   RestingContacts at_rest;
@@ -264,19 +264,19 @@ struct ProxyRelease {
   Vector<Patient> torque_Nmm;  ///< Torque about the tip
   double stored_mJ = 0;        ///< Elastic energy of a spring with that force
 
-  /// Reduces the magnitude of the force by at most `most_N`. Returns the reduction, N.
-  double fade(double most_N);
-  /// Limits the magnitude of the force to `most_N`.
-  void limit(double most_N);
+  /// Reduces the magnitude of the force by at most `max_N`. Returns the reduction, N.
+  double fade(double max_N);
+  /// Limits the magnitude of the force to `max_N`.
+  void limit(double max_N);
 };
 
 /// Contact state of one tool between ticks: the outermost layer (base class) and the layers within. Trivially
 /// copyable, without pointers.
 struct ProxyState : ProxyLayer {
   std::array<ProxyLayer, kMaxLayers - 1> within;  ///< Layer n at n - 1
-  Point<Patient> tip;                              ///< Tip position of the last tick
+  Point<Patient> tip;                             ///< Tip position of the last tick
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
-  ComplianceState yield;               ///< State of the deformable structures of the outermost layer
+  ComplianceState yield;          ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
   ProxyRelease release;
   /// Last tip position in free space, where the outermost proxy coincided with the tip.
@@ -295,7 +295,7 @@ struct ProxyOptions {
   double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   double dt_s = 0.001;  ///< Time since the last call
   /// Limit of the rate at which the force on the tip changes while the proxy slips.
-  double most_slip_N_per_s = kProxyFeel.most_slip_N_per_s;
+  double max_slip_N_per_s = kProxyFeel.max_slip_N_per_s;
   /// Local compliance of deformable structures, published by the elastic solver; `device` selects the entry
   /// of this tool. null: no solution yet, each structure is an elastic half-space.
   const ComplianceFrame* yields = nullptr;
@@ -332,15 +332,15 @@ struct PathSegment {
   double depth_mm = 0;
   double share = 0;  ///< Fraction of the force, 0 ... 1
 };
-inline constexpr std::size_t kMostPathSegments = 6;  ///< Capacity of ProxyResult::felt
+inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult::felt
 
 /// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {
   std::array<ProxyForce, kMaxLayers> of_layer;  ///< Contribution of each layer
-  ProxyRelease release;                          ///< Residual force included in the total; it has no contacts
+  ProxyRelease release;                         ///< Residual force included in the total; it has no contacts
   /// Structures along the penetration path, outermost first; empty without contact. If there are more than
   /// fit, those with the largest shares.
-  std::array<PathSegment, kMostPathSegments> felt;
+  std::array<PathSegment, kMaxPathSegments> felt;
   int felt_parts = 0;  ///< Number of valid entries of `felt`
   /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
   /// disabled.
@@ -360,7 +360,7 @@ struct ProxyResult : ProxyForce {
 /// Advances the proxies by one tick: rotates each proxy from its attitude to the operator's, moves it towards
 /// the tip along the surfaces without passing through them, then evaluates the springs. The whole path is
 /// collision-checked in substeps bounded by the clearance: at no point does a sphere penetrate a surface by
-/// more than ProxyFeel::most_dip_mm. Bounded work; does not allocate, lock or throw.
+/// more than ProxyFeel::max_dip_mm. Bounded work; does not allocate, lock or throw.
 ///
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
 ///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/0023). The contact point is the nearest
@@ -373,7 +373,7 @@ struct ProxyResult : ProxyForce {
 ///   touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
 ///   alike.
 /// - Slip: where the nearest point jumps, e.g. at an edge, the proxy moves there at a speed at which the
-///   spring force changes by at most most_slip_N_per_s, through free space too. A punctured surface releases
+///   spring force changes by at most max_slip_N_per_s, through free space too. A punctured surface releases
 ///   at once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from
 ///   one structure to another with a stretched spring.
 /// - A layer constrains the tool only while the covering layer does. Once the outer proxy coincides with the
@@ -394,7 +394,7 @@ struct ProxyResult : ProxyForce {
 ///   with it fit into its holes, it is passed again without force.
 ///
 /// @param surfaces  at most kMaxSurfaces; the same in every call with one `state`
-/// @param spheres   1 ... kMostToolSpheres tool parts, in the attitude of `hand`
+/// @param spheres   1 ... kMaxToolSpheres tool parts, in the attitude of `hand`
 /// @param hand      pose of the tool
 /// @param state     state of this tool, updated
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
@@ -407,21 +407,22 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 /// @param hand    pose of the tool, in whose attitude `spheres` are given
 /// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
 void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
+                    const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
 
 /// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
 /// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
 /// in.
 bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                         const ToolPose& hand, ProxyState& state);
+                      const ToolPose& hand, ProxyState& state);
 
 /// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
-/// proxy is treated as by transfer_proxy. If it was uncoupled, and for all inner layers, a proxy is initialised
-/// at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The deformation
-/// and relaxation states are reset. A tip that was uncoupled before stays without force until it is in free
-/// space. The caller blends the force.
+/// proxy is treated as by transfer_proxy. If it was uncoupled, and for all inner layers, a proxy is
+/// initialised at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The
+/// deformation and relaxation states are reset. A tip that was uncoupled before stays without force until it
+/// is in free space. The caller blends the force.
 /// @param before  as for transfer_proxy
-void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
+                                  std::span<const ToolSphere> spheres, const ToolPose& hand,
+                                  std::span<const SurfaceCorrespondence> before, ProxyState& state);
 
 }  // namespace palpate

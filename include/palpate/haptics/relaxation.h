@@ -11,7 +11,7 @@
 namespace palpate {
 
 /// Maximum number of terms of a tissue's Prony series.
-inline constexpr std::size_t kMostRelaxationTerms = 2;
+inline constexpr std::size_t kMaxRelaxationTerms = 2;
 /// Maximum number of different time constants of a model's tissues.
 inline constexpr std::size_t kMaxRelaxationTimes = 16;
 /// Closed range of time constants.
@@ -30,7 +30,7 @@ struct RelaxationTerm {
 /// Prony series E(t) = E (1 - sum of g_i (1 - exp(-t / tau_i))) of a tissue, where E is the instantaneous
 /// modulus. Terms with a part precede empty ones.
 struct Relaxation {
-  std::array<RelaxationTerm, kMostRelaxationTerms> term;
+  std::array<RelaxationTerm, kMaxRelaxationTerms> term;
 
   /// Fraction of the modulus that all terms together lose in the long term; below 1.
   double part() const;

@@ -22,7 +22,7 @@ struct OscillationState {
 /// does not measure.
 ///
 /// A self-sustained oscillation reverses along the force at least three times without decaying. It is faster
-/// than 6.7 Hz, has an amplitude of at least SwingFeel::least_mm and a mean speed of 15 mm/s, and its lateral
+/// than 6.7 Hz, has an amplitude of at least SwingFeel::min_mm and a mean speed of 15 mm/s, and its lateral
 /// displacement is at most its amplitude. Tapping with a finger is slower, a tremor of 8 to 12 Hz has a
 /// smaller amplitude, and sliding over ribs has a larger lateral displacement.
 /// @param force_N  requested force; zero in free space
@@ -30,7 +30,7 @@ struct OscillationState {
 /// @param step_mm  encoder step
 /// @param dt_s     length of the tick
 /// @param state    detector state, updated; state.later_s is the estimate
-void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm, double dt_s,
-                    OscillationState& state);
+void detect_oscillation(const Vector<World>& force_N, const Vector<World>& way_mm, double step_mm,
+                        double dt_s, OscillationState& state);
 
 }  // namespace palpate

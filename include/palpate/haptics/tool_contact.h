@@ -24,7 +24,7 @@ struct TickContext {
   Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
   const ComplianceFrame* yields = nullptr;  ///< Local compliance of deformable tissue; null: no solution yet
-  Holes* holes = nullptr;              ///< As ProxyOptions::holes
+  Holes* holes = nullptr;                   ///< As ProxyOptions::holes
 };
 
 /// Tick inputs of one device.
@@ -83,9 +83,9 @@ struct ToolContact {
   PointContact strongest;  ///< Strongest contact of the outermost layer
   /// Contacts, outermost layer first, within a layer by decreasing force. Unused entries have label 0.
   /// Contacts beyond the capacity are dropped.
-  std::array<ContactPoint, kMostContactsReported> contacts;
+  std::array<ContactPoint, kMaxContactsReported> contacts;
   /// Structures along the penetration path, outermost first. Unused entries have label 0.
-  std::array<PathStructure, kMostStructuresReported> felt;
+  std::array<PathStructure, kMaxStructuresReported> felt;
   /// Elastic energy of the contact at the device, an upper bound of what it can return; infinite: unknown.
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
@@ -109,7 +109,7 @@ class HeldTool {
   void set_first(const ToolSphere& sphere) { spheres_[0] = sphere; }
 
  private:
-  std::array<ToolSphere, kMostToolSpheres> spheres_;
+  std::array<ToolSphere, kMaxToolSpheres> spheres_;
   std::size_t count_ = 0;
   ToolPose pose_;
 };
@@ -117,7 +117,7 @@ class HeldTool {
 /// State of the spring and damper between tip and proxy.
 struct CouplingState {
   double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
-  Vector<Patient> multiplier_mm;        ///< Vector from the tip to the proxy
+  Vector<Patient> multiplier_mm;  ///< Vector from the tip to the proxy
   VelocityWindow pull_velocity;   ///< Velocity of multiplier_mm, including free space; unused without damping
 };
 

@@ -79,10 +79,10 @@ struct ComplianceState {
 
 /// Parameters of the contact law of a tick.
 struct ContactLaw {
-  double beyond_mm_per_N = 0;             ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
-  Vector<Patient> slope_per_N;            ///< grad W
-  double modulus_N_per_mm2 = 0;           ///< E*; above 0
-  double stiffening_mm_per_N2 = 0;        ///< C, as LocalCompliance::stiffening_mm_per_N2
+  double beyond_mm_per_N = 0;       ///< LocalCompliance::beyond_half_space_mm_per_N at the contact point
+  Vector<Patient> slope_per_N;      ///< grad W
+  double modulus_N_per_mm2 = 0;     ///< E*; above 0
+  double stiffening_mm_per_N2 = 0;  ///< C, as LocalCompliance::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
   double finite_N = 0;  ///< F1: force beyond which the C term continues linearly; above 0 unless C is 0
 };
@@ -109,7 +109,7 @@ ContactLaw tissue_at(const LocalCompliance& spot);
 /// @param dt_s               length of the tick
 /// @param state              blending state, updated
 ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
-                          double modulus_N_per_mm2, double dt_s, ComplianceState& state);
+                            double modulus_N_per_mm2, double dt_s, ComplianceState& state);
 
 /// Force of a rigid frictionless sphere at a depth, from
 ///
@@ -117,14 +117,14 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
 ///
 /// with -C F1 (2 F - F1) in place of -C F^2 for F above F1 = finite_N. B = W - 0.6 / (rho E*) is the
 /// compliance of the surroundings, the second term the sphere's own Hertz contact. The tangent stiffness is
-/// limited to `most_N_per_mm`: from there on the force is linear in the depth. The energy is that of this
+/// limited to `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this
 /// law. Where W and C vary along the surface, the tangential force F^2 / 2 grad W - F^3 / 3 grad C (for F
 /// above F1 the corresponding integral) makes it conservative (docs/concepts/tissue.md). Bounded work;
 /// bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
-/// @param radius_mm  radius of the sphere; at least YieldFeel::least_radius_mm is used
+/// @param radius_mm  radius of the sphere; at least YieldFeel::min_radius_mm is used
 YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
-                       double most_N_per_mm = std::numeric_limits<double>::infinity());
+                       double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Decrease of that law's energy along the surface at constant force: of_compliance_N2 times grad W minus
 /// of_stiffening_N3 times grad C is the tangential force.
@@ -137,6 +137,6 @@ TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N);
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.
 double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
-                        double most_N_per_mm = std::numeric_limits<double>::infinity());
+                        double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

@@ -83,7 +83,7 @@ struct ViewedTaskEvent {
 /// Progress of a run.
 struct ViewedTraining {
   enum class Phase : std::uint8_t { kNone, kRunning, kKeeping, kOver };
-  static constexpr std::size_t kMostEvents = 8;
+  static constexpr std::size_t kMaxEvents = 8;
 
   Phase phase = Phase::kNone;
   std::uint32_t run = 0;  ///< Number within the session, from 1; 0: no run yet
@@ -105,7 +105,7 @@ struct ViewedTraining {
 
 /// Result of a finished run.
 struct ViewedDebriefing {
-  static constexpr std::size_t kMostEvents = 500, kMostPatches = 4000, kMostForces = 4;
+  static constexpr std::size_t kMaxEvents = 500, kMaxPatches = 4000, kMaxForces = 4;
 
   std::uint32_t run = 0;
   std::string task;
@@ -126,7 +126,7 @@ struct ViewedDebriefing {
     std::array<double, 3> tip_mm{kNotKnown, kNotKnown, kNotKnown};  ///< Patient frame
     double touch_N = 0;                                             ///< Total contact force
     /// Contact force per measured force of the task, for the first of them
-    std::array<double, kMostForces> forces_N{};
+    std::array<double, kMaxForces> forces_N{};
   };
   std::size_t forces = 0;  ///< Number of valid entries of Sample::forces_N
   std::vector<Sample> samples;

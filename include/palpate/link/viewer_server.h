@@ -57,8 +57,8 @@ struct ViewedRecording {
   struct Contact {
     double begin_s = 0, end_s = 0;
     LabelId label = 0;
-    double most_N = 0;  ///< Maximum force during the contact
-    int device = 0;     ///< Index of the recording's device
+    double max_N = 0;  ///< Maximum force during the contact
+    int device = 0;    ///< Index of the recording's device
   };
   std::vector<Contact> contacts;  ///< Contacts of all devices, by begin
   /// Number of omitted contacts; the shortest are omitted if there are too many
@@ -131,7 +131,7 @@ struct ViewedScene {
   /// Ratings of the first device; kNotKnown: unknown.
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, max_stiffness_N_per_mm = kNotKnown;
   /// Range of the user's force limit; N.
-  double least_max_force_N = 0, most_max_force_N = 0;
+  double min_max_force_N = 0, max_max_force_N = 0;
   /// Permitted ranges of the tissue settings.
   std::array<double, 2> stiffness_N_per_mm{}, friction{};
   double rate_hz = 1000;
@@ -152,8 +152,8 @@ struct ViewedNavigation {
   bool is_seen = true;
   double fre_mm = 0;  ///< Fiducial registration error
   struct Error {
-    double rms_mm = 0, most_mm = 0;  ///< Root mean square, and 95th percentile
-    bool is_far = false;             ///< Whether the tip is far outside the registration's points
+    double rms_mm = 0, max_mm = 0;  ///< Root mean square, and 95th percentile
+    bool is_far = false;            ///< Whether the tip is far outside the registration's points
   };
   std::optional<Error> tip;  ///< Empty: unknown
 };

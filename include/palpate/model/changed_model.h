@@ -35,8 +35,8 @@ ModelChange change_of_stroke(const Model& felt, StrokeAction action);
 ModelChange change_of_law(const Model& felt, TissueLaw law, double coarsened = 0);
 /// Whether soft tissue can use a law. Errors: kBadInput if no felt tissue has elastic constants; for a law
 /// under which tissue moves, if material was cut without recording fractions of voxels
-/// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there are
-/// no surfaces for the proxy or something was cut from them.
+/// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there
+/// are no surfaces for the proxy or something was cut from them.
 Result<void> check_law(const Model& felt, TissueLaw law);
 /// Whether the proxy uses other surfaces under a law: deformable tissues form a single layer.
 bool has_other_surfaces(const Model& felt, TissueLaw law);
@@ -84,7 +84,7 @@ bool can_make_fields(const Model& model);
 /// hash are unchanged. Takes seconds. Methods that cannot be prepared are omitted. Errors: those of
 /// prepare_ramps.
 Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& felt, const Model& made,
-                                                     const Progress& progress = {});
+                                                         const Progress& progress = {});
 /// Next version of `felt` with the fields of `fields`, which must have the same stiffnesses.
 std::shared_ptr<const Model> with_fields(const Model& felt, const Model& fields);
 

@@ -8,11 +8,11 @@ namespace palpate {
 
 /// Range of stiffnesses that contact merges into one layer where their structures touch.
 struct StiffnessRange {
-  double least_N_per_mm = 0, most_N_per_mm = 0;
+  double min_N_per_mm = 0, max_N_per_mm = 0;
 
   /// Largest relative error, 0 ... 1: the stiffest structure, covered by the softest, is rendered with the
   /// softest one's stiffness.
-  double error() const { return 1 - least_N_per_mm / most_N_per_mm; }
+  double error() const { return 1 - min_N_per_mm / max_N_per_mm; }
 };
 
 /// Ratio of stiffnesses below which structures share a layer: the difference is imperceptible, and every

@@ -35,8 +35,8 @@ struct Navigation {
 
 /// How wrong the tip's place in the scan may be (the TRE at the tip).
 struct TipError {
-  double rms_mm = 0;   ///< root of its mean square
-  double most_mm = 0;  ///< 95 of 100 errors are smaller
+  double rms_mm = 0;  ///< root of its mean square
+  double max_mm = 0;  ///< 95 of 100 errors are smaller
   /// The tip is far outside the points that were touched: the registration alone is wrong by more than twice
   /// what it is in their middle.
   bool is_far = false;

@@ -15,7 +15,7 @@ struct TrackedTool {};  ///< the markers of a tool that a tracker sees, a frame 
 struct PivotOptions {
   /// degrees: a motion is refused that turned some direction of the tool by less than this (root of the mean
   /// square over the poses, from their mean). Turning about one axis alone leaves that axis where it is.
-  double least_turn_deg = 5;
+  double min_turn_deg = 5;
   /// Poses that are farther off than this many times the deviation of the others are left out.
   double outlier_deviations = 3;
   int samples = 500;  ///< of poses, each taken for right, to find those that are not
@@ -29,7 +29,7 @@ struct PivotCalibration {
   std::vector<bool> is_outlier;      ///< those that were left out
   int used = 0;                      ///< poses
   double rms_mm = 0;                 ///< root of the mean square of the used poses' residuals
-  double turn_deg = 0;               ///< see least_turn_deg
+  double turn_deg = 0;               ///< see min_turn_deg
   double tip_error_mm = 0;           ///< what follows for the tip: root of its expected square
 };
 

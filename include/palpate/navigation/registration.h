@@ -33,7 +33,7 @@ struct ErrorSpread {
   double rms_mm = 0;
   /// mm: 95 of 100 errors are smaller. By a gamma distribution with the mean and variance of the squared
   /// length, within 3 % of it.
-  double most_mm = 0;
+  double max_mm = 0;
 };
 
 /// How wrong a registration may be: of a shift (first three numbers) and a turn about a place (radians, the
@@ -50,7 +50,7 @@ struct PointRegistration {
   /// How wrong a pair of fle_mm 1 is by what is left over, mm: FRE^2 = (1 - 2 / N) FLE^2, and the bounds
   /// within which it is in 95 of 100 cases where errors are normal (3 N - 6 of them are free). Wide where
   /// there are few points.
-  double fle_scale = 0, least_fle_scale = 0, most_fle_scale = 0;
+  double fle_scale = 0, min_fle_scale = 0, max_fle_scale = 0;
   Point<Patient> centroid;  ///< of the points, as they count
   /// mm: root of their mean square distance from each principal axis through the centroid, the longest axis
   /// first.
@@ -62,9 +62,9 @@ struct PointRegistration {
 
 struct RegistrationLimits {
   /// mm: points whose root of the mean square distance from a line is less are refused, and so are those
-  /// whose distance is less than `least_width` of their length along it.
-  double least_spread_mm = 2;
-  double least_width = 0.05;
+  /// whose distance is less than `min_width` of their length along it.
+  double min_spread_mm = 2;
+  double min_width = 0.05;
 };
 
 /// Least squares without scale (Umeyama, "Least-squares estimation of transformation parameters between two

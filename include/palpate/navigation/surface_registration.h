@@ -17,16 +17,16 @@ struct SurfaceRegistrationOptions {
   /// Of the points, 0 ... 0.5: those that fit worst count nothing, e.g. where the tool had left the surface.
   double trimmed = 0.1;
   /// mm: a fit that leaves more (root mean square of those that count) is refused.
-  double most_rms_mm = 1;
+  double max_rms_mm = 1;
   /// And so is one by which more than this share of all points is farther away than `far_mm`: a few that fit
   /// nowhere are a hand that slipped, more are another structure, or its mirror image, most of which lies
   /// within a millimetre.
-  double most_far = 0.05;
+  double max_far = 0.05;
   double far_mm = 5;
   /// A shift or turn that the points do not hold is refused: where the least eigenvalue of what they hold is
   /// below this, of 1 for a point that holds it wholly (a turn by what it moves at their root mean square
   /// distance).
-  double least_hold = 0.005;
+  double min_hold = 0.005;
 };
 
 struct SurfaceRegistration {
@@ -35,7 +35,7 @@ struct SurfaceRegistration {
   std::vector<bool> is_trimmed;
   double rms_mm = 0;                    ///< of those that count
   double moved_mm = 0, turned_deg = 0;  ///< away from where it began, at the points' centroid
-  double hold = 0;                      ///< see least_hold
+  double hold = 0;                      ///< see min_hold
 };
 
 /// Brings points that were touched on a structure onto its surface: point to plane (Chen and Medioni, "Object
@@ -46,7 +46,7 @@ struct SurfaceRegistration {
 ///
 /// Errors: kBadInput for fewer than 12 points, points that are not finite, a surface without a place, points
 /// that leave some shift or turn open (all on a plane or a ball), and a fit that leaves more than
-/// most_rms_mm: another structure, the other side, or a start too far away; kInterrupted.
+/// max_rms_mm: another structure, the other side, or a start too far away; kInterrupted.
 Result<SurfaceRegistration> register_to_surface(const Surface& surface,
                                                 std::span<const Point<Tracker>> touched,
                                                 const Transform<Patient, Tracker>& start,

@@ -11,9 +11,9 @@ namespace palpate {
 /// (Hart, Nilsson & Raphael 1968) with a cost that penalises proximity to structures.
 class FreeSpace {
  public:
-  /// @param reach_mm  radius of the tool about its tip; clamped to kMostReach_mm
+  /// @param reach_mm  radius of the tool about its tip; clamped to kMaxReach_mm
   explicit FreeSpace(const Model& model, double reach_mm = 0);
-  static constexpr double kMostReach_mm = 8;
+  static constexpr double kMaxReach_mm = 8;
 
   /// Corner points of a path from `from` to `to`, both included, which stays away from structures where it
   /// can. Empty if there is none. An end inside an occupied cell is replaced by the nearest free one.

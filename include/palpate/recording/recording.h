@@ -100,7 +100,7 @@ struct RecordingEvent {
     kRearm,     ///< Forces ramped up again
     kSweep,     ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
     kMotor,     ///< As kSettings, with the tool's motor switched on or off
-    kYield,     ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`, `frame_hash`
+    kYield,  ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`, `frame_hash`
   };
   /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
   std::uint64_t tick = 0;
@@ -186,7 +186,7 @@ struct RecordingHead {
   RecordingHeader header;
   std::optional<RecordingSummary> summary;  ///< Absent: the recording is incomplete
   std::uint64_t ticks = 0;                  ///< Number of ticks
-  bool is_clock_monotonic = true;                  ///< Whether time_s is finite and strictly increasing
+  bool is_clock_monotonic = true;           ///< Whether time_s is finite and strictly increasing
   struct UsedMethod {
     std::uint8_t method = 0;  ///< as in TickRecord
     std::uint64_t tick = 0;   ///< First tick that used it

@@ -112,16 +112,16 @@ struct PlanComparison {
   std::vector<VolumeDone> regions;            ///< likewise
   std::vector<StructureVolume> volumes;       ///< of structures that are in the plan or of which was taken
   std::vector<StructureApproach> approaches;  ///< of every structure, as structure_distances() has them
-  std::vector<double> times_s;           ///< where parts of the run begin: kMostPlanTimes equal ones at most
-  std::vector<DistanceBreach> breaches;  ///< the first kMostBreaches, in the order in which they begin
+  std::vector<double> times_s;           ///< where parts of the run begin: kMaxPlanTimes equal ones at most
+  std::vector<DistanceBreach> breaches;  ///< the first kMaxBreaches, in the order in which they begin
   std::uint64_t more_breaches = 0;       ///< beyond these
-  std::vector<Point<Patient>> way;       ///< of the tip, thinned out to kMostWayPlaces
+  std::vector<Point<Patient>> way;       ///< of the tip, thinned out to kMaxWayPlaces
 
   /// All that the plan asks was kept, the recording was not cut short, and no tick is missing: what nobody
   /// saw may have been beyond a bound. Volumes have no bound.
   bool kept() const;
 };
-inline constexpr std::size_t kMostPlanTimes = 400, kMostBreaches = 1000, kMostWayPlaces = 4000;
+inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxWayPlaces = 4000;
 
 /// Reads the recording once, in memory that does not depend on its length, but for what a burr took away.
 /// @param model   as the recording began with

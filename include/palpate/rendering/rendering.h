@@ -75,10 +75,10 @@ OrientationLetters orientation_letters(const SectionPlane& plane);
 using TissueDisplacement = std::function<Vector<Patient>(const Point<Patient>& at_rest)>;
 /// Rest position of the tissue that is displaced to `seen`: solves x + moved(x) = seen by fixed-point
 /// iteration x <- seen - moved(x), with half steps if full steps do not converge, to kAtRestNear_mm; the last
-/// of kMostAtRestSteps iterates where tissue folds.
+/// of kMaxAtRestSteps iterates where tissue folds.
 Point<Patient> rest_position(const Point<Patient>& seen, const TissueDisplacement& moved);
 inline constexpr double kAtRestNear_mm = 0.002;
-inline constexpr int kMostAtRestSteps = 16;
+inline constexpr int kMaxAtRestSteps = 16;
 /// Label map deformed by a displacement field: each voxel gets the label of the voxel nearest to its rest
 /// position, or background if that is outside the grid.
 /// @param within  voxels of the grid to which displacements are confined
@@ -192,11 +192,11 @@ struct SectionRequest {
   Vector<Patient> direction;  ///< Direction of an oblique section, any length
   ObliqueView view = ObliqueView::kAlong;
   double size_mm = 0;  ///< Width and height; 0: the longest side of the volume
-  /// Width and height, of each of three sections; kLeastSectionPixels ... kMostSectionPixels
+  /// Width and height, of each of three sections; kMinSectionPixels ... kMaxSectionPixels
   int pixels = 768;
   SectionStyle style;
 };
-inline constexpr int kLeastSectionPixels = 320, kMostSectionPixels = 4096;
+inline constexpr int kMinSectionPixels = 320, kMaxSectionPixels = 4096;
 
 /// Annotated section for standalone use: orientation letters at the edges, the side of the patient or that it
 /// is unknown, plane, position and window, a scale bar, names of the visible structures, and the note that it
@@ -218,14 +218,14 @@ struct ForceArrowsRequest {
   double size_mm = 20;
   double spacing_mm = 0;  ///< Distance between arrows; 0: size_mm / kArrowsPerSide
 };
-inline constexpr int kArrowsPerSide = 24, kMostArrowsPerSide = 200;
+inline constexpr int kArrowsPerSide = 24, kMaxArrowsPerSide = 200;
 
 /// Forces of one method on a grid in a section, as a self-contained SVG: arrows over the scan and the
 /// structures, contour lines of the field, scales for forces and lengths, orientation letters, and a caption.
 /// Contains structures' names, but no title and no path.
 /// @param method  the model has to be prepared for it (Model::has)
 /// Errors: kBadInput with "centre" or "spacing" as the place for a centre outside the volume and for more
-/// than kMostArrowsPerSide arrows per side; kInterrupted.
+/// than kMaxArrowsPerSide arrows per side; kInterrupted.
 Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
                                      const ForceArrowsRequest& request, const Progress& progress = {});
 /// Written atomically.

@@ -24,7 +24,7 @@ struct VolumePictureRequest {
   double tilt_deg = 0;  ///< Elevation of the viewer, -90 ... 90, applied after turn_deg
   std::optional<Point<Patient>> focus;  ///< Centre of the picture; none: the volume's centre
   double size_mm = 0;                   ///< Width and height at the focus; 0: whole_picture_mm()
-  int pixels = 768;                     ///< Width and height; kLeastSectionPixels ... kMostSectionPixels
+  int pixels = 768;                     ///< Width and height; kMinSectionPixels ... kMaxSectionPixels
   /// Perspective with the eye at kEyeDistance picture widths, instead of parallel rays
   bool perspective = false;
   std::optional<ViewFrom> cut;  ///< Side of the focus that is cut away

@@ -34,7 +34,7 @@ struct ScanLook {
   double opacity = 1;                         ///< 0 ... 1
 };
 /// Maximum size of a scan: nearly all its voxels are prepared, 32 bytes each.
-inline constexpr std::size_t kMostScanVoxels = std::size_t{64} << 20;
+inline constexpr std::size_t kMaxScanVoxels = std::size_t{64} << 20;
 
 /// Camera: rays through the centres of a picture's pixels.
 struct VolumeCamera {

@@ -59,7 +59,7 @@ class SurfaceTree {
 
   const std::shared_ptr<const Surface>& surface() const { return surface_; }
   /// Nearest point of the surface. Empty if x is outside and farther than `within_mm`, if there is no
-  /// surface, or if x is not finite. Bounded work: after kMostNodes nodes the best point so far is returned.
+  /// surface, or if x is not finite. Bounded work: after kMaxNodes nodes the best point so far is returned.
   std::optional<NearestPlace> nearest(const Point<Patient>& x,
                                       double within_mm = std::numeric_limits<double>::infinity()) const;
   /// Unit gradient of the distance at x. Close to the surface, where the direction to the nearest point is
@@ -73,9 +73,9 @@ class SurfaceTree {
   std::size_t pieces() const { return pieces_; }
   std::size_t bytes() const;
 
-  static constexpr double kPiece_mm = 0.8;    ///< Maximum edge of a piece
-  static constexpr double kSlack_mm = 0.02;   ///< Tolerance of a query's distance
-  static constexpr int kMostNodes = 1 << 10;  ///< Work limit of a query
+  static constexpr double kPiece_mm = 0.8;   ///< Maximum edge of a piece
+  static constexpr double kSlack_mm = 0.02;  ///< Tolerance of a query's distance
+  static constexpr int kMaxNodes = 1 << 10;  ///< Work limit of a query
 
  private:
   void update_bricks(const SurfaceTree* before);

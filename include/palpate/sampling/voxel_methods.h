@@ -151,7 +151,7 @@ class SmoothSphere {
   /// Kernel radius along i, j, k, in voxels.
   const std::array<double, 3>& radius_voxels() const { return radius_voxels_; }
   /// Standard deviation of a Gaussian with the kernel's second moment, along its narrowest axis; mm.
-  double least_sigma_mm() const;
+  double min_sigma_mm() const;
 
  private:
   SmoothSphere(LabelVoxels voxels, const std::array<double, 3>& radius_voxels);

@@ -15,7 +15,7 @@
 namespace palpate {
 
 inline constexpr std::size_t kMaxPlanParts = 200;  ///< of trajectories, regions, distances each
-inline constexpr double kLeastTrajectory_mm = 0.1, kMostTrajectory_mm = 1000;
+inline constexpr double kMinTrajectory_mm = 0.1, kMaxTrajectory_mm = 1000;
 
 /// A straight way into the patient, mm, LPS.
 struct PlanTrajectory {
@@ -28,9 +28,7 @@ struct PlanTrajectory {
   std::optional<double> entry_within_mm, target_within_mm, angle_within_deg, depth_within_mm;
   int line = 0;
 
-  double length_mm() const {
-    return (target - entry).norm();
-  }  ///< kLeastTrajectory_mm ... kMostTrajectory_mm
+  double length_mm() const { return (target - entry).norm(); }  ///< kMinTrajectory_mm ... kMaxTrajectory_mm
   Vector<Patient> axis() const { return (target - entry).normalized(); }
 };
 

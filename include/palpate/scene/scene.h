@@ -166,7 +166,7 @@ struct Scene {
   WorkspaceSettings workspace;      ///< of every device; no part of the model
   std::optional<double> max_force_N;
   DistanceSettings distances;
-  std::vector<NoGoSettings> no_go;  ///< regions of all together at most kMostNoGo
+  std::vector<NoGoSettings> no_go;  ///< regions of all together at most kMaxNoGo
   std::filesystem::path folder;     ///< where the scene file stands
   std::string source;               ///< its name, for errors
   struct DataLines {

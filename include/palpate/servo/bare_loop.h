@@ -21,7 +21,8 @@ struct BareLoop {
 /// if no thread could be created.
 /// @param lateness  receives for every tick the time at which wait() returned minus its scheduled time; may
 ///                  be read concurrently
-Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s, const RealtimeRequest& request,
-                               LatencyHistogram& lateness, const Progress& progress = {});
+Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s,
+                                    const RealtimeRequest& request, LatencyHistogram& lateness,
+                                    const Progress& progress = {});
 
 }  // namespace palpate

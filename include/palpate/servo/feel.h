@@ -87,9 +87,9 @@ struct TurningFeel {
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("interval_s", interval_s);
-    of("most_power_mW", max_power_mW);
-    of("most_speed_mm_s", max_speed_mm_s);
-    of("most_step_N", max_step_N);
+    of("max_power_mW", max_power_mW);
+    of("max_speed_mm_s", max_speed_mm_s);
+    of("max_step_N", max_step_N);
     of("longest_tick_s", longest_tick_s);
     of("tries", tries);
   }

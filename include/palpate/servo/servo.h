@@ -64,7 +64,7 @@ struct SessionState {
     VelocityWindow velocity;
     ProxyState proxy;
     std::uint32_t proxy_version = 0;  ///< Version of the model whose surfaces the proxy is on
-    bool pushed_directly = false;       ///< A direct method pushed the tip in the previous tick
+    bool pushed_directly = false;     ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
     BurrState burr;  ///< Default-constructed unless the tool is a burr
     // last requested force after blending, and the offset to the previous source's force, which is fading out

@@ -104,7 +104,7 @@ enum class RearmResult : std::uint8_t {
   kDone,  ///< Accepted: the force ramps in, starting with the next tick if the tips are still in free space
   kNotStopped,    ///< No stop is active
   kStoppedAgain,  ///< Another stop followed the one that this request answers
-  kNotApplied,       ///< No tick has taken the stop into account yet
+  kNotApplied,    ///< No tick has taken the stop into account yet
   kTouching,      ///< A tip is in contact; the force is only restored in free space
 };
 

@@ -27,7 +27,7 @@ class SharedPlan {
                                                   bool may_change);
 
   /// Maximum number of versions stored for undo.
-  static constexpr std::size_t kMostBefore = 200;
+  static constexpr std::size_t kMaxBefore = 200;
 
   /// Current plan; never null. Each change creates a new object.
   std::shared_ptr<const ViewedPlan> viewed() const;
@@ -51,7 +51,7 @@ class SharedPlan {
   std::optional<std::string> in_file_;  ///< Expected content of the file; empty: the file does not exist
   std::string saved_;                   ///< Text of the plan last saved, as plan_text writes it
   PlanFile plan_;
-  /// Earlier plans by ViewedPlan::version; the last kMostBefore
+  /// Earlier plans by ViewedPlan::version; the last kMaxBefore
   std::deque<std::pair<std::uint32_t, PlanFile>> before_;
   std::shared_ptr<const ViewedPlan> viewed_;
 };

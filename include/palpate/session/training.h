@@ -48,7 +48,7 @@ struct TaskRun {
   std::shared_ptr<const RecordingHeader> header;  ///< Header of the session's recording
 };
 /// Maximum number of runs in a session.
-inline constexpr std::uint32_t kMostRunsOfSession = 1000;
+inline constexpr std::uint32_t kMaxRunsOfSession = 1000;
 
 /// A learner's record for one task, including this run.
 struct RunHistory {

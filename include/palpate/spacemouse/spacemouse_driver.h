@@ -43,7 +43,7 @@ class SpaceMouseDriver final : public DeviceDriver {
   std::optional<Error> trouble() const override;
 
   /// What the cap's axes go to, either way.
-  static constexpr double kMostDeflection = 350;
+  static constexpr double kMaxDeflection = 350;
   /// Half an edge of the cube that the tip stays in.
   static constexpr double kHalfReach_mm = 100;
   /// Of one that tells changes of place (EV_REL) the cap is at rest when it has said nothing for so long.

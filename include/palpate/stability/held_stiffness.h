@@ -18,7 +18,7 @@ struct HeldStiffness {
   double asked_N_per_mm = 0;
   /// Limit: recommended_stiffness_N_per_mm, or a lower value known to be stable; at most the vendor's
   /// specification.
-  double most_N_per_mm = 0;
+  double max_N_per_mm = 0;
   /// Description of what is clamped, with numbers; empty: nothing.
   std::string clamped;
 };
@@ -33,8 +33,8 @@ Result<HeldStiffness> held_stiffness(const Model& model, const WorkspaceSettings
 /// The same for damping, N s/mm at the device: of the most viscous tissue, or of the proxy's coupling if that
 /// is larger.
 struct HeldDamping {
-  double most_N_s_per_mm = 0;  ///< recommended_damping_N_s_per_mm
-  std::string clamped;         ///< Description of what is clamped; empty: nothing
+  double max_N_s_per_mm = 0;  ///< recommended_damping_N_s_per_mm
+  std::string clamped;        ///< Description of what is clamped; empty: nothing
 };
 HeldDamping held_damping(const Model& model, const WorkspaceSettings& workspace, const PlantDevice& device,
                          double rate_hz, double delay_s);

@@ -162,6 +162,6 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 /// rest. Components and strays are not updated. If a patch is not possible, the whole surface is rebuilt as
 /// by prepare_surfaces(). Errors: those of prepare_surfaces.
 Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<LabelId>& labels,
-                                              const VoxelBox& dirty);
+                                       const VoxelBox& dirty);
 
 }  // namespace palpate

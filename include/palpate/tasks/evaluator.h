@@ -151,7 +151,7 @@ class TaskEvaluator {
 
   TaskInScene task_;
   MotionMeter motion_;
-  std::array<Contact, kMostContactsReported> contacts_;
+  std::array<Contact, kMaxContactsReported> contacts_;
   std::size_t contact_count_ = 0;
   std::vector<ForceMeter> forces_, protections_, metrics_;
   std::vector<double> step_s_;  // without a break, of each step

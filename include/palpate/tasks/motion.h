@@ -63,7 +63,7 @@ class MotionMeter {
   bool was_touching_ = false;
   std::array<Eigen::Vector3d, 4> grid_{};         // newest last
   std::uint64_t grid_points_ = 0, in_a_row_ = 0;  // in a row: since the last long gap
-  double jerk2_ = 0, most_speed_mm_s_ = 0;        // sum of squares over the grid
+  double jerk2_ = 0, max_speed_mm_s_ = 0;         // sum of squares over the grid
 };
 
 }  // namespace palpate

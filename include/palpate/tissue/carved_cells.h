@@ -30,7 +30,7 @@ VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::ui
                         const VoxelBox& within);
 
 /// Cells of a box that follow changes of the labels they cover, in place. Changed cells are sampled again. A
-/// cell's fill changes by at most kSolvingFeel.most_fill_change per step, so that a solver with few
+/// cell's fill changes by at most kSolvingFeel.max_fill_change per step, so that a solver with few
 /// iterations per frame stays converged.
 class CarvedCells {
  public:

@@ -60,7 +60,7 @@ class ChainMail {
   const ElasticField& moved_mm() const { return moved_mm_; }
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
-  double most_moved_mm() const;
+  double max_moved_mm() const;
 
  private:
   struct Bounds;

@@ -4,8 +4,8 @@
 
 #include "palpate/device/telemetry.h"
 #include "palpate/haptics/haptics.h"
-#include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/displacement_field.h"
+#include "palpate/tissue/elastic_grid.h"
 
 namespace palpate {
 

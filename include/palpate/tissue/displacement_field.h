@@ -15,8 +15,8 @@ class DisplacementField {
   ///                    tissue with decreasing magnitude, so that a dent appears as a dent in an image
   /// @param fade_cells  distance in cells over which displacements at the box's border fade out beyond it;
   ///                    above 0
-  DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm, const std::vector<bool>& empty,
-             double fade_cells);
+  DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm,
+                    const std::vector<bool>& empty, double fade_cells);
 
   const ElasticBox& box() const { return box_; }
   /// Index of a node, and its displacement along the box's axes.

@@ -79,8 +79,7 @@ struct SphereContact {
 /// @param load_N    scratch of the grid's layout
 SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,
                            const Vector<Patient>& outward, double radius_mm, double depth_mm,
-                           ElasticField& unit_mm, ElasticField& load_N, int most_iterations,
-                           double tolerance);
+                           ElasticField& unit_mm, ElasticField& load_N, int max_iterations, double tolerance);
 
 /// Compliance matrix W of several patches: entry (n, m) is the displacement of patch n under 1 N on patch m,
 /// mm. Columns are solved one by one.

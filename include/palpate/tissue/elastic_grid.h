@@ -75,10 +75,10 @@ struct ElasticCell {
   float mu = 0, lambda = 0;  ///< Lame's moduli of the whole cell, N/mm2; 0 unless it is soft
   bool operator==(const ElasticCell&) const = default;
 };
-/// Intermediate state of a cell between two materials: its fill changes by at most `most_change`, while its
+/// Intermediate state of a cell between two materials: its fill changes by at most `max_change`, while its
 /// solid matter has the moduli of `from`, or of `to` if that is soft. Changes to and from rigid material are
 /// immediate.
-ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double most_change);
+ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_change);
 
 /// Allocates at multiples of 64 bytes, so that a whole SIMD vector lies in one cache line.
 template <class T>

@@ -45,20 +45,20 @@ struct FiniteSolution {
   double residual = 0;
   bool converged = false;
   /// Least det F of all cells: the remaining volume fraction of the most compressed one.
-  double least_volume = 1;
+  double min_volume = 1;
   /// The last step failed: at the shortest length it would still have inverted a cell or not reduced the
   /// residual.
   bool stuck = false;
 };
 /// Limits of a neo-Hookean solution.
 struct FiniteSettings {
-  int most_steps = 1;
-  int most_iterations = 8;  ///< Conjugate gradient iterations per step
+  int max_steps = 1;
+  int max_iterations = 8;   ///< Conjugate gradient iterations per step
   double tolerance = 1e-3;  ///< Residual at which it stops
   /// Relative residual at which the conjugate gradients of a step stop.
   double step_tolerance = 0.1;
   /// No step may leave a cell with less than this volume fraction, unless the least volume grows.
-  double least_volume = 0.1;
+  double min_volume = 0.1;
 };
 
 /// Linear elasticity of a grid: solves K u = f by conjugate gradients, preconditioned by a multigrid V-cycle.
@@ -85,7 +85,7 @@ class ElasticSolver {
   /// Solves with `displacement_mm` as initial guess; its held components are prescribed.
   /// @param force_N    forces on all nodes; ignored where components are held
   /// @param tolerance  residual at which it stops
-  ElasticSolution solve(const ElasticField& force_N, ElasticField& displacement_mm, int most_iterations,
+  ElasticSolution solve(const ElasticField& force_N, ElasticField& displacement_mm, int max_iterations,
                         double tolerance);
   /// Solves the same body as neo-Hookean, which equals linear elasticity for small strains, by Newton's
   /// method from `displacement_mm`. If prescribed displacements have changed, first add the linear response

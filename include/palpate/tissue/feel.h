@@ -13,7 +13,7 @@ struct CuttingFeel {
   double ahead_mm = 0.1;
   /// Limits of the feed: depth per tick, and, while the surfaces have not been rebuilt, total inset as a
   /// fraction of the burr's least radius.
-  double most_feed_mm = 0.1, most_inset_part = 0.8;
+  double max_feed_mm = 0.1, max_inset_part = 0.8;
   /// Merging of consecutive paths into one sweep: largest deviation from a straight line, largest length, and
   /// largest displacement of the far end by rotation. A sweep has the head's orientation at its end. Its
   /// start had the orientation with which the next sweep begins, so material between two sweeps that belongs
@@ -41,13 +41,13 @@ struct CuttingFeel {
   /// Number of sampling points around the lateral surface of a cylinder or cone; half of them face forwards.
   int side_places = 128;
   /// Maximum number of iterations per tick that place the head outside protected structures.
-  int most_tries = 4;
+  int max_tries = 4;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("ahead_mm", ahead_mm);
-    of("most_feed_mm", most_feed_mm);
-    of("most_inset_part", most_inset_part);
+    of("max_feed_mm", max_feed_mm);
+    of("max_inset_part", max_inset_part);
     of("straight_mm", straight_mm);
     of("longest_mm", longest_mm);
     of("turned_mm", turned_mm);
@@ -61,7 +61,7 @@ struct CuttingFeel {
     of("motor_stops_s", motor_stops_s);
     of("directions", directions);
     of("side_places", side_places);
-    of("most_tries", most_tries);
+    of("max_tries", max_tries);
   }
 };
 
@@ -69,8 +69,8 @@ struct CuttingFeel {
 struct SolvingFeel {
   /// Prediction horizon: a solution is computed for the tool's position this many frames after the tick that
   /// it starts from (one frame until it is published, and half of the frame in which it is used), limited to
-  /// most_lead_mm of displacement.
-  double lead_frames = 1.5, most_lead_mm = 5;
+  /// max_lead_mm of displacement.
+  double lead_frames = 1.5, max_lead_mm = 5;
   /// Distance from every surface beyond which a tool is not expected to press soon.
   double reach_mm = 15;
   /// The box moves, in steps of step_cells, when the tool is farther than farthest_cells from its middle: the
@@ -83,10 +83,10 @@ struct SolvingFeel {
   /// Iterations per frame, and in the first frame of a new box.
   int iterations = 2, first_iterations = 12;
   /// Minimum radius of the pressure patch in cells: the nodes cannot resolve a smaller one.
-  double least_patch_cells = 3;
+  double min_patch_cells = 3;
   /// Largest change of a cell's solid fraction per frame when material is removed or restored; two iterations
   /// can follow that much.
-  double most_fill_change = 0.2;
+  double max_fill_change = 0.2;
   /// Size of the box: along the contiguous axis in memory, and across it.
   int cells_along = 47, cells_across = 32;
   /// Size of the box for the neo-Hookean law, smaller because a frame costs three times as much per cell.
@@ -95,26 +95,26 @@ struct SolvingFeel {
   int finite_steps = 1, finite_iterations = 4, aside_iterations = 2;
   /// Columns of nodes that bear at least this fraction of the most loaded column's share are constrained to
   /// the tool's surface.
-  double least_bearing = 0.01;
+  double min_bearing = 0.01;
   /// Range of the patch's displacement as a fraction of its radius: for a shallower or deeper tool, or one in
   /// the air, the law at the bound is extrapolated.
-  double least_give = 0.1, most_give = 1.2;
+  double min_give = 0.1, max_give = 1.2;
   /// Least fraction of its volume that any cell may keep in a neo-Hookean solution; below it the solution is
   /// discarded.
-  double least_volume = 0.15;
+  double min_volume = 0.15;
 
   template <class Visit>
   constexpr void visit(Visit&& of) const {
     of("lead_frames", lead_frames);
-    of("most_lead_mm", most_lead_mm);
+    of("max_lead_mm", max_lead_mm);
     of("reach_mm", reach_mm);
     of("step_cells", step_cells);
     of("farthest_cells", farthest_cells);
     of("deeper_cells", deeper_cells);
     of("iterations", iterations);
     of("first_iterations", first_iterations);
-    of("least_patch_cells", least_patch_cells);
-    of("most_fill_change", most_fill_change);
+    of("min_patch_cells", min_patch_cells);
+    of("max_fill_change", max_fill_change);
     of("cells_along", cells_along);
     of("cells_across", cells_across);
     of("finite_cells_along", finite_cells_along);
@@ -122,10 +122,10 @@ struct SolvingFeel {
     of("finite_steps", finite_steps);
     of("finite_iterations", finite_iterations);
     of("aside_iterations", aside_iterations);
-    of("least_bearing", least_bearing);
-    of("least_give", least_give);
-    of("most_give", most_give);
-    of("least_volume", least_volume);
+    of("min_bearing", min_bearing);
+    of("min_give", min_give);
+    of("max_give", max_give);
+    of("min_volume", min_volume);
   }
 };
 inline constexpr CuttingFeel kCuttingFeel;

@@ -44,8 +44,8 @@ inline constexpr int kMaxSweeps = 64;
 struct BurrState {
   /// Reduction of the collision radii: how deep the burr has cut since the surfaces were last rebuilt.
   double inset_mm = 0;
-  double penetration_mm = 0;            ///< Actual depth of the head in the surfaces, at most inset_mm
-  double unspent_work_mJ = 0;           ///< Motor work that has not been spent on material yet
+  double penetration_mm = 0;     ///< Actual depth of the head in the surfaces, at most inset_mm
+  double unspent_work_mJ = 0;    ///< Motor work that has not been spent on material yet
   double pressed_N = 0;          ///< Press force of the hand in the last tick
   double edge_mm_per_s = 0;      ///< Mean speed of the cutting edges in the material in the last tick
   double front_mm2 = 0;          ///< Area of the material ahead, projected along the press direction

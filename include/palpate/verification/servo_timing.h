@@ -54,7 +54,7 @@ struct PaceFigures {
   LatenessPair typical_p50, typical_p99;
   /// Of the pair whose ratio a quarter of all pairs do not reach. What the program adds, it adds in every
   /// pair; what others take hits one loop here and the other there.
-  LatenessPair least_p50, least_p99;
+  LatenessPair min_p50, min_p99;
   std::uint64_t ticks = 0, skipped = 0, dropped = 0;
   std::uint64_t bare_ticks = 0, bare_skipped = 0;
   double on_time = 1;     ///< LoopHealth::on_time

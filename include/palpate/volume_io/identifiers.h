@@ -30,14 +30,14 @@ inline constexpr std::size_t kIdentifierKinds = 9;
 std::string in_words(IdentifierKind kind);
 
 /// Upper limit for counting the distinct values of an element.
-inline constexpr std::size_t kMostIdentifierValues = 1000;
+inline constexpr std::size_t kMaxIdentifierValues = 1000;
 
 /// Occurrences of one element in all files.
 struct IdentifierRow {
   IdentifierKind kind{};
   std::string what;           ///< "PatientName (0010,0010)"
   std::size_t files = 0;      ///< Number of files in which it has a value.
-  std::size_t different = 0;  ///< Number of distinct values; kMostIdentifierValues: that many or more.
+  std::size_t different = 0;  ///< Number of distinct values; kMaxIdentifierValues: that many or more.
   std::string example;        ///< One of the values, if values were requested.
 };
 

@@ -29,9 +29,9 @@ namespace palpate {
 
 /// Kind of values that a file declares.
 enum class ValueMeaning {
-  kUnspecified,    ///< Not declared.
-  kLabels,    ///< NIfTI's intent LABEL.
-  kMeasured,  ///< NIfTI's intents of statistics, estimates and vectors; DICOM images.
+  kUnspecified,  ///< Not declared.
+  kLabels,       ///< NIfTI's intent LABEL.
+  kMeasured,     ///< NIfTI's intents of statistics, estimates and vectors; DICOM images.
 };
 
 /// Contents of a file's header.
@@ -226,7 +226,8 @@ enum class Doubtful { kRefused, kWarnedOf };
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},
-                              Doubtful doubtful = Doubtful::kRefused, VoxelCaching unpacked = VoxelCaching::kOff,
+                              Doubtful doubtful = Doubtful::kRefused,
+                              VoxelCaching unpacked = VoxelCaching::kOff,
                               const GridGeometry* scan_grid = nullptr, const Placing& placing = {},
                               const std::optional<std::filesystem::path>& scan = {});
 
