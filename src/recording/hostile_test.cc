@@ -565,10 +565,11 @@ TEST(Stream, BelievesNoHeader) {
 
 TEST(Stream, RefusalsArriveAsPlainText) {
   test::MemoryTarget sent;
-  ASSERT_TRUE(internal::send_refusal(sent, {ErrorKind::kBadInput, "bad \x1b[31mred", "", "try\nthis"}));
+  ASSERT_TRUE(
+      internal::send_refusal(sent, {ErrorKind::kBadInput, "bad \x1b[31mred, ~1 mm", "", "try\nthis"}));
   const auto read = receive(sent.bytes);
   ASSERT_FALSE(read);
-  EXPECT_EQ(read.error().what, "bad ?[31mred");
+  EXPECT_EQ(read.error().what, "bad ?[31mred, ~1 mm");
   EXPECT_EQ(read.error().remedy, "try?this");
   // found by the fuzzer
   test::MemoryTarget silent;

@@ -935,11 +935,17 @@ void ViewedSession::run_maker() {
       // another method may have been requested meanwhile
       if (awaited_ == method) give_up(method, felt.error());
     } catch (const std::exception&) {
-      // not even enough memory to report the error
       if (!lock) lock.lock();
+      if (law_awaited_) script_law_led_to_ = 0;
+      try {
+        const Error why{ErrorKind::kUnavailable, "out of memory", "", ""};
+        if (law_awaited_) law_failure_.emplace(why).where = name_of(*law_awaited_, kTissueLaws);
+        if (awaited_) method_failure_.emplace(why).where = name_of(*awaited_);
+      } catch (const std::bad_alloc&) {
+        // the request ends without a reason
+      }
       awaited_.reset();
       law_awaited_.reset();
-      script_law_led_to_ = 0;
       given_up_ = model_.felt->version;
     }
 }

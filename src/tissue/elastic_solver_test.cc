@@ -36,6 +36,44 @@ ElasticGrid on_bone(std::array<int, 3> cells, const ElasticGrid::MaterialAt& mat
   return grid;
 }
 
+// Sum over the cells of each face, by the formula of set_boundary_springs().
+TEST(ElasticGrid, BoundarySpringsFollowTheirFormulaOnEveryFace) {
+  constexpr std::array<int, 3> kCells{4, 3, 5};
+  constexpr double kCell_mm = 1.3, kModulus_kPa = 20, kPoisson = 0.4;
+  const Point<Patient> about(2.1, 1.7, 3.2);
+  for (int face = 0; face < 6; ++face) {
+    SCOPED_TRACE(face);
+    ElasticGrid grid = testing::elastic_block(kCells, kCell_mm, soft(kModulus_kPa, kPoisson));
+    std::array<bool, 6> faces{};
+    faces[static_cast<std::size_t>(face)] = true;
+    grid.set_boundary_springs(faces, about);
+    const int axis = face / 2, level = face % 2 == 0 ? 0 : kCells[static_cast<std::size_t>(axis)];
+    const double mu_N_per_mm2 = 1e-3 * kModulus_kPa / (2 * (1 + kPoisson));
+    double sum_N_per_mm = 0;
+    for (int k = 0; k <= kCells[2]; ++k)
+      for (int j = 0; j <= kCells[1]; ++j)
+        for (int i = 0; i <= kCells[0]; ++i) {
+          const std::array<int, 3> node{i, j, k};
+          // quarter of a cell's face for each cell that has the node as a corner
+          double area_mm2 = node[static_cast<std::size_t>(axis)] == level ? kCell_mm * kCell_mm : 0;
+          for (int other = 0; other < 3; ++other) {
+            const auto o = static_cast<std::size_t>(other);
+            if (other != axis && (node[o] == 0 || node[o] == kCells[o])) area_mm2 /= 2;
+          }
+          const Eigen::Vector3d from_load_mm = Eigen::Vector3d(i, j, k) * kCell_mm - about.eigen();
+          const double r = std::max(from_load_mm.norm(), kCell_mm);
+          const double along =
+              3 / (3 - 2 * kPoisson) * mu_N_per_mm2 * area_mm2 * std::abs(from_load_mm[axis]) / (r * r);
+          for (int c = 0; c < 3; ++c) {
+            const double found = grid.springs()[grid.layout().node(i, j, k, c)];
+            EXPECT_NEAR(found, c == axis ? 2 * along : along, 1e-6) << i << ' ' << j << ' ' << k;
+            sum_N_per_mm += found;
+          }
+        }
+    EXPECT_GT(sum_N_per_mm, 0.01);
+  }
+}
+
 TEST(ElasticSolver, IsTheDenseSolution) {
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> unit(0, 1);

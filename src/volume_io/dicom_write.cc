@@ -102,12 +102,14 @@ class Writer {
     }
     return Writer(*inner, good_);
   }
-  void code(const DcmTagKey& sequence, const std::string& value, const std::string& scheme,
-            const std::string& meaning) const {
+  // appends a code item to a sequence and returns it
+  Writer code(const DcmTagKey& sequence, const std::string& value, const std::string& scheme,
+              const std::string& meaning) const {
     const Writer item = in(sequence);
     item.text(DCM_CodeValue, value);
     item.text(DCM_CodingSchemeDesignator, scheme);
     item.text(DCM_CodeMeaning, meaning);
+    return item;
   }
   DcmItem& item() const { return item_; }
 
@@ -195,16 +197,12 @@ void put_segment_to_write(const Writer& root, const SegmentToWrite& segment, std
     item.code(DCM_SegmentedPropertyTypeCodeSequence, "85756007", "SCT", "Tissue");
   } else {
     item.code(DCM_SegmentedPropertyCategoryCodeSequence, "123037004", "SCT", "Anatomical Structure");
-    item.code(DCM_SegmentedPropertyTypeCodeSequence, segment.code, "SCT", segment.meaning);
-    DcmItem* type = nullptr;
-    if (!segment.side.empty() &&
-        item.item().findAndGetSequenceItem(DCM_SegmentedPropertyTypeCodeSequence, type).good() && type) {
-      bool good = true;
-      const bool left = segment.side == "left";
-      Writer(*type, good)
-          .code(DCM_SegmentedPropertyTypeModifierCodeSequence, left ? "7771000" : "24028007", "SCT",
+    const Writer type =
+        item.code(DCM_SegmentedPropertyTypeCodeSequence, segment.code, "SCT", segment.meaning);
+    const bool left = segment.side == "left";
+    if (!segment.side.empty())
+      type.code(DCM_SegmentedPropertyTypeModifierCodeSequence, left ? "7771000" : "24028007", "SCT",
                 left ? "Left" : "Right");
-    }
   }
   item.wholes(DCM_RecommendedDisplayCIELabValue, lab_of(segment.colour));
 }

@@ -58,7 +58,7 @@ std::uint64_t bytes_of_type(std::uint16_t type) {
 struct Page {
   std::uint64_t columns = 0, rows = 0;
   int bits = 1, samples = 1;
-  bool is_float = false, separate = false, transparent = false;
+  bool is_float = false, separate = false, transparent = false, tiled = false;
   int compression = 1, predictor = 1;
   Photometric photometric = Photometric::kBlackIsZero;
   std::uint64_t piece_columns = 0, piece_rows = 0;  // size of a tile, or of a strip, which has all columns
@@ -195,13 +195,12 @@ class TiffDecoder : public ImageDecoder {
                             top = p / page.across() * page.piece_rows,
                             height = std::min(page.piece_rows, page.rows - top);
         // the last strip stores only the remaining rows, the last tile all of its rows
-        const bool tiled = page.piece_columns != page.columns || page.offsets.empty();
-        const std::uint64_t stored_rows = tiled ? page.piece_rows : height;
+        const std::uint64_t stored_rows = page.tiled ? page.piece_rows : height;
         const auto bytes =
             std::span(piece).first(static_cast<std::size_t>(page.bytes_of_row() * stored_rows));
         const auto index = static_cast<std::size_t>(static_cast<std::uint64_t>(plane) * pieces + p);
         if (!unpack(page, page.offsets[index], page.counts[index], bytes)) {
-          // a tile as wide as the page may be truncated at the last row
+          // some writers truncate the last tile at the page's last row
           const auto shorter = bytes.first(static_cast<std::size_t>(page.bytes_of_row() * height));
           if (shorter.size() == bytes.size() ||
               !unpack(page, page.offsets[index], page.counts[index], shorter))
@@ -346,14 +345,14 @@ class TiffDecoder : public ImageDecoder {
         (page.bits > 16 || page.palette.size() != (std::size_t{3} << page.bits)))
       return damaged();
 
-    const bool tiled = fields.contains(kTileOffsets);
-    page.piece_columns = tiled ? one(kTileWidth, 0) : page.columns;
-    page.piece_rows = tiled ? one(kTileLength, 0) : std::min(one(kRowsPerStrip, page.rows), page.rows);
+    page.tiled = fields.contains(kTileOffsets);
+    page.piece_columns = page.tiled ? one(kTileWidth, 0) : page.columns;
+    page.piece_rows = page.tiled ? one(kTileLength, 0) : std::min(one(kRowsPerStrip, page.rows), page.rows);
     if (page.piece_columns == 0 || page.piece_rows == 0 ||
         !check_image_size(page.piece_columns, page.piece_rows))
       return damaged();
-    page.offsets = all(tiled ? kTileOffsets : kStripOffsets);
-    page.counts = all(tiled ? kTileByteCounts : kStripByteCounts);
+    page.offsets = all(page.tiled ? kTileOffsets : kStripOffsets);
+    page.counts = all(page.tiled ? kTileByteCounts : kStripByteCounts);
     const std::uint64_t pieces = page.across() * page.down() * (page.separate ? samples : 1);
     // old writers omit the size of a single strip
     if (page.counts.empty() && page.offsets.size() == 1 && compression == 1)
