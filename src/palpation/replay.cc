@@ -144,7 +144,7 @@ class Replayer {
   ReplayResult& result() { return result_; }
 
  private:
-  // normally a few between two ticks; in format 3, whose changes have no tick, kMaxChanges in total
+  // normally a few between two ticks; bounds the memory that a hostile file takes
   static constexpr std::size_t kMaxPendingChanges = 100'000;
   // a solution takes a few frames on a busy machine, at up to 10 kHz
   static constexpr std::size_t kMaxInputs = 20'000;

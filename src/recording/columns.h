@@ -13,9 +13,6 @@ enum class Number { kU8, kU16, kU32, kU64, kF64 };
 
 std::size_t size_of(Number number);
 
-/// Oldest format that can be read.
-inline constexpr std::uint32_t kOldestFormat = 3;
-
 /// A data set with `width` numbers per row.
 struct Column {
   const char* name;  ///< Name of the data set in its group
@@ -26,10 +23,6 @@ struct Column {
   const char* frame;    ///< Frame of the axes, or "-"
   const char* meaning;  ///< Description, ASCII
   std::string (*bits)() = nullptr;  ///< List of the meanings of its bits or numbers
-  std::uint32_t since =
-      /// Major number of the format from which on it is always present; a missing column reads as 0
-      kOldestFormat;
-
   std::size_t row_bytes() const { return size_of(number) * width; }
   /// Description stored with the data set.
   std::string description() const { return bits == nullptr ? meaning : meaning + (": " + bits()); }

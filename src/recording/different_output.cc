@@ -64,8 +64,6 @@ std::string first_different_output(const DeviceTick& recorded, const DeviceTick&
     if (!is_output(column)) continue;
     const std::span<const char> before = bytes_of(recorded, column), now = bytes_of(again, column);
     if (std::equal(before.begin(), before.end(), now.begin())) continue;
-    const bool may_lack = column.since > internal::kOldestFormat;
-    if (may_lack && std::all_of(before.begin(), before.end(), [](char byte) { return byte == 0; })) continue;
     return std::string(column.name) + ": recorded " + text_of(recorded, column) + ", now " +
            text_of(again, column);
   }

@@ -239,14 +239,13 @@ class DataSet {
   std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
 };
 
-// a column and its data set; older files may lack it
+// a column and its data set
 struct StoredColumn {
   const Column* column;
-  std::optional<DataSet> data_set;
+  DataSet data_set;
 };
 
-// returns the major number
-std::uint32_t check_format(hid_t file) {
+void check_format(hid_t file) {
   if (H5Aexists(file, "format") <= 0 || Attribute(file, "format").text() != kFormat)
     throw Refusal{"is an HDF5 file, but not a recording of palpate",
                   "name a file that palpate simulate or explore wrote"};
@@ -255,12 +254,10 @@ std::uint32_t check_format(hid_t file) {
     throw Refusal{"was written by a newer palpate: format " + std::to_string(major) +
                       ", this one reads format " + std::to_string(kFormatMajor),
                   "use a newer palpate"};
-  if (major < kOldestFormat)
+  if (major < kFormatMajor)
     throw Refusal{"was made by an earlier palpate (format " + std::to_string(major) +
-                      "; this one reads formats " + std::to_string(kOldestFormat) + " and " +
-                      std::to_string(kFormatMajor) + ")",
+                      "; this one reads format " + std::to_string(kFormatMajor) + ")",
                   "record it again"};
-  return major;
 }
 
 void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHeader::Structure>& structures) {
@@ -292,11 +289,7 @@ void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHead
 RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   RecordingHeader header;
   const Handle group = open_group(file, "header");
-  visit_header(header, [&](const char* name, auto& value) {
-    const bool may_lack = std::ranges::find(kLaterFields, name) != kLaterFields.end();
-    if (may_lack && H5Aexists(group.get(), name) == 0) return;
-    read(Attribute(group.get(), name), value);
-  });
+  visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
   require(header.devices >= 1, "it names 0 devices");
   require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMaxTissueCoarsening,
           "its soft tissue was solved in cells of no length that there is");
@@ -307,7 +300,7 @@ RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
   return header;
 }
 
-std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Unpacking& unpacking) {
+std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
   const Handle group = open_group(file, "summary");
   const auto number = [&](const char* name, hid_t type, void* value) {
     const DataSet data_set(group.get(), "summary", name);
@@ -319,10 +312,8 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Un
   number("complete", H5T_STD_U8LE, &complete);
   if (complete == 0) return std::nullopt;
   RecordingSummary summary;
-  visit_summary(summary, [&](const char* name, std::uint64_t& value) {
-    // counters that did not exist in that format
-    if (major >= kFormatMajor || is_there(group.get(), name)) number(name, H5T_STD_U64LE, &value);
-  });
+  visit_summary(summary,
+                [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
   const DataSet trouble(group.get(), "summary", "trouble");
   trouble.require_shape(1);
   require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
@@ -331,37 +322,11 @@ std::optional<RecordingSummary> read_summary(hid_t file, std::uint32_t major, Un
   return summary;
 }
 
-// Format 3 lists the model's changes at the end of a complete run, from 3.1 on, without their ticks.
-std::vector<RecordingEvent> read_earlier_changes(hid_t file, Unpacking& unpacking) {
-  const Handle group = open_group(file, "summary");
-  if (!is_there(group.get(), "model_changes")) return {};
-  const DataSet changes(group.get(), "summary", "model_changes");
-  changes.require_shape(2, std::tuple_size_v<ChangeRow>);
-  changes.require_type(H5T_IEEE_F64LE);
-  require(changes.rows() <= kMaxChanges, "it lists too many changes of the model");
-  changes.require_stored(unpacking);
-  std::vector<ChangeRow> rows(static_cast<std::size_t>(changes.rows()));
-  if (!rows.empty()) changes.read_all(H5T_IEEE_F64LE, rows.data());
-  std::vector<RecordingEvent> events;
-  for (const ChangeRow& row : rows) {
-    const auto change = change_of(row);
-    require(change.has_value(), "a change of the model has no version or tissue");
-    RecordingEvent& event = events.emplace_back();
-    event.number = change->version;
-    event.change = *change;
-  }
-  return events;
-}
-
-void open_columns(hid_t file, std::uint32_t major, const std::string& group_name,
-                  std::span<const Column> columns, const std::optional<RowRange>& range, Unpacking& unpacking,
+void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
+                  const std::optional<RowRange>& range, Unpacking& unpacking,
                   std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
   for (const Column& column : columns) {
-    if (major < column.since && !is_there(group.get(), column.name)) {
-      opened.push_back({&column, std::nullopt});
-      continue;
-    }
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
@@ -371,12 +336,11 @@ void open_columns(hid_t file, std::uint32_t major, const std::string& group_name
 }
 
 std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complete) {
-  std::uint64_t rows = columns.front().data_set->rows();
+  std::uint64_t rows = columns.front().data_set.rows();
   for (const StoredColumn& column : columns) {
-    if (!column.data_set) continue;
     // in an incomplete recording some columns may be longer than others
-    if (complete) column.data_set->require_rows(rows);
-    rows = std::min<std::uint64_t>(rows, column.data_set->rows());
+    if (complete) column.data_set.require_rows(rows);
+    rows = std::min<std::uint64_t>(rows, column.data_set.rows());
   }
   return rows;
 }
@@ -386,17 +350,6 @@ class EventQueue {
  public:
   EventQueue(std::vector<StoredColumn> columns, std::uint64_t rows)
       : columns_(std::move(columns)), rows_(rows) {}
-  // for format 3
-  explicit EventQueue(std::vector<RecordingEvent> all) : waiting_(std::move(all)) {}
-
-  // format 3: a change took effect in the first tick of its version
-  void see_version(std::uint32_t version, std::uint64_t tick) {
-    for (; timed_ < waiting_.size() && waiting_[timed_].number <= version; ++timed_)
-      waiting_[timed_].tick = tick;
-  }
-  // drops changes that no recorded tick acknowledges
-  void forget_untimed() { waiting_.resize(timed_); }
-
   // up to kBlockRows events not after `tick` that were not taken yet
   std::vector<RecordingEvent> take(std::uint64_t tick) {
     std::vector<RecordingEvent> taken;
@@ -416,11 +369,9 @@ class EventQueue {
     next_ = 0;
     std::vector<std::byte> values;
     for (const auto& [column, data_set] : columns_) {
-      // a column that an older file lacks stays 0
-      if (!data_set) continue;
       const std::size_t width = column->row_bytes();
       values.resize(waiting_.size() * width);
-      data_set->read_rows(hdf5_type(column->number), read_, count, values.data());
+      data_set.read_rows(hdf5_type(column->number), read_, count, values.data());
       for (std::size_t row = 0; row < waiting_.size(); ++row)
         std::memcpy(reinterpret_cast<std::byte*>(&waiting_[row]) + column->offset,
                     values.data() + row * width, width);
@@ -431,14 +382,12 @@ class EventQueue {
   std::vector<StoredColumn> columns_;
   std::uint64_t rows_ = 0, read_ = 0;
   std::vector<RecordingEvent> waiting_;
-  std::size_t next_ = 0, timed_ = 0;
+  std::size_t next_ = 0;
 };
 
-EventQueue open_events(hid_t file, std::uint32_t major, Unpacking& unpacking, bool complete) {
-  if (major < kFormatMajor)
-    return EventQueue(complete ? read_earlier_changes(file, unpacking) : std::vector<RecordingEvent>());
+EventQueue open_events(hid_t file, Unpacking& unpacking, bool complete) {
   std::vector<StoredColumn> columns;
-  open_columns(file, major, "events", event_columns(), {}, unpacking, columns);
+  open_columns(file, "events", event_columns(), {}, unpacking, columns);
   const std::uint64_t rows = common_rows(columns, complete);
   return {std::move(columns), rows};
 }
@@ -449,13 +398,12 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
   const auto found =
       std::ranges::find_if(columns, [&](const StoredColumn& stored) { return stored.column->name == name; });
   std::vector<T> values(static_cast<std::size_t>(count));
-  found->data_set->read_rows(hdf5_type(found->column->number), first, count, values.data());
+  found->data_set.read_rows(hdf5_type(found->column->number), first, count, values.data());
   return values;
 }
 
 // computes the part of the head that depends on ticks, from the few columns needed
-void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, bool versions,
-                RecordingHead& head, EventQueue& events) {
+void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, RecordingHead& head) {
   TickProperties seen;
   const std::uint64_t end = rows.first + rows.count;
   for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
@@ -464,11 +412,7 @@ void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, 
     const auto time_s = read_column<double>(columns, "time_s", first, count);
     const auto method = read_column<std::uint8_t>(columns, "method", first, count);
     for (std::size_t i = 0; i < count; ++i) seen.see(tick[i], time_s[i], method[i]);
-    if (!versions) continue;
-    const auto version = read_column<std::uint32_t>(columns, "model_version", first, count);
-    for (std::size_t i = 0; i < count; ++i) events.see_version(version[i], tick[i]);
   }
-  if (versions) events.forget_untimed();
   seen.tell(head);
 }
 
@@ -485,7 +429,7 @@ bool send_parts(const std::vector<StoredColumn>& columns, const RowRange& rows, 
     if (!send_events(target, of_these, static_cast<std::uint32_t>(count))) return false;
     for (const auto& [column, data_set] : columns) {
       buffer.assign(static_cast<std::size_t>(count) * column->row_bytes(), std::byte{0});
-      if (data_set) data_set->read_rows(hdf5_type(column->number), first, count, buffer.data());
+      data_set.read_rows(hdf5_type(column->number), first, count, buffer.data());
       if (!target.write(buffer)) return false;
     }
   }
@@ -510,22 +454,21 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
   try {
     const Handle opened = open_file(file);
     require(opened.ok(), "HDF5 cannot open it");
-    const std::uint32_t major = check_format(opened.get());
+    check_format(opened.get());
     hsize_t file_bytes = 0;
     require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
     Unpacking unpacking(file_bytes);
 
     RecordingHead head;
     head.header = read_header(opened.get(), unpacking);
-    head.summary = read_summary(opened.get(), major, unpacking);
+    head.summary = read_summary(opened.get(), unpacking);
     const bool complete = head.summary.has_value();
     // determine the ticks' ends first: the events that they acknowledge precede them in the file, also while
     // it is being written
     std::vector<StoredColumn> columns;
-    open_columns(opened.get(), major, "ticks", tick_columns(), range, unpacking, columns);
+    open_columns(opened.get(), "ticks", tick_columns(), range, unpacking, columns);
     for (int d = 0; d < head.header.devices; ++d)
-      open_columns(opened.get(), major, "device" + std::to_string(d), device_columns(), range, unpacking,
-                   columns);
+      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), range, unpacking, columns);
     const std::uint64_t rows = common_rows(columns, complete);
     if (range) {
       range->first = std::min(range->first, rows);
@@ -533,9 +476,8 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
       head.summary.reset();
     }
     const RowRange wanted = range.value_or(RowRange{0, rows});
-    EventQueue events = range ? EventQueue(std::vector<RecordingEvent>())
-                              : open_events(opened.get(), major, unpacking, complete);
-    look_ahead(columns, wanted, !range && major < kFormatMajor, head, events);
+    EventQueue events = range ? EventQueue({}, 0) : open_events(opened.get(), unpacking, complete);
+    look_ahead(columns, wanted, head);
 
     head_sent = true;
     return send_head(target, head) && send_parts(columns, wanted, events, target);

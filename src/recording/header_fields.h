@@ -16,9 +16,9 @@ namespace palpate::internal {
 
 inline constexpr const char* kFormat = "palpate recording";
 /// Incremented when older readers would misinterpret a file: a data set is removed or changes its meaning.
-inline constexpr std::uint32_t kFormatMajor = 4;
+inline constexpr std::uint32_t kFormatMajor = 5;
 /// Incremented when something is added that older readers can ignore.
-inline constexpr std::uint32_t kFormatMinor = 11;
+inline constexpr std::uint32_t kFormatMinor = 0;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
@@ -30,13 +30,9 @@ inline constexpr std::size_t kMaxNames =
     std::size_t{64}  /// Maximum total size of all structures' and tissues' names; bytes
     << 20;
 inline constexpr std::size_t kMaxTroubles = 1000;
-inline constexpr std::size_t kMaxChanges = 100'000;  ///< Maximum number of model changes, in format 3
-inline constexpr std::size_t kMaxMethods = 256;      ///< The method number is a byte
-inline constexpr std::size_t kTroubleBytes = 512;    ///< Maximum size of one trouble as written here; bytes
+inline constexpr std::size_t kMaxMethods = 256;    ///< The method number is a byte
+inline constexpr std::size_t kTroubleBytes = 512;  ///< Maximum size of one trouble as written here; bytes
 
-/// Header fields that files of this format may lack.
-inline constexpr std::array<std::string_view, 5> kLaterFields{"feel", "tissue_coarsened", "task", "task_hash",
-                                                              "task_seed"};
 /// All fields of the header except script and structures: attributes of the group /header.
 template <class Header, class Visit>
 void visit_header(Header& header, Visit&& visit) {
@@ -63,18 +59,6 @@ void visit_header(Header& header, Visit&& visit) {
   visit("task", header.task.name);
   visit("task_hash", header.task.hash);
   visit("task_seed", header.task.seed);
-}
-
-/// Row of format 3's /summary/model_changes: version, tissue, and the values in the order of the struct.
-using ChangeRow = std::array<double, 6>;
-/// Empty if the version or tissue of the row is out of range.
-inline std::optional<ModelChange> change_of(const ChangeRow& row) {
-  const auto whole = [](double value) {
-    return value >= 0 && value <= 4294967295.0 && value == std::floor(value);
-  };
-  if (!whole(row[0]) || !whole(row[1])) return std::nullopt;
-  return ModelChange{
-      static_cast<std::uint32_t>(row[0]), static_cast<std::uint32_t>(row[1]), row[2], row[3], row[4], row[5]};
 }
 
 /// Scalar data sets of the group /summary that count a flag.

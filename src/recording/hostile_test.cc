@@ -207,9 +207,9 @@ TEST_F(Hostile, HeadersAreChecked) {
               HasSubstr("hand"));
   EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "clock", string_type(7).get(), "sundial"); }),
               HasSubstr("clock is neither virtual nor real"));
-  const std::uint32_t newer = 5, minor = 77;
+  const std::uint32_t newer = 6, minor = 77;
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format_major", H5T_STD_U32LE, &newer); }),
-              HasSubstr("written by a newer palpate: format 5"));
+              HasSubstr("written by a newer palpate: format 6"));
   EXPECT_EQ(error_after([&](hid_t f) { set_attribute(f, "format_minor", H5T_STD_U32LE, &minor); }),
             "no error");
   EXPECT_THAT(error_after([&](hid_t f) { set_attribute(f, "format", string_type(3).get(), "abc"); }),
@@ -219,10 +219,10 @@ TEST_F(Hostile, HeadersAreChecked) {
 TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   test::write_bytes(file_, bytes_);
   {
-    // without the columns added after format 1, as in such a file
+    // without fields and columns that such a file does not have
     const internal::Hdf5Section section;
     const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
-    const std::uint32_t earlier = 1;
+    const std::uint32_t earlier = 4;
     set_attribute(file.get(), "format_major", H5T_STD_U32LE, &earlier);
     const Handle header(H5Gopen2(file.get(), "header", H5P_DEFAULT), H5Gclose);
     H5Adelete(header.get(), "clock");
@@ -232,27 +232,11 @@ TEST_F(Hostile, AnEarlierFormatIsOneClearError) {
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(read.error().where, file_.string());
-  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 1; this one reads formats 3 and 4)");
+  EXPECT_EQ(read.error().what, "was made by an earlier palpate (format 4; this one reads format 5)");
   EXPECT_EQ(read.error().remedy, "record it again");
 }
 
-TEST_F(Hostile, RecordingsFromBeforeSettingsWereToldAreRead) {
-  EXPECT_EQ(error_after([](hid_t f) { H5Adelete_by_name(f, "header", "feel", H5P_DEFAULT); }), "no error");
-  const auto read = read_recording(file_);
-  ASSERT_TRUE(read);
-  EXPECT_EQ(read->header.feel, "");
-  // files from before tasks were recorded lack these fields, too
-  EXPECT_EQ(error_after([](hid_t f) {
-              for (const char* name : {"task", "task_hash", "task_seed"})
-                H5Adelete_by_name(f, "header", name, H5P_DEFAULT);
-            }),
-            "no error");
-  const std::int32_t number = 1;
-  EXPECT_THAT(error_after([&](hid_t f) { set_header(f, "feel", H5T_NATIVE_INT32, &number); }),
-              HasSubstr("feel"));
-}
-
-TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
+TEST_F(Hostile, SweepsAreOfShapesThatABurrHas) {
   const auto ticks = test::example_ticks(kTicks, 1, 8);
   const SweepRecord ball{0, {1, 2, 3}, {1, 2, 3.2}, 2, 1};
   SweepRecord cone = ball;
@@ -282,15 +266,6 @@ TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
   };
   written({ball, cone});
   EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, cone}));
-  {
-    // as in format 4.5
-    const internal::Hdf5Section section;
-    const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
-    for (const char* later : {"events/axis_patient_mm", "events/end_radius_mm"})
-      ASSERT_GE(H5Ldelete(file.get(), later, H5P_DEFAULT), 0);
-  }
-  EXPECT_EQ(read_sweeps(), (std::vector<SweepRecord>{ball, ball}));
-
   // values that no burr produces
   SweepRecord endless = cone, pointed = cone, unknown = cone, twofold = ball;
   endless.axis_mm[0] = 1e5;
@@ -303,61 +278,6 @@ TEST_F(Hostile, SweepsFromBeforeThereWereOthersAreOfBalls) {
     ASSERT_FALSE(read);
     EXPECT_THAT(read.error().what, HasSubstr("none that a burr leaves"));
   }
-}
-
-// converts to format 3.1: without events, with the model's changes at the end
-void become_format_3(hid_t file, const std::vector<std::array<double, 6>>& changes) {
-  const std::uint32_t major = 3;
-  const Handle attribute(H5Aopen(file, "format_major", H5P_DEFAULT), H5Aclose);
-  ASSERT_GE(H5Awrite(attribute.get(), H5T_STD_U32LE, &major), 0);
-  for (const char* later : {"events", "device0/turned_mJ", "device0/max_damping_N_s_per_mm",
-                            "device0/delay_s", "summary/turns_held"})
-    ASSERT_GE(H5Ldelete(file, later, H5P_DEFAULT), 0);
-  const hsize_t dims[2] = {changes.size(), 6};
-  const Handle space(H5Screate_simple(2, dims, nullptr), H5Sclose);
-  const Handle made(H5Dcreate2(file, "summary/model_changes", H5T_IEEE_F64LE, space.get(), H5P_DEFAULT,
-                               H5P_DEFAULT, H5P_DEFAULT),
-                    H5Dclose);
-  ASSERT_GE(H5Dwrite(made.get(), H5T_IEEE_F64LE, H5S_ALL, H5S_ALL, H5P_DEFAULT, changes.data()), 0);
-}
-
-TEST_F(Hostile, Format3IsStillRead) {
-  auto ticks = test::example_ticks(kTicks, 1, 8);
-  for (std::size_t i = 0; i < kTicks; ++i) ticks[i].model_version = i < 5 ? 1 : i < 11 ? 3 : 4;
-  {
-    auto writer = RecordingWriter::create(file_, test::example_header(1, 8));
-    ASSERT_TRUE(writer);
-    ASSERT_TRUE((*writer)->append(ticks));
-    ASSERT_TRUE((*writer)->finish(test::example_summary(kTicks)));
-  }
-  const auto whole = test::read_bytes(file_);
-  const auto read_with = [&](const std::vector<std::array<double, 6>>& changes) {
-    test::write_bytes(file_, whole);
-    {
-      const internal::Hdf5Section section;
-      const Handle file(H5Fopen(file_.c_str(), H5F_ACC_RDWR, H5P_DEFAULT), H5Fclose);
-      become_format_3(file.get(), changes);
-    }
-    return read_recording(file_);
-  };
-  // each change takes effect in the first tick of its version; no tick has the last one
-  const auto read =
-      read_with({{2, 0, 0.8, 0.3, 0.2, 0.1}, {3, 1, 0.7, 0, 0, 0}, {4, 4294967295.0, 0, 0, 0, 0}, {5, 0}});
-  ASSERT_TRUE(read) << read.error().message();
-  ASSERT_EQ(read->ticks.size(), kTicks);
-  ASSERT_EQ(read->events.size(), 3u);
-  EXPECT_EQ(read->events[0].change, (ModelChange{2, 0, 0.8, 0.3, 0.2, 0.1}));
-  EXPECT_EQ(read->events[0].tick, 5u);
-  EXPECT_EQ(read->events[1].change, (ModelChange{3, 1, 0.7}));
-  EXPECT_EQ(read->events[1].tick, 5u);
-  EXPECT_EQ(read->events[2].change, (ModelChange{4, ModelChange::kFieldsRebuilt}));
-  EXPECT_EQ(read->events[2].tick, 11u);
-  EXPECT_EQ(read->ticks[3].device[0].max_damping_N_s_per_mm, 0) << "not known";
-  const auto wild = read_with({{2.5, 0, 0.8, 0.3, 0.2, 0.1}});
-  ASSERT_FALSE(wild);
-  EXPECT_THAT(wild.error().what, HasSubstr("no version or tissue"));
-  EXPECT_THAT(read_with(std::vector<std::array<double, 6>>(100001)).error().what,
-              HasSubstr("too many changes"));
 }
 
 TEST_F(Hostile, EventsAreBelievedByNobody) {

@@ -155,10 +155,9 @@ void replace_attribute(hid_t object, const std::string& name, Input& input) {
 // all names that the reader accesses
 const std::vector<std::string>& data_set_names() {
   static const std::vector<std::string> names = [] {
-    std::vector<std::string> all{"header/script",        "structures/label",  "structures/colour",
-                                 "structures/name",      "structures/tissue", "summary/complete",
-                                 "summary/ticks",        "summary/run_hash",  "summary/trouble",
-                                 "summary/model_changes"};
+    std::vector<std::string> all{"header/script",   "structures/label",  "structures/colour",
+                                 "structures/name", "structures/tissue", "summary/complete",
+                                 "summary/ticks",   "summary/run_hash",  "summary/trouble"};
     for (const auto& column : internal::event_columns()) all.push_back(std::string("events/") + column.name);
     for (const auto& column : internal::tick_columns()) all.push_back(std::string("ticks/") + column.name);
     for (const auto& column : internal::device_columns())
@@ -187,13 +186,8 @@ void rebuild(Input& input) {
       } else if (what < 6) {
         const Handle group(H5Gopen2(file.get(), "header", H5P_DEFAULT), H5Gclose);
         if (group.ok()) replace_attribute(group.get(), header[which % header.size()], input);
-      } else if (what == 6 && which % 2 == 0) {
-        replace_attribute(file.get(), root[which / 2 % root.size()], input);
       } else if (what == 6) {
-        // the earlier format without events; its replaced attribute may have two values
-        const std::array<std::uint32_t, 2> earlier{3, 3};
-        const Handle major(H5Aopen(file.get(), "format_major", H5P_DEFAULT), H5Aclose);
-        if (major.ok()) H5Awrite(major.get(), H5T_STD_U32LE, earlier.data());
+        replace_attribute(file.get(), root[which % root.size()], input);
       } else {
         const char* name = groups[which % groups.size()];
         H5Ldelete(file.get(), name, H5P_DEFAULT);

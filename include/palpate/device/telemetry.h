@@ -124,7 +124,7 @@ struct DeviceTick {
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
   double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
   double max_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
-  double max_damping_N_s_per_mm = kNotKnown;  ///< NaN or, in recordings before format 4.1, 0: unknown
+  double max_damping_N_s_per_mm = kNotKnown;  ///< NaN: unknown
   double delay_s = 0;
   // outputs
   std::array<double, 3> force_N{};     ///< Force sent, World
